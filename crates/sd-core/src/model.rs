@@ -19,7 +19,7 @@ pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
-pub use segments::{Imposed, Segment, phase};
+pub use segments::{CrossShear, CrossStrain, Imposed, Segment, phase};
 pub use sizes::{Distribution, Kind as KindOfSizes, Sizes};
 pub use start_layer::StartLayer;
 pub use surface::Surface;

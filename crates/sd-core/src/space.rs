@@ -62,6 +62,12 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
     /// Simple shear `u∞ = y x̂` in the sense of `direction`, 1 or −1.
     fn simple_shear(direction: f64) -> Self;
 
+    /// The same flow with a cross shear besides, `u∞ = rate y ẑ`, in a suspension; a layer has no vorticity direction.
+    #[must_use]
+    fn with_cross_shear(self, _rate: f64) -> Self {
+        self
+    }
+
     /// Velocity at a point.
     fn velocity_at(&self, x: &S::Vector) -> S::Vector;
 

@@ -6,6 +6,8 @@
 //! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
 //!
+//! Under cross shear at the rate γ̇_z the left-hand side has V Σ_yz γ̇_z/rate besides; η remains that of the primary shear.
+//!
 //! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces: each sphere feels the
 //! force at its end of the line of centres. Both n and t lie in the plane, so that contacts have no zz; that of stresslets is
 //! −(S_xx + S_yy), since they are traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of Jeffrey, Morris &
@@ -76,7 +78,7 @@ pub struct Stress {
     pub viscosity_stresslet: f64,
     /// All components by their causes, in mu·rate.
     pub components: StressComponents,
-    /// v'Rv/(V rate), in mu·rate.
+    /// v'Rv/(V rate), in mu·rate; that of a cross shear is in it.
     pub dissipation: f64,
 }
 

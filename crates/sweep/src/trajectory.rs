@@ -21,6 +21,8 @@ use serde::{Deserialize, Serialize};
 const LAYER: u8 = 2;
 /// The same of a suspension.
 const SUSPENSION: u8 = 3;
+/// The same of a suspension with an offset along the vorticity, which stands before the frame.
+const CROSSED: u8 = 4;
 
 /// A frame as it is stored.
 #[derive(Serialize, Deserialize)]
@@ -238,16 +240,28 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
             .map(single)
             .collect(),
     };
-    postcard::to_extend(&stored, vec![S::VERSION])
+    if frame.cross_offset == 0.0 {
+        postcard::to_extend(&stored, vec![S::VERSION])
+    } else {
+        postcard::to_extend(&(single(frame.cross_offset), stored), vec![CROSSED])
+    }
 }
 
 /// A frame from bytes; `None` if they are none of this version.
 pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
     let (version, content) = bytes.split_first()?;
-    let stored: Stored = postcard::from_bytes(content).ok()?;
+    let stored = || postcard::from_bytes::<Stored>(content).ok();
     match *version {
-        LAYER => decode_in(&stored).map(InSpace::Layer),
-        SUSPENSION => decode_in(&stored).map(InSpace::Suspension),
+        LAYER => decode_in(&stored()?).map(InSpace::Layer),
+        SUSPENSION => decode_in(&stored()?).map(InSpace::Suspension),
+        CROSSED => {
+            let (cross_offset, stored): (f32, Stored) = postcard::from_bytes(content).ok()?;
+            let frame = Frame {
+                cross_offset: f64::from(cross_offset),
+                ..decode_in(&stored)?
+            };
+            Some(InSpace::Suspension(frame))
+        }
         _ => None,
     }
 }
@@ -329,6 +343,7 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
         strain: stored.strain,
         side: f64::from(stored.side),
         offset: f64::from(stored.offset),
+        cross_offset: 0.0,
         centres: spheres.iter().map(|s| few(&s[..S::DIMENSIONS])).collect(),
         orientations: spheres
             .iter()
@@ -369,6 +384,14 @@ mod tests {
             (&back.centres, &back.stresslets),
             (&frame.centres, &frame.stresslets)
         );
+        let crossed = Frame {
+            cross_offset: 1.5,
+            ..back.clone()
+        };
+        let crossed = InSpace::Suspension(crossed);
+        let all = encode(&crossed).unwrap();
+        assert_eq!(decode(&all), Some(crossed));
+        assert_eq!(decode(&all[..all.len() - 1]), None);
         let contact = &back.contacts[0];
         assert_eq!(contact.tangential_force, frame.contacts[0].tangential_force);
         for (a, b) in back.orientations[0].iter().zip(frame.orientations[0]) {

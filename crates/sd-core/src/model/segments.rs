@@ -30,6 +30,35 @@ pub struct Segment {
     /// for a steady shear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<f64>,
+    /// Oscillation across a steady shear of a suspension.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_shear: Option<CrossShear>,
+}
+
+/// An oscillation along the vorticity, across a steady shear that goes on (Lin, Ness, Cates, Sun & Cohen, PNAS 113, 10774, 2016).
+///
+/// ```text
+/// u∞ = γ̇ y x̂ + γ̇_z y ẑ,   γ_z = amplitude sin(ratio γ)
+/// ```
+/// γ is the strain of the primary shear since the segment began. What is imposed is γ_z at the start of every step and linear between,
+/// so that the rate of strain is the same in all stages of a step, as it is in a steady shear.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CrossShear {
+    /// Largest cross strain, above 0.
+    pub amplitude: f64,
+    /// Angular frequency over the rate of the primary shear, above 0.
+    pub ratio: f64,
+}
+
+/// Strain across the shear in one step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CrossStrain {
+    /// Strain of the run at which it has the value `strain`.
+    since: f64,
+    strain: f64,
+    /// Its rate over that of the primary shear.
+    pub(crate) rate: f64,
 }
 
 /// What is imposed in one step of a run.
@@ -45,6 +74,8 @@ pub struct Imposed {
     pub net_steps: i64,
     /// Mean shear rate over the step, over the largest of the segment: 1 but in an oscillation.
     pub rate_share: f64,
+    /// Strain along the vorticity.
+    pub cross: CrossStrain,
 }
 
 /// Time steps in a strain that is a whole number of them.
@@ -58,7 +89,109 @@ fn steps_in(strain: f64, time_step: f64) -> u64 {
     steps
 }
 
+impl CrossShear {
+    /// Largest phase, in radians, by which it may advance in a step.
+    const LARGEST_ADVANCE: f64 = 0.5;
+    /// Largest cross strain of a step.
+    const LARGEST_STRAIN: f64 = 0.1;
+
+    /// Cross strain after so much primary strain.
+    fn strain_after(&self, strain: f64) -> f64 {
+        self.amplitude * (self.ratio * strain).sin()
+    }
+}
+
+impl CrossStrain {
+    /// The cross strain at a strain of the run within the step.
+    pub(crate) fn at(&self, strain: f64) -> f64 {
+        self.strain + self.rate * (strain - self.since)
+    }
+}
+
 impl Segment {
+    /// Refuses a cross shear that cannot be.
+    ///
+    /// # Errors
+    /// [`Refusal`] of a cross shear in a layer, across an oscillation, with numbers out of range or not resolved by the time step.
+    pub fn check_cross_shear(&self, params: &Params) -> Result<(), Refusal> {
+        let Some(CrossShear { amplitude, ratio }) = self.cross_shear else {
+            return Ok(());
+        };
+        let refuse = |key, value: String, problem: String, allowed: String, because| {
+            Err(Refusal {
+                key,
+                value,
+                problem,
+                allowed,
+                because,
+            })
+        };
+        let written = format!("{{ amplitude = {amplitude}, ratio = {ratio} }}");
+        if params.volume_fraction.is_none() {
+            return refuse(
+                "cross_shear",
+                written,
+                "has no meaning: a layer has no vorticity direction".into(),
+                "suspensions, which have a `volume_fraction`".into(),
+                None,
+            );
+        }
+        if self.amplitude.is_some() {
+            return refuse(
+                "cross_shear",
+                written,
+                "is imposed across an oscillation".into(),
+                "either of the two in a segment: cross shear goes with a steady shear".into(),
+                Some("oscillation"),
+            );
+        }
+        for (key, value) in [
+            ("cross_shear.amplitude", amplitude),
+            ("cross_shear.ratio", ratio),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(
+                    key,
+                    value.to_string(),
+                    "is out of range".into(),
+                    "finite numbers above 0".into(),
+                    None,
+                );
+            }
+        }
+        let dt = params.time_step;
+        let unresolved = format!("is not resolved by a time step of {dt}");
+        if ratio * dt > CrossShear::LARGEST_ADVANCE {
+            let most = CrossShear::LARGEST_ADVANCE;
+            return refuse(
+                "cross_shear.ratio",
+                ratio.to_string(),
+                unresolved,
+                format!(
+                    "at most {}, or a `time_step` of at most {}: `ratio` times `time_step` is at most {most}",
+                    most / dt,
+                    most / ratio
+                ),
+                Some("time_step"),
+            );
+        }
+        if amplitude * ratio * dt > CrossShear::LARGEST_STRAIN {
+            let most = CrossShear::LARGEST_STRAIN;
+            return refuse(
+                "cross_shear.amplitude",
+                amplitude.to_string(),
+                unresolved,
+                format!(
+                    "at most {}, or a `time_step` of at most {}: the cross strain of a step is at most {most}",
+                    most / (ratio * dt),
+                    most / (ratio * amplitude)
+                ),
+                Some("time_step"),
+            );
+        }
+        Ok(())
+    }
+
     /// Its first step.
     fn first_step(&self, time_step: f64) -> u64 {
         steps_in(self.start, time_step)
@@ -131,6 +264,7 @@ impl Params {
             since: 0,
             net_steps: 0,
             rate_share: 1.0,
+            cross: CrossStrain::default(),
         };
         let first = |segment: &Segment| segment.first_step(self.time_step);
         let direction = |segment: &Segment| segment.direction.unwrap_or(self.direction);
@@ -144,24 +278,45 @@ impl Params {
             return steady;
         };
         let following = self.segments[..begun].iter().skip(1);
-        let net_steps: i64 = before
-            .iter()
-            .zip(following)
-            .map(|(one, next)| {
-                sign(one) * one.displacement(first(next) - first(one), self.time_step)
-            })
+        // The segments that are over, and how many steps each of them took.
+        let over = || {
+            let pairs = before.iter().zip(following.clone());
+            pairs.map(|(one, next)| (one, first(next) - first(one)))
+        };
+        let net_steps: i64 = over()
+            .map(|(one, steps)| sign(one) * one.displacement(steps, self.time_step))
             .sum();
+        let crossed = |one: &Segment, steps: u64| {
+            let strain = steps as f64 * self.time_step;
+            one.cross_shear
+                .map_or(0.0, |cross| cross.strain_after(strain))
+        };
+        let crossed_before: f64 = over().map(|(one, steps)| crossed(one, steps)).sum();
+        let gone = step - first(current);
+        let cross = if current.cross_shear.is_some() {
+            let [now, next] = [gone, gone + 1].map(|steps| crossed(current, steps));
+            CrossStrain {
+                since: step as f64 * self.time_step,
+                strain: crossed_before + now,
+                rate: (next - now) / self.time_step,
+            }
+        } else {
+            CrossStrain {
+                strain: crossed_before,
+                ..CrossStrain::default()
+            }
+        };
         let imposed = Imposed {
             segment: before.len(),
             direction: direction(current),
             since: first(current),
             net_steps,
+            cross,
             ..steady
         };
         let Some(quarter) = current.quarter(self.time_step) else {
             return imposed;
         };
-        let gone = step - first(current);
         let cycle = gone - gone % (4 * quarter);
         // A quarter forwards, two backwards, one forwards.
         let (turned_at, turned) = match (gone - cycle) / quarter {
@@ -226,17 +381,23 @@ impl Params {
         imposed.net_strain(steps as f64 * self.time_step, self.time_step)
     }
 
+    /// Cross strain of the cell once `steps` of the run are done.
+    pub fn cross_strain(&self, steps: u64) -> f64 {
+        self.imposed(steps).cross.at(steps as f64 * self.time_step)
+    }
+
     /// Imposes segments in place of a steady shear; a single one that is steady is one, at the rate or stress and in the direction it has.
     pub fn impose(&mut self, segments: &[Segment]) {
         self.segments = segments.to_vec();
         if let [only] = segments
             && only.amplitude.is_none()
+            && only.cross_shear.is_none()
         {
             *self = self.in_step(&self.imposed(0));
         }
     }
 
-    /// Parameters of a run that imposes for all time what this one imposes in one step: without segments.
+    /// Parameters of a run that imposes for all time what this one imposes in one step, but for a cross shear: without segments.
     #[must_use]
     pub fn in_step(&self, imposed: &Imposed) -> Self {
         let mut params = Self {
@@ -265,6 +426,11 @@ impl Params {
 }
 
 impl Imposed {
+    /// Rate of the cross shear in the step, over that of the primary shear: γ_z gained over γ.
+    pub fn cross_rate(&self) -> f64 {
+        self.cross.rate
+    }
+
     /// Strain of the cell at a strain of the run within the step.
     pub(crate) fn net_strain(&self, strain: f64, time_step: f64) -> f64 {
         let before = self.net_steps as f64 * time_step;
@@ -307,6 +473,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
                 "either of the two in a segment",
             );
         }
+        segment.check_cross_shear(params)?;
         let Some(amplitude) = segment.amplitude else {
             continue;
         };

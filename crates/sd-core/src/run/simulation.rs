@@ -168,7 +168,8 @@ impl<S: Started> Simulation<S> {
             laws: drive.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
             drive,
-            background: S::Background::simple_shear(params.direction),
+            background: S::Background::simple_shear(params.direction)
+                .with_cross_shear(imposed.cross_rate()),
             offset: S::offset(&params),
             memory: snapshot.memory,
             counters: snapshot.counters,
@@ -181,11 +182,15 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// The cell at a strain of the step under way.
-    fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
+    /// The cell at a strain of the step under way; of a run in segments as long as what is imposed in the last step goes on.
+    ///
+    /// # Errors
+    /// Those of [`Cell::periodic`] for a strain that is not finite.
+    pub fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
         let net = self.imposed.net_strain(strain, self.params.time_step);
         let travelled = net * self.side;
-        Cell::equal_sides(self.side, self.offset + travelled)
+        Cell::equal_sides(self.side, self.offset + travelled)?
+            .with_cross_offset(self.imposed.cross.at(strain) * self.side)
     }
 
     /// Offset of the upper image cell at a strain, wrapped; of a run in segments as long as what is imposed in the last step goes on.

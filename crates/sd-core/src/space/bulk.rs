@@ -102,6 +102,12 @@ impl ImposedFlow<Bulk> for Background {
         }
     }
 
+    fn with_cross_shear(mut self, rate: f64) -> Self {
+        self.rate_of_strain.yz += 0.5 * rate;
+        self.angular_velocity.x += 0.5 * rate;
+        self
+    }
+
     fn velocity_at(&self, x: &Vector3<f64>) -> Vector3<f64> {
         self.velocity(x)
     }
@@ -378,6 +384,15 @@ mod tests {
         let before = Vector3::new(1.3, -0.7, 0.4);
         let after = before + flow.velocity(&before) * 0.1;
         assert!((flow.carried_back(&after, 0.1) - before).norm() < 1e-15);
+    }
+
+    #[test]
+    fn cross_shear_goes_along_the_vorticity() {
+        for direction in [1.0, -1.0] {
+            let flow = Background::simple_shear(direction).with_cross_shear(0.7);
+            let u = flow.velocity(&Vector3::new(2.0, 3.0, -5.0));
+            assert!((u - Vector3::new(3.0 * direction, 0.0, 2.1)).norm() < 1e-15);
+        }
     }
 
     #[test]

@@ -16,17 +16,20 @@ pub enum Cell<S: Space = Layer> {
     /// No images.
     Unbounded,
     /// Lattice vectors along the axes; the second one is shifted along x: `(length_x, 0)` and
-    /// `(offset, length_y)` in a layer.
+    /// `(offset, length_y)` in a layer. Cross shear shifts that of a suspension along z too:
+    /// `(offset, length_y, cross_offset)`.
     Periodic {
         /// Sides along flow, gradient and, in a suspension, vorticity, in a.
         sides: S::Vector,
-        /// Shift of the images above in y, in `[-sides[0]/2, sides[0]/2)`, in a.
+        /// Shift of the images above in y along x, in `[-sides[0]/2, sides[0]/2)`, in a.
         offset: f64,
+        /// Their shift along z, in `[-sides[2]/2, sides[2]/2)`, in a; 0 without cross shear.
+        cross_offset: f64,
     },
 }
 
 impl<S: Space> Cell<S> {
-    /// A periodic cell; any offset is wrapped.
+    /// A periodic cell, without an offset along z; any offset is wrapped.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the sides are positive and finite and the offset is finite.
@@ -49,8 +52,34 @@ impl<S: Space> Cell<S> {
         }
         Ok(Self::Periodic {
             sides,
-            offset: offset - sides[0] * (offset / sides[0] + 0.5).floor(),
+            offset: wrapped(offset, sides[0]),
+            cross_offset: 0.0,
         })
+    }
+
+    /// The same cell with its images above shifted along z besides; any offset is wrapped.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] unless the offset is finite, and 0 in a layer and in unbounded fluid.
+    pub fn with_cross_offset(mut self, offset: f64) -> Result<Self, Error> {
+        match &mut self {
+            Self::Periodic {
+                sides,
+                cross_offset,
+                ..
+            } if S::DIMENSIONS > 2 && offset.is_finite() => {
+                *cross_offset = wrapped(offset, sides[2]);
+            }
+            _ if offset == 0.0 => {}
+            _ => {
+                return Err(Error::OutOfRange {
+                    field: "cross_offset",
+                    value: offset,
+                    allowed: "finite, and 0 but in periodic suspensions",
+                });
+            }
+        }
+        Ok(self)
     }
 
     /// As [`Cell::periodic`], with sides that are all the same.
@@ -76,11 +105,19 @@ impl<S: Space> Cell<S> {
     /// Position of an image relative to the original.
     pub fn image_vector(&self, image: S::Image) -> S::Vector {
         let mut vector = S::Vector::default();
-        if let Self::Periodic { sides, offset } = self {
+        if let Self::Periodic {
+            sides,
+            offset,
+            cross_offset,
+        } = self
+        {
             for k in 0..S::DIMENSIONS {
                 vector[k] = f64::from(image[k]) * sides[k];
             }
             vector[0] += f64::from(image[1]) * offset;
+            if S::DIMENSIONS > 2 {
+                vector[2] += f64::from(image[1]) * cross_offset;
+            }
         }
         vector
     }
@@ -91,7 +128,12 @@ impl<S: Space> Cell<S> {
     #[inline(always)]
     pub fn nearest(&self, separation: S::Vector) -> (S::Vector, S::Image) {
         let (mut vector, mut image) = (separation, S::Image::default());
-        if let Self::Periodic { sides, offset } = self {
+        if let Self::Periodic {
+            sides,
+            offset,
+            cross_offset,
+        } = self
+        {
             let mut shift = |vector: &mut S::Vector, k: usize| -> f64 {
                 // The reciprocals are the same for all pairs of a list: one division each.
                 let cells = -(vector[k] * sides[k].recip()).round_ties_even();
@@ -103,6 +145,9 @@ impl<S: Space> Cell<S> {
             };
             let up = shift(&mut vector, 1);
             vector[0] += up * offset;
+            if S::DIMENSIONS > 2 {
+                vector[2] += up * cross_offset;
+            }
             shift(&mut vector, 0);
             for k in 2..S::DIMENSIONS {
                 shift(&mut vector, k);
@@ -114,10 +159,18 @@ impl<S: Space> Cell<S> {
     /// Moves a position into the cell, `0 ≤ x < sides`.
     pub fn wrap(&self, position: S::Vector) -> S::Vector {
         let mut wrapped = position;
-        if let Self::Periodic { sides, offset } = self {
+        if let Self::Periodic {
+            sides,
+            offset,
+            cross_offset,
+        } = self
+        {
             let up = (position[1] / sides[1]).floor();
             wrapped[0] -= up * offset;
             wrapped[1] -= up * sides[1];
+            if S::DIMENSIONS > 2 {
+                wrapped[2] -= up * cross_offset;
+            }
             for k in (0..S::DIMENSIONS).filter(|&k| k != 1) {
                 wrapped[k] -= sides[k] * (wrapped[k] / sides[k]).floor();
             }
@@ -153,6 +206,11 @@ impl<S: Space> Cell<S> {
     }
 }
 
+/// An offset within half a side.
+fn wrapped(offset: f64, side: f64) -> f64 {
+    offset - side * (offset / side + 0.5).floor()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -170,15 +228,32 @@ mod tests {
 
     #[test]
     fn image_vector_undoes_nearest() {
-        let cell = Cell::<Bulk>::periodic(Vector3::new(10.0, 12.0, 9.0), 3.0).unwrap();
-        for k in 0..100 {
-            let k = f64::from(k);
-            let x = Vector3::new((1.7 * k).sin(), (0.9 * k).cos(), (2.3 * k).sin()) * 30.0;
-            let (near, image) = cell.nearest(x);
-            assert!((near - x - cell.image_vector(image)).norm() < 1e-12);
-            assert!(near.x.abs() <= 5.0 && near.y.abs() <= 6.0 && near.z.abs() <= 4.5);
-            let wrapped = cell.wrap(x);
-            assert!((cell.nearest(wrapped - x).0).norm() < 1e-12);
+        let plain = Cell::<Bulk>::periodic(Vector3::new(10.0, 12.0, 9.0), 3.0).unwrap();
+        for cross in [0.0, 2.5, -4.4, 7.0] {
+            let cell = plain.with_cross_offset(cross).unwrap();
+            for k in 0..100 {
+                let k = f64::from(k);
+                let x = Vector3::new((1.7 * k).sin(), (0.9 * k).cos(), (2.3 * k).sin()) * 30.0;
+                let (near, image) = cell.nearest(x);
+                assert!((near - x - cell.image_vector(image)).norm() < 1e-12);
+                assert!(near.x.abs() <= 5.0 && near.y.abs() <= 6.0 && near.z.abs() <= 4.5);
+                let wrapped = cell.wrap(x);
+                assert!((cell.nearest(wrapped - x).0).norm() < 1e-12);
+                assert!((0..3).all(|k| (0.0..[10.0, 12.0, 9.0][k]).contains(&wrapped[k])));
+            }
+            let above = cell.image_vector([0, 1, 0]);
+            let lattice = (above.z - cross) / 9.0;
+            assert!((lattice - lattice.round()).abs() < 1e-12 && above.z.abs() <= 4.5);
         }
+    }
+
+    #[test]
+    fn only_suspensions_have_images_shifted_along_z() {
+        let layer = Cell::<Layer>::periodic(Vector2::new(10.0, 10.0), 1.0).unwrap();
+        assert_eq!(layer.with_cross_offset(0.0).unwrap(), layer);
+        assert!(layer.with_cross_offset(1.0).is_err());
+        assert!(Cell::<Bulk>::Unbounded.with_cross_offset(1.0).is_err());
+        let cell = Cell::<Bulk>::equal_sides(10.0, 1.0).unwrap();
+        assert!(cell.with_cross_offset(f64::NAN).is_err());
     }
 }

@@ -212,38 +212,37 @@ impl<S: Space> NeighbourList<S> {
         for i in 0..centres.len() {
             self.found.clear();
             let [column, row, plane] = self.bins[i];
-            for other_plane in around(plane, planes) {
-                for (k, other_row) in around(row, rows).enumerate() {
-                    // Across the top or bottom of the cell the bins are shifted by the offset.
-                    let shift = match cell {
-                        Cell::Periodic { sides, offset } if rows >= 3 => {
-                            let shift = if row + k == 0 {
-                                *offset
-                            } else if row + k == rows + 1 {
-                                -offset
-                            } else {
-                                0.0
-                            };
-                            Some(shift / sides[0] * columns as f64)
-                        }
-                        _ => None,
-                    };
-                    let (first, span) = match shift {
-                        Some(shift) if shift == 0.0 && columns > 3 => (column + columns - 1, 3),
-                        Some(shift) if columns > 4 => {
-                            let start = (column as f64 + shift).floor();
-                            #[expect(
-                                clippy::cast_possible_truncation,
-                                clippy::cast_sign_loss,
-                                reason = "rem_euclid makes it a bin number"
-                            )]
-                            let first = (start - 1.0).rem_euclid(columns as f64) as usize;
-                            (first, 4)
-                        }
-                        _ => (0, columns),
-                    };
+            for (k, other_row) in around(row, rows).enumerate() {
+                // Across the top or bottom of the cell the bins are shifted by the offsets.
+                let (shift, cross_shift) = match cell {
+                    Cell::Periodic {
+                        sides,
+                        offset,
+                        cross_offset,
+                    } => {
+                        let up = if row + k == 0 {
+                            1.0
+                        } else if row + k == rows + 1 {
+                            -1.0
+                        } else {
+                            0.0
+                        };
+                        let shift = up * offset / sides[0] * columns as f64;
+                        let cross_shift = if *cross_offset == 0.0 {
+                            Some(0.0)
+                        } else {
+                            (rows >= 3).then(|| up * cross_offset / sides[2] * planes as f64)
+                        };
+                        ((rows >= 3).then_some(shift), cross_shift)
+                    }
+                    Cell::Unbounded => (None, None),
+                };
+                let (first, span) = across(column, columns, shift);
+                let (first_plane, planes_met) = across(plane, planes, cross_shift);
+                for other_plane in first_plane..first_plane + planes_met {
                     for other in first..first + span {
-                        let bin = number([other % columns, other_row, other_plane], counts);
+                        let bin =
+                            number([other % columns, other_row, other_plane % planes], counts);
                         for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
                             if j > i {
                                 self.found.extend(Neighbours::within(
@@ -310,6 +309,26 @@ fn number([column, row, plane]: [usize; 3], counts: [usize; 3]) -> usize {
     (plane * counts[1] + row) * counts[0] + column
 }
 
+/// Bins along an axis that hold the neighbours of one in another row, shifted by so many bins: the first,
+/// and how many follow from it around the cell. `None`: any shift is possible.
+#[inline(always)]
+fn across(bin: usize, count: usize, shift: Option<f64>) -> (usize, usize) {
+    match shift {
+        Some(shift) if shift == 0.0 && count > 3 => (bin + count - 1, 3),
+        Some(shift) if count > 4 => {
+            let start = (bin as f64 + shift).floor();
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "rem_euclid makes it a bin number"
+            )]
+            let first = (start - 1.0).rem_euclid(count as f64) as usize;
+            (first, 4)
+        }
+        _ => (0, count),
+    }
+}
+
 /// The bins before, at and after one along a periodic axis; where there are fewer than three, each once.
 #[inline(always)]
 fn around(bin: usize, count: usize) -> impl Iterator<Item = usize> {
@@ -333,7 +352,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     /// Points that drift, at random and with the flow, and are wrapped now and then.
-    fn drift<S: Space>(side: f64, n: usize) {
+    fn drift<S: Space>(side: f64, n: usize, amplitude: f64) {
         let mut sides = S::Vector::default();
         for k in 0..S::DIMENSIONS {
             sides[k] = side;
@@ -350,8 +369,13 @@ mod tests {
             })
             .collect();
         list.allow_overlap(f64::INFINITY);
-        for step in 0..600 {
+        let cross = |step: i32| amplitude * (0.05 * f64::from(step)).sin();
+        let at = |step: i32| {
             let cell = Cell::<S>::periodic(sides, 0.003 * f64::from(step) * side).unwrap();
+            cell.with_cross_offset(cross(step) * side).unwrap()
+        };
+        for step in 0..600 {
+            let cell = at(step);
             list.update(&cell, &centres, &radii, LUBRICATION_RANGE)
                 .unwrap();
             let mut new = NeighbourList::default();
@@ -361,12 +385,11 @@ mod tests {
                 let wave = (f64::from(step) * 0.01 + i as f64).sin();
                 let y = x[1];
                 for k in 0..S::DIMENSIONS {
-                    x[k] += [0.003 * y + 0.01 * wave, 0.02 * wave, -0.01 * wave][k];
+                    let crossed = (cross(step + 1) - cross(step)) * y;
+                    x[k] += [0.003 * y + 0.01 * wave, 0.02 * wave, crossed - 0.01 * wave][k];
                 }
                 if step % 4 == 3 {
-                    *x = Cell::<S>::periodic(sides, 0.003 * f64::from(step + 1) * side)
-                        .unwrap()
-                        .wrap(*x);
+                    *x = at(step + 1).wrap(*x);
                 }
             }
         }
@@ -374,14 +397,17 @@ mod tests {
 
     #[test]
     fn lists_kept_under_shear_find_what_new_ones_find() {
-        drift::<Layer>(14.0, 40);
-        drift::<Bulk>(13.0, 60);
+        drift::<Layer>(14.0, 40, 0.0);
+        drift::<Bulk>(13.0, 60, 0.0);
+        drift::<Bulk>(13.0, 60, 0.3);
     }
 
     /// Points in and around a cell, found by bins and by trying all pairs. Points, not spheres:
     /// gaps may be negative.
-    fn compare<S: Space>(sides: S::Vector, offset: f64, seed: u64) {
-        let cell = Cell::<S>::periodic(sides, offset).unwrap();
+    fn compare<S: Space>(sides: S::Vector, [offset, cross]: [f64; 2], seed: u64) {
+        let cell = Cell::<S>::periodic(sides, offset)
+            .and_then(|cell| cell.with_cross_offset(cross))
+            .unwrap();
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let n = 60;
         let centres: Vec<S::Vector> = (0..n)
@@ -412,9 +438,11 @@ mod tests {
         #[test]
         fn bins_find_what_brute_force_finds(
             seed in 0u64..1000, x in 8.0..60.0f64, y in 8.0..60.0f64, z in 8.0..40.0f64, offset in -30.0..30.0f64,
+            cross in -20.0..20.0f64,
         ) {
-            compare::<Layer>(Vector2::new(x, y), offset, seed);
-            compare::<Bulk>(Vector3::new(x, y, z), offset, seed);
+            compare::<Layer>(Vector2::new(x, y), [offset, 0.0], seed);
+            compare::<Bulk>(Vector3::new(x, y, z), [offset, 0.0], seed);
+            compare::<Bulk>(Vector3::new(x, y, z), [offset, cross], seed);
         }
     }
 }

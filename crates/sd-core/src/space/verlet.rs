@@ -7,6 +7,7 @@
 //! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/sides[1]:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
 //! good while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
+//! Under cross shear Δγ x̂ is the vector of both strains, along x and along z.
 
 use super::Space;
 use super::cell::Cell;
@@ -82,8 +83,13 @@ impl<S: Space> VerletList<S> {
             Some(Cell::Periodic {
                 sides: old_sides,
                 offset: old,
+                cross_offset: old_cross,
             }),
-            &Cell::Periodic { sides, offset },
+            &Cell::Periodic {
+                sides,
+                offset,
+                cross_offset,
+            },
         ) = (self.cell, cell)
         else {
             return false;
@@ -92,15 +98,25 @@ impl<S: Space> VerletList<S> {
             return false;
         }
         // Offsets are known up to whole cells.
-        let moved = offset - old;
-        let strain = (moved - (moved / sides[0]).round() * sides[0]) / sides[1];
+        let strain_over =
+            |moved: f64, side: f64| (moved - (moved / side).round() * side) / sides[1];
+        let strain = strain_over(offset - old, sides[0]);
+        let cross_strain = if S::DIMENSIONS > 2 {
+            strain_over(cross_offset - old_cross, sides[2])
+        } else {
+            0.0
+        };
         let mut square: f64 = 0.0;
         for (&x, &x0) in centres.iter().zip(&self.centres) {
             let mut affine = x0;
             affine[0] += strain * x0[1];
+            if S::DIMENSIONS > 2 {
+                affine[2] += cross_strain * x0[1];
+            }
             square = square.max(S::norm_squared(&cell.nearest(x - affine).0));
         }
         let shortest = range * radii.iter().copied().fold(f64::INFINITY, f64::min);
-        2.0 * square.sqrt() + strain.abs() * (1.0 + SKIN) * shortest <= SKIN * shortest
+        let strain = strain.hypot(cross_strain);
+        2.0 * square.sqrt() + strain * (1.0 + SKIN) * shortest <= SKIN * shortest
     }
 }

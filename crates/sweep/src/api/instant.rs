@@ -35,8 +35,10 @@ pub struct Input<S: Written = Layer> {
     pub radii: Option<Vec<f64>>,
     /// Cell sides; none: unbounded.
     cell: Option<S::Components>,
-    /// Offset of the cell.
+    /// Offset of the cell along the flow.
     offset: Option<f64>,
+    /// Offset of the cell along the vorticity, in a suspension.
+    cross_offset: Option<f64>,
     /// Hydrodynamics, by its word.
     #[serde(deserialize_with = "by_word")]
     hydrodynamics: Hydrodynamics,
@@ -190,7 +192,11 @@ pub fn configuration<S: Written>(
         }
     }
     let cell = match (input.cell, input.offset) {
-        (Some(sides), offset) => Cell::periodic(S::vector_of(sides), offset.unwrap_or(0.0))?,
+        (Some(sides), offset) => Cell::periodic(S::vector_of(sides), offset.unwrap_or(0.0))?
+            .with_cross_offset(input.cross_offset.unwrap_or(0.0))?,
+        (None, None) if input.cross_offset.is_some() => {
+            return refuse("cross_offset", "has no meaning without `cell`");
+        }
         (None, None) => Cell::Unbounded,
         (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
     };

@@ -338,9 +338,12 @@ impl Grid {
         };
         if !params.segments.is_empty() {
             protocol.check_lengths(params.time_step, place(combination, "time_step"))?;
-            for (number, mut flow) in params.flows().into_iter().enumerate() {
+            let flows = params.flows();
+            for (number, (mut flow, segment)) in flows.into_iter().zip(&params.segments).enumerate()
+            {
                 flow.settle();
-                if let Err(error) = flow.validate() {
+                let crossed = segment.check_cross_shear(params);
+                if let Err(error) = flow.validate().and_then(|()| Ok(crossed?)) {
                     return Err(protocol.of_segment(number, made(error)));
                 }
             }

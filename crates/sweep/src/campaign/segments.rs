@@ -5,7 +5,7 @@ use super::protocol::{DISCARDED, LENGTH};
 use super::reader::{Table, number, whole, wrong_type};
 use crate::axes::Axis;
 use crate::protocol::PlannedSegment;
-use sd_core::model::{Form, Range, Segment};
+use sd_core::model::{CrossShear, Form, Range, Segment};
 use std::ops;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -14,6 +14,8 @@ use toml::de::{DeTable, DeValue};
 pub(super) const SEGMENT: &str = "segment";
 /// Segments that a run may have.
 const SEGMENT_LIMIT: usize = 1000;
+/// Angular frequencies of a cross shear, over the rate of the primary shear.
+const RATIO: Range = Range::above_to(0.0, 1e7);
 /// Cycles that an oscillation may have.
 const CYCLES: Range = Range::from_to(1.0, 1e6);
 
@@ -175,6 +177,7 @@ fn read_segment(
         "shear_stress",
         "discard",
         "oscillation",
+        "cross_shear",
     ];
     let name = "[[protocol.segment]]";
     let table = Table::new(entries, place.clone(), name, &known, problems);
@@ -190,11 +193,23 @@ fn read_segment(
     let shear_rate = reader.imposed("shear_rate");
     let shear_stress = reader.imposed("shear_stress");
     let oscillation = reader.get("oscillation").map(oscillation);
+    let cross_shear = reader.get("cross_shear").map(cross_shear);
     let Reader {
         table,
-        places,
+        mut places,
         problems,
     } = reader;
+    let cross_shear = match cross_shear {
+        None => None,
+        Some(Ok((cross_shear, at))) => {
+            places.extend(at);
+            Some(cross_shear)
+        }
+        Some(Err(mut wrong)) => {
+            problems.append(&mut wrong);
+            None
+        }
+    };
     let mut written = WrittenSegment {
         segment: PlannedSegment {
             imposed: Segment {
@@ -203,6 +218,7 @@ fn read_segment(
                 shear_rate,
                 shear_stress,
                 amplitude: None,
+                cross_shear,
             },
             strain: strain.unwrap_or(1.0),
             discard: discard.unwrap_or(0.0),
@@ -231,6 +247,48 @@ fn read_segment(
         None => problems.extend(written.keeps_nothing()),
     }
     written
+}
+
+/// A cross shear, and the places of its values.
+type WrittenCrossShear = (CrossShear, [(&'static str, ops::Range<usize>); 2]);
+
+/// Reads the table of a cross shear.
+fn cross_shear(written: &Spanned<DeValue<'_>>) -> Result<WrittenCrossShear, Vec<Problem>> {
+    let DeValue::Table(entries) = written.get_ref() else {
+        let allowed = "write a table: { amplitude = 0.05, ratio = 20 }";
+        return Err(vec![wrong_type(written, "cross_shear", allowed)]);
+    };
+    let mut problems = Vec::new();
+    let known = ["amplitude", "ratio"];
+    let table = Table::new(
+        entries,
+        written.span(),
+        "cross_shear",
+        &known,
+        &mut problems,
+    );
+    let mut read = |key: &'static str, range: &Range, unit: &str, example: &str| {
+        let Some(written) = table.get(key) else {
+            problems.extend(table.missing(key, example));
+            return None;
+        };
+        let read = number(written, key, range, &format!("{range} ({unit})"));
+        let value = read.map_err(|problem| problems.push(problem)).ok()?;
+        Some((value, written.span()))
+    };
+    let amplitude = read("amplitude", &LENGTH, "a strain", "0.05");
+    let unit = "angular frequency over the rate of the primary shear";
+    let ratio = read("ratio", &RATIO, unit, "20");
+    match (amplitude, ratio) {
+        (Some((amplitude, at)), Some((ratio, at_ratio))) if problems.is_empty() => Ok((
+            CrossShear { amplitude, ratio },
+            [
+                ("cross_shear.amplitude", at),
+                ("cross_shear.ratio", at_ratio),
+            ],
+        )),
+        _ => Err(problems),
+    }
 }
 
 /// An oscillation as it is written.

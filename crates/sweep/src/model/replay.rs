@@ -12,7 +12,8 @@ pub(crate) fn replay(p: &Params, snapshot: &AnySnapshot) -> String {
 }
 
 fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
-    let p = &run.in_step(&run.imposed(snapshot.steps));
+    let imposed = run.imposed(snapshot.steps);
+    let p = &run.in_step(&imposed);
     let load = snapshot.critical_load.unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
     let (friction, load) = if load.is_finite() {
@@ -46,15 +47,16 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
         }
     }
     let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
-    let spin = -0.5 * p.direction;
-    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * p.direction});
+    let spin = -0.5 * imposed.direction;
+    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * imposed.direction});
     let mut angular_velocity = json!(spin);
     if S::DIMENSIONS > 2 {
+        let cross = 0.5 * imposed.cross_rate();
         rate_of_strain["xz"] = json!(0.0);
-        rate_of_strain["yz"] = json!(0.0);
-        angular_velocity = json!([0.0, 0.0, spin]);
+        rate_of_strain["yz"] = json!(cross);
+        angular_velocity = json!([cross, 0.0, spin]);
     }
-    json!({
+    let mut input = json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
         "cell": vec![snapshot.side; S::DIMENSIONS],
@@ -65,6 +67,10 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
         },
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,
-    })
-    .to_string()
+    });
+    let cross_strain = run.cross_strain(snapshot.steps);
+    if cross_strain != 0.0 {
+        input["cross_offset"] = json!(cross_strain * snapshot.side);
+    }
+    input.to_string()
 }

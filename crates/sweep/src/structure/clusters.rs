@@ -3,10 +3,11 @@
 //! A cluster percolates if a way along its contacts leads from a sphere to an image of the same sphere. What such ways sum up to, counted
 //! in cells, are the windings of the cluster. The image above in y is shifted along x by the offset, and an offset that is wrapped around
 //! the cell shifts the count along x of every winding that goes up: only windings that do not go up say whether the cluster percolates
-//! along the flow.
+//! along the flow. Under cross shear the same holds along the vorticity.
 
 use super::network::{Link, Network};
 use sd_core::Space;
+use sd_core::cell::Cell;
 
 /// Cells along each axis.
 type Winding = [i64; 3];
@@ -70,9 +71,13 @@ pub(crate) fn clusters<'n, S: Space>(
             known.push(around);
         }
     }
+    let is_crossed = match network.cell {
+        Cell::Periodic { cross_offset, .. } => cross_offset != 0.0,
+        Cell::Unbounded => false,
+    };
     let mut percolates = [false; 3];
     for windings in &windings {
-        for (axis, along) in directions(windings).into_iter().enumerate() {
+        for (axis, along) in directions(windings, is_crossed).into_iter().enumerate() {
             percolates[axis] |= along;
         }
     }
@@ -101,22 +106,22 @@ fn difference(a: Winding, b: Winding) -> Winding {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Along which axes these windings lead.
-fn directions(windings: &[Winding]) -> [bool; 3] {
+/// Along which axes these windings lead, in a cell that is sheared across the flow too or along it alone.
+fn directions(windings: &[Winding], is_crossed: bool) -> [bool; 3] {
     let up = windings.iter().find(|winding| winding[1] != 0);
-    let along_x = windings.iter().any(|winding| match up {
-        // What is left of it where as much of the other is taken away as goes up.
-        Some(up) => winding[0] * up[1] != up[0] * winding[1],
-        None => winding[0] != 0,
-    });
-    let along_z = windings.iter().any(|winding| winding[2] != 0);
-    [along_x, up.is_some(), along_z]
+    let along = |axis: usize, is_sheared: bool| {
+        windings.iter().any(|winding| match up {
+            // What is left of it where as much of the other is taken away as goes up.
+            Some(up) if is_sheared => winding[axis] * up[1] != up[axis] * winding[1],
+            _ => winding[axis] != 0,
+        })
+    };
+    [along(0, true), up.is_some(), along(2, is_crossed)]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sd_core::cell::Cell;
     use sd_core::contact::ContactState;
     use sd_core::{Bulk, Layer};
 
@@ -192,11 +197,24 @@ mod tests {
         let alone = of(cell(2.5), (0..4).map(row).collect(), &ring);
         assert_eq!(alone.percolates, [true, false, false]);
         // One winding (1, 1) is a column that leans, whichever image it is called.
-        assert_eq!(directions(&[[1, 1, 0]]), [false, true, false]);
-        assert_eq!(directions(&[[0, 1, 0], [0, 2, 0]]), [false, true, false]);
-        assert_eq!(directions(&[[0, 1, 0], [1, 1, 0]]), [true, true, false]);
-        assert_eq!(directions(&[[3, 0, 0]]), [true, false, false]);
-        assert_eq!(directions(&[]), [false; 3]);
+        assert_eq!(directions(&[[1, 1, 0]], false), [false, true, false]);
+        assert_eq!(
+            directions(&[[0, 1, 0], [0, 2, 0]], false),
+            [false, true, false]
+        );
+        assert_eq!(
+            directions(&[[0, 1, 0], [1, 1, 0]], false),
+            [true, true, false]
+        );
+        assert_eq!(directions(&[[3, 0, 0]], false), [true, false, false]);
+        assert_eq!(directions(&[], false), [false; 3]);
+        // Along the vorticity too where the images above are shifted along it.
+        assert_eq!(directions(&[[0, 1, 1]], false), [false, true, true]);
+        assert_eq!(directions(&[[0, 1, 1]], true), [false, true, false]);
+        assert_eq!(
+            directions(&[[0, 1, 1], [0, 1, 0]], true),
+            [false, true, true]
+        );
     }
 
     #[test]

@@ -110,7 +110,8 @@ impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
     type Error = sd_core::Error;
 
     fn try_from(frame: &Frame<S>) -> Result<Self, Self::Error> {
-        let cell = Cell::equal_sides(frame.side, frame.offset)?;
+        let cell =
+            Cell::equal_sides(frame.side, frame.offset)?.with_cross_offset(frame.cross_offset)?;
         let centres = frame.centres.iter().map(S::vector).collect();
         let contacts = frame.contacts.iter().filter(|c| c.normal_force > 0.0);
         let pairs = contacts.map(|c| {

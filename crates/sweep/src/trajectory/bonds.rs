@@ -16,7 +16,7 @@ pub(crate) fn write_bonds(frames: &[(u64, &AnyFrame)], out: &mut dyn Write) -> i
 }
 
 fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io::Result<()> {
-    let (side, tilt) = (frame.side, frame.offset);
+    let (side, tilt, cross) = (frame.side, frame.offset, frame.cross_offset);
     writeln!(out, "ITEM: TIMESTEP\n{step}")?;
     writeln!(out, "ITEM: NUMBER OF ENTRIES\n{}", frame.contacts.len())?;
     let height = frame.radii.iter().copied().fold(1.0, f64::max);
@@ -24,10 +24,16 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
         2 => ("ff", -height, height),
         _ => ("pp", 0.0, side),
     };
-    // LAMMPS names the ends of the box around the tilted cell.
-    writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp {ends}")?;
-    let (left, right) = (tilt.min(0.0), side + tilt.max(0.0));
-    writeln!(out, "{left} {right} {tilt}\n0 {side} 0\n{low} {high} 0")?;
+    if cross == 0.0 {
+        // LAMMPS names the ends of the box around the tilted cell.
+        writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp {ends}")?;
+        let (left, right) = (tilt.min(0.0), side + tilt.max(0.0));
+        writeln!(out, "{left} {right} {tilt}\n0 {side} 0\n{low} {high} 0")?;
+    } else {
+        // A cell whose second vector has a z has no such box: LAMMPS names the three vectors, each with a component of the corner.
+        writeln!(out, "ITEM: BOX BOUNDS abc origin pp pp {ends}")?;
+        writeln!(out, "{side} 0 0 0\n{tilt} {side} {cross} 0\n0 0 {side} 0")?;
+    }
     writeln!(
         out,
         "ITEM: ENTRIES first second normal_force tangential_force rolling_force gap state"
@@ -51,7 +57,8 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_support::frame;
+    use crate::spaces::InSpace;
+    use crate::test_support::{frame, suspension};
 
     #[test]
     fn bonds_have_an_entry_per_contact() {
@@ -64,5 +71,21 @@ mod tests {
             text,
             format!("ITEM: TIMESTEP\n25\n{half}ITEM: TIMESTEP\n50\n{half}")
         );
+    }
+
+    #[test]
+    fn a_cell_that_is_sheared_along_both_axes_is_written_by_its_vectors() {
+        let InSpace::Suspension(frame) = suspension(0.5, [1.0, 2.0, 7.5]) else {
+            panic!("no suspension");
+        };
+        let crossed = InSpace::Suspension(Frame {
+            cross_offset: 1.5,
+            ..frame
+        });
+        let mut text = Vec::new();
+        write_bonds(&[(25, &crossed)], &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let bounds = "ITEM: BOX BOUNDS abc origin pp pp pp\n8 0 0 0\n-2 8 1.5 0\n0 0 8 0\n";
+        assert!(text.contains(bounds), "{text}");
     }
 }

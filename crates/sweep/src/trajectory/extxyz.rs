@@ -79,7 +79,7 @@ fn write_frame<S: Kept>(
         touching[contact.j] += 1;
     }
     let is_layer = S::DIMENSIONS == 2;
-    let (side, offset) = (frame.side, frame.offset);
+    let (side, offset, cross_offset) = (frame.side, frame.offset, frame.cross_offset);
     let (height, bottom) = if is_layer {
         let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
         (height, -0.5 * height)
@@ -92,7 +92,7 @@ fn write_frame<S: Kept>(
     writeln!(out, "{}", frame.centres.len())?;
     writeln!(
         out,
-        "Lattice=\"{side} 0 0 {offset} {side} 0 0 0 {height}\" Origin=\"0 0 {bottom}\" \
+        "Lattice=\"{side} 0 0 {offset} {side} {cross_offset} 0 0 {height}\" Origin=\"0 0 {bottom}\" \
          Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4{angle}:stresslet:R:{}:contacts:I:1{velocities} \
          pbc=\"T T {}\" strain={} step={step}{about}",
         S::STRAINS,
@@ -151,8 +151,11 @@ fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sphere: usize) -> [f64; 3] 
     let rise = end_y - y - rows * side;
     let along = end_x - x - carried - rows * to.offset;
     let along = along - (along / side).round() * side + carried;
-    let across = end_z - z;
-    let across = across - (across / side).round() * side;
+    // Cross strains are known up to whole cells.
+    let crossed = (to.cross_offset - from.cross_offset) / side;
+    let carried = (crossed - crossed.round()) * y;
+    let across = end_z - z - carried - rows * to.cross_offset;
+    let across = across - (across / side).round() * side + carried;
     [along / time, rise / time, across / time]
 }
 

@@ -89,7 +89,7 @@ impl Grid {
 
     /// Takes the cell and the centres of the next applications.
     pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
-        let Cell::Periodic { sides, offset } = *cell else {
+        let Cell::Periodic { sides, offset, .. } = *cell else {
             return;
         };
         let [length_x, length_y] = sides.into();

@@ -207,7 +207,7 @@ impl RealSpace {
 
     /// Takes the cell of this call and returns the self terms: all images of a sphere but itself.
     pub(crate) fn update(&mut self, cell: &Cell) -> [Lanes; 2] {
-        let Cell::Periodic { sides, offset } = *cell else {
+        let Cell::Periodic { sides, offset, .. } = *cell else {
             return [[0.0; LANES]; 2];
         };
         let [length_x, length_y] = sides.into();

@@ -393,7 +393,11 @@ fn choice_of_images_is_immaterial() {
     let (_, centres, radii) = three();
     for radii in [vec![1.0; 3], radii] {
         let at = |offset: f64, centres: &[Vec2]| {
-            let cell = Cell::Periodic { sides, offset };
+            let cell = Cell::Periodic {
+                sides,
+                offset,
+                cross_offset: 0.0,
+            };
             mobility(
                 &mut FarField::new(&cell, &radii, 1e-12).unwrap(),
                 &cell,

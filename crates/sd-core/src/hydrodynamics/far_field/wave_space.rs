@@ -142,7 +142,7 @@ impl WaveSpace {
 
     /// Takes the cell and the centres of this call; returns the sum at separation 0.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
-        let Cell::Periodic { sides, offset } = *cell else {
+        let Cell::Periodic { sides, offset, .. } = *cell else {
             return [[0.0; LANES]; 2];
         };
         let [length_x, length_y] = sides.into();

@@ -213,12 +213,13 @@ impl<S: Started> Simulation<S> {
         let (stress, direction) = (self.params.shear_stress, self.params.direction);
         self.params.take(run, &imposed);
         self.imposed = imposed;
-        if self.params.direction != direction {
-            self.background = S::Background::simple_shear(self.params.direction);
-            if let SchemeMemory::Procedure { velocities, .. } = &mut self.memory {
-                // They say nothing of who approaches whom now.
-                velocities.clear();
-            }
+        self.background = S::Background::simple_shear(self.params.direction)
+            .with_cross_shear(imposed.cross_rate());
+        if self.params.direction != direction
+            && let SchemeMemory::Procedure { velocities, .. } = &mut self.memory
+        {
+            // They say nothing of who approaches whom now.
+            velocities.clear();
         }
         if self.params.shear_stress.is_none() {
             self.drive = Drive::Rate;

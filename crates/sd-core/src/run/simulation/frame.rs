@@ -6,6 +6,7 @@ use crate::contact::laws::Phase;
 use crate::error::Error;
 use crate::run::started::Started;
 use crate::run::steppers::Stage;
+use crate::space::cell::Cell;
 use crate::space::{ImposedFlow as _, Layer, Space};
 
 /// The layer at one instant of a run.
@@ -17,6 +18,8 @@ pub struct Frame<S: Space = Layer> {
     pub side: f64,
     /// Offset of the upper image cell, in a, wrapped into [−side/2, side/2).
     pub offset: f64,
+    /// Its offset along the vorticity, in a, wrapped likewise; 0 without cross shear.
+    pub cross_offset: f64,
     /// Radii, in a.
     pub radii: Vec<f64>,
     /// Centres, in a.
@@ -64,6 +67,14 @@ impl<S: Started> Simulation<S> {
 
     /// Fills in the frame at the stage solved last.
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
+        let (offset, cross_offset) = match self.cell_at(stage.time) {
+            Ok(Cell::Periodic {
+                offset,
+                cross_offset,
+                ..
+            }) => (offset, cross_offset),
+            Ok(Cell::Unbounded) | Err(_) => (0.0, 0.0),
+        };
         // From where the step began the first stage has turned them.
         let ahead = stage.time - self.strain();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
@@ -79,7 +90,8 @@ impl<S: Started> Simulation<S> {
         let frame = Frame {
             strain: stage.time,
             side: self.side,
-            offset: self.offset_at(stage.time),
+            offset,
+            cross_offset,
             radii: self.stage.resistance.radii().to_vec(),
             centres: centres.iter().map(S::point).collect(),
             orientations: orientations.map(turned).collect(),

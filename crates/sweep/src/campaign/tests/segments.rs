@@ -1,7 +1,7 @@
 //! Protocols of several segments.
 
 use super::*;
-use sd_core::model::Segment;
+use sd_core::model::{CrossShear, Segment};
 
 /// The campaign at Γ = 0.1 with segments in place of the length of its runs.
 fn with(segments: &str) -> Result<Campaign, CampaignError> {
@@ -81,6 +81,102 @@ fn segments_follow_each_other() {
     ];
     assert_eq!(case.params.segments, imposed);
     assert_eq!(case.params.shear_rate, 0.1);
+}
+
+/// The campaign of a suspension with one segment.
+fn of_a_suspension(segment: &str) -> Result<Campaign, CampaignError> {
+    let one_rate = GOOD
+        .replace("[0, 0.1, inf]", "0.1")
+        .replace("seeds = 4", "seeds = 1")
+        .replace("area_fraction = [0.693]", "volume_fraction = 0.4");
+    let (protocol, grid) = one_rate
+        .split_once("strain = 1.0\ndiscard = 0.5\n")
+        .unwrap();
+    let segment = format!("[[protocol.segment]]\n{segment}\n");
+    parse_text(&format!("{protocol}{segment}{grid}"))
+}
+
+#[test]
+fn cross_shear_is_read_and_is_part_of_the_key() {
+    let crossed = |numbers: &str| {
+        let segment = format!("strain = 1.0\ncross_shear = {{ {numbers} }}");
+        of_a_suspension(&segment).unwrap()
+    };
+    let first = crossed("amplitude = 0.1, ratio = 10");
+    let imposed = Segment {
+        cross_shear: Some(CrossShear {
+            amplitude: 0.1,
+            ratio: 10.0,
+        }),
+        ..Segment::default()
+    };
+    assert_eq!(first.cases[0].1.params.segments, [imposed]);
+    let key = |campaign: &Campaign| campaign.cases[0].0;
+    let plain = of_a_suspension("strain = 1.0").unwrap();
+    assert!(plain.cases[0].1.params.segments.is_empty());
+    let others = [
+        crossed("amplitude = 0.2, ratio = 10"),
+        crossed("amplitude = 0.1, ratio = 5"),
+        plain,
+    ];
+    for other in &others {
+        assert_ne!(key(other), key(&first));
+    }
+    assert_eq!(key(&crossed("amplitude = 0.1, ratio = 10.0")), key(&first));
+}
+
+#[test]
+fn a_cross_shear_that_cannot_be_is_refused_where_it_is_written() {
+    let crossed = |text: &str| format!("strain = 1.0\ncross_shear = {text}");
+    let error = refused(&format!(
+        "[[protocol.segment]]\n{}\n",
+        crossed("{ amplitude = 0.1, ratio = 10 }")
+    ));
+    assert!(
+        error.contains(
+            "5:15: `cross_shear` = { amplitude = 0.1, ratio = 10 } has no meaning: a layer has no vorticity direction"
+        ),
+        "{error}"
+    );
+    for (text, expected) in [
+        (
+            crossed("{ amplitude = 0.0, ratio = 10 }"),
+            "5:29: `amplitude` = 0.0 is out of range",
+        ),
+        (
+            crossed("{ amplitude = 0.1, ratio = inf }"),
+            "5:42: `ratio` = inf is out of range",
+        ),
+        (
+            crossed("{ amplitude = 0.1, ratio = -1 }"),
+            "5:42: `ratio` = -1 is out of range",
+        ),
+        (
+            crossed("{ amplitude = 0.1 }"),
+            "cross_shear has no `ratio`",
+        ),
+        (
+            crossed("{ amplitude = 0.1, ratio = 10, cycles = 2 }"),
+            "unknown key `cycles`",
+        ),
+        (crossed("0.1"), "`cross_shear` cannot be of type"),
+        (
+            crossed("{ amplitude = 0.1, ratio = 60 }"),
+            "5:42: `cross_shear.ratio` = 60 is not resolved by a time step of 0.01",
+        ),
+        (
+            crossed("{ amplitude = 2.0, ratio = 20 }"),
+            "5:29: `cross_shear.amplitude` = 2 is not resolved by a time step of 0.01",
+        ),
+        (
+            "oscillation = { amplitude = 0.5, cycles = 2 }\ncross_shear = { amplitude = 0.1, ratio = 10 }"
+                .to_owned(),
+            "5:15: `cross_shear` = { amplitude = 0.1, ratio = 10 } is imposed across an oscillation",
+        ),
+    ] {
+        let error = of_a_suspension(&text).unwrap_err().to_string();
+        assert!(error.contains(expected), "{text}\n{error}");
+    }
 }
 
 #[test]

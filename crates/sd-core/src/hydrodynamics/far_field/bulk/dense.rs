@@ -98,14 +98,41 @@ pub(super) fn transform(square: f64, alpha: f64) -> f64 {
     (1.0 + w * (1.0 + 2.0 * w)) * (-w).exp() / square
 }
 
-/// Wave vector of wave numbers.
-pub(super) fn wave_vector(numbers: [i32; 3], sides: &Vector3<f64>, offset: f64) -> Vector3<f64> {
-    let [m, n, l] = numbers.map(f64::from);
-    Vector3::new(
-        m / sides.x,
-        (n - m * offset / sides.x) / sides.y,
-        l / sides.z,
-    ) * (2.0 * PI)
+/// A periodic cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lattice {
+    /// Sides, in a.
+    pub(super) sides: Vector3<f64>,
+    /// Shifts of the images above in y along x and along z, in a.
+    pub(super) offsets: [f64; 2],
+}
+
+impl Lattice {
+    /// That of a cell; `None` of unbounded fluid.
+    pub(super) fn of(cell: &Cell<Bulk>) -> Option<Self> {
+        match *cell {
+            Cell::Unbounded => None,
+            Cell::Periodic {
+                sides,
+                offset,
+                cross_offset,
+            } => Some(Self {
+                sides,
+                offsets: [offset, cross_offset],
+            }),
+        }
+    }
+
+    /// Wave vector of wave numbers: the second one is (k_y L_y + k_x offset + k_z cross offset)/2π.
+    fn wave_vector(&self, numbers: [i32; 3]) -> Vector3<f64> {
+        let (sides, [offset, cross_offset]) = (&self.sides, self.offsets);
+        let [m, n, l] = numbers.map(f64::from);
+        Vector3::new(
+            m / sides.x,
+            (n - m * offset / sides.x - l * cross_offset / sides.z) / sides.y,
+            l / sides.z,
+        ) * (2.0 * PI)
+    }
 }
 
 impl DenseMobility {
@@ -181,9 +208,9 @@ impl DenseMobility {
             });
         }
         mobility.reset(MODES * n, MODES * n);
-        if let (Cell::Periodic { sides, offset }, Some(splitting)) = (cell, self.splitting) {
-            self.add_waves(&splitting, sides, *offset, centres, mobility);
-            self.add_images(&splitting, sides, *offset, centres, mobility);
+        if let (Some(lattice), Some(splitting)) = (Lattice::of(cell), self.splitting) {
+            self.add_waves(&splitting, &lattice, centres, mobility);
+            self.add_images(&splitting, &lattice, centres, mobility);
             return Ok(());
         }
         for i in 0..n {
@@ -203,8 +230,7 @@ impl DenseMobility {
     fn add_images(
         &self,
         splitting: &Splitting,
-        sides: &Vector3<f64>,
-        offset: f64,
+        lattice: &Lattice,
         centres: &[Vector3<f64>],
         mobility: &mut Matrix,
     ) {
@@ -218,7 +244,7 @@ impl DenseMobility {
             add_block(mobility, n, [i, i], &alone, &Vector3::x());
             for j in 0..=i {
                 let x0 = centres[i] - centres[j];
-                for x in images(x0, sides, offset, reach) {
+                for x in images(x0, lattice, reach) {
                     let square = x.norm_squared();
                     if i == j && square < 1e-12 {
                         continue;
@@ -235,19 +261,18 @@ impl DenseMobility {
     fn add_waves(
         &mut self,
         splitting: &Splitting,
-        sides: &Vector3<f64>,
-        offset: f64,
+        lattice: &Lattice,
         centres: &[Vector3<f64>],
         mobility: &mut Matrix,
     ) {
         let n = centres.len();
-        let volume = sides.product();
+        let volume = lattice.sides.product();
         let [left, right] = &mut self.waves;
         for matrix in [&mut *left, &mut *right] {
             matrix.reset(MODES * n, BATCH);
         }
         let mut column = 0;
-        for k in half_waves(sides, offset, splitting.wave) {
+        for k in half_waves(lattice, splitting.wave) {
             let square = k.norm_squared();
             // Both k and −k.
             let weight = 2.0 * transform(square, splitting.alpha) / volume;
@@ -302,11 +327,10 @@ fn unbounded_less(alone: &Coupling, image: &Coupling) -> Coupling {
 /// All images of a separation that are shorter than a distance.
 pub(super) fn images(
     separation: Vector3<f64>,
-    sides: &Vector3<f64>,
-    offset: f64,
+    lattice: &Lattice,
     reach: f64,
 ) -> impl Iterator<Item = Vector3<f64>> {
-    let range = move |x: f64, side: f64| {
+    let range = |x: f64, side: f64, reach: f64| {
         #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
         let (first, last) = (
             ((-reach - x) / side).ceil() as i32,
@@ -314,16 +338,22 @@ pub(super) fn images(
         );
         first..=last
     };
-    let sides = *sides;
-    range(separation.z, sides.z).flat_map(move |l| {
-        range(separation.y, sides.y).flat_map(move |n| {
+    let Lattice {
+        sides,
+        offsets: [offset, cross_offset],
+    } = *lattice;
+    let rows = range(separation.y, sides.y, reach);
+    let most = rows.start().abs().max(rows.end().abs());
+    let shifted = f64::from(most) * cross_offset.abs();
+    range(separation.z, sides.z, reach + shifted).flat_map(move |l| {
+        rows.clone().flat_map(move |n| {
             let x = separation
                 + Vector3::new(
                     f64::from(n) * offset,
                     f64::from(n) * sides.y,
-                    f64::from(l) * sides.z,
+                    f64::from(l) * sides.z + f64::from(n) * cross_offset,
                 );
-            range(x.x, sides.x)
+            range(x.x, sides.x, reach)
                 .map(move |m| x + Vector3::new(f64::from(m) * sides.x, 0.0, 0.0))
                 .filter(move |x| x.norm_squared() < reach * reach)
         })
@@ -331,21 +361,18 @@ pub(super) fn images(
 }
 
 /// One of each pair of wave vectors k, −k up to a wave number, without 0.
-fn half_waves(
-    sides: &Vector3<f64>,
-    offset: f64,
-    cut_off: f64,
-) -> impl Iterator<Item = Vector3<f64>> {
+fn half_waves(lattice: &Lattice, cut_off: f64) -> impl Iterator<Item = Vector3<f64>> {
     #[expect(clippy::cast_possible_truncation, reason = "a sum that can be made")]
     let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as i32;
-    // The second wave number is (k_y L_y + k_x offset)/2π.
-    let [m, n, l] = [sides.x, sides.y.hypot(offset), sides.z].map(highest);
-    let sides = *sides;
+    let lattice = *lattice;
+    let (sides, [offset, cross_offset]) = (lattice.sides, lattice.offsets);
+    let above = sides.y.hypot(offset).hypot(cross_offset);
+    let [m, n, l] = [sides.x, above, sides.z].map(highest);
     (0..=m).flat_map(move |m| {
         (-n..=n).flat_map(move |n| {
             (-l..=l)
                 .filter(move |&l| (m, n, l) > (0, 0, 0))
-                .map(move |l| wave_vector([m, n, l], &sides, offset))
+                .map(move |l| lattice.wave_vector([m, n, l]))
                 .filter(move |k| k.norm_squared() <= cut_off * cut_off)
         })
     })

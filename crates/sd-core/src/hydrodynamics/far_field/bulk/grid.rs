@@ -7,7 +7,7 @@
 //! ```
 //! Window, its transform and its derivative are those of the layer's grid; reading is the transpose of writing.
 
-use super::dense::transform;
+use super::dense::{Lattice, transform};
 use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
 use crate::hydrodynamics::far_field::grid::{oversampling, pack, split};
 use crate::hydrodynamics::far_field::kernels::FiniteSize;
@@ -27,10 +27,10 @@ pub(super) struct Grid {
     /// Largest |k|, in 1/a.
     cut_off: f64,
     sizes: Vec<FiniteSize>,
+    oversampling: f64,
     /// The three lattice coordinates.
     axes: [Axis; 3],
-    sides: Vector3<f64>,
-    offset: f64,
+    lattice: Lattice,
     windows: Vec<[Window; 3]>,
     /// γ over the windows' transforms; zero beyond the cut-off.
     kernel: Vec<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Makes a plan for cells of these sides and any offset; `tolerance`: of M, relative to its largest entry.
+    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its largest entry.
     pub(super) fn new(
         sides: Vector3<f64>,
         sizes: &[FiniteSize],
@@ -52,40 +52,61 @@ impl Grid {
         cut_off: f64,
         tolerance: f64,
     ) -> Self {
-        // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
-        let lengths = [sides.x, sides.y.hypot(0.5 * sides.x), sides.z];
-        let (axes, scratch) = plan_axes(lengths, cut_off, oversampling(tolerance));
-        let points = axes.iter().map(|axis| axis.points).product();
-        let longest = axes.iter().map(|axis| axis.points).max().unwrap_or(0);
-        let zero = Complex64::new(0.0, 0.0);
-        Self {
+        let oversampling = oversampling(tolerance);
+        let (axes, scratch) = plan_axes(lengths(&sides, false), cut_off, oversampling);
+        let mut grid = Self {
             alpha,
             cut_off,
             sizes: sizes.to_vec(),
-            sides,
-            offset: f64::NAN,
-            windows: Vec::with_capacity(sizes.len()),
-            kernel: vec![0.0; points],
-            values: vec![[zero; 3]; points],
-            starts: Vec::new(),
-            lines: vec![zero; 3 * LINES * longest],
-            scratch: vec![zero; scratch],
+            oversampling,
             axes,
-        }
+            lattice: Lattice {
+                sides,
+                offsets: [f64::NAN, 0.0],
+            },
+            windows: Vec::with_capacity(sizes.len()),
+            kernel: Vec::new(),
+            values: Vec::new(),
+            starts: Vec::new(),
+            lines: Vec::new(),
+            scratch: Vec::new(),
+        };
+        grid.make_room(scratch);
+        grid
     }
 
-    /// Takes the offset and the centres of the next applications.
-    pub(super) fn update(&mut self, offset: f64, centres: &[Vector3<f64>]) {
-        if self.offset.to_bits() != offset.to_bits() {
-            self.offset = offset;
+    /// Makes room for the points of the axes, and for transforms that need so much scratch.
+    fn make_room(&mut self, scratch: usize) {
+        let points = self.axes.iter().map(|axis| axis.points).product();
+        let longest = self.axes.iter().map(|axis| axis.points).max().unwrap_or(0);
+        let zero = Complex64::new(0.0, 0.0);
+        self.kernel.resize(points, 0.0);
+        self.values.resize(points, [zero; 3]);
+        self.lines.resize(3 * LINES * longest, zero);
+        self.scratch.resize(scratch, zero);
+    }
+
+    /// Takes the offsets and the centres of the next applications.
+    pub(super) fn update(&mut self, offsets: [f64; 2], centres: &[Vector3<f64>]) {
+        let old = std::mem::replace(&mut self.lattice.offsets, offsets);
+        // The plan depends on the cell alone, not on those before it: a run that is resumed has the same bits.
+        let is_crossed = offsets[1] != 0.0;
+        if is_crossed != (old[1] != 0.0) {
+            let lengths = lengths(&self.lattice.sides, is_crossed);
+            let scratch;
+            (self.axes, scratch) = plan_axes(lengths, self.cut_off, self.oversampling);
+            self.make_room(scratch);
+            self.fill_kernel();
+        } else if old.map(f64::to_bits) != offsets.map(f64::to_bits) {
             self.fill_kernel();
         }
         let Self {
             windows,
             axes,
-            sides,
+            lattice,
             ..
         } = self;
+        let (sides, [offset, cross_offset]) = (lattice.sides, lattice.offsets);
         windows.clear();
         vectorised(
             #[inline(always)]
@@ -93,10 +114,11 @@ impl Grid {
                 for x in centres {
                     let second = x.y / sides.y;
                     let first = (x.x - second * offset) / sides.x;
+                    let third = (x.z - second * cross_offset) / sides.z;
                     windows.push([
                         axes[0].window(first),
                         axes[1].window(second),
-                        axes[2].window(x.z / sides.z),
+                        axes[2].window(third),
                     ]);
                 }
             },
@@ -106,6 +128,10 @@ impl Grid {
     /// Calls `visit` with the place of every kept wave vector, that of its opposite, and the wave vector; one of each such pair.
     fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
         let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
+        let Lattice {
+            sides,
+            offsets: [offset, cross_offset],
+        } = self.lattice;
         let place = |m: isize, n: isize, l: isize| {
             let [x, y, z] =
                 [(0, m), (1, n), (2, l)].map(|(axis, wave)| self.axes[axis].index(wave));
@@ -117,12 +143,9 @@ impl Grid {
                     if m == 0 && (n, l) <= (0, 0) {
                         continue;
                     }
-                    let (x, y) = (m as f64 / self.sides.x, n as f64);
-                    let k = Vector3::new(
-                        x,
-                        (y - x * self.offset) / self.sides.y,
-                        l as f64 / self.sides.z,
-                    ) * (2.0 * PI);
+                    let (x, y, z) = (m as f64 / sides.x, n as f64, l as f64 / sides.z);
+                    let across = (y - x * offset - z * cross_offset) / sides.y;
+                    let k = Vector3::new(x, across, z) * (2.0 * PI);
                     if k.norm_squared() <= self.cut_off * self.cut_off {
                         let numbers = [m, n, l].map(isize::unsigned_abs);
                         visit(place(m, n, l), place(-m, -n, -l), k, numbers);
@@ -132,11 +155,11 @@ impl Grid {
         }
     }
 
-    /// The transforms of the kernel at this offset.
+    /// The transforms of the kernel at these offsets.
     fn fill_kernel(&mut self) {
         let mut kernel = std::mem::take(&mut self.kernel);
         kernel.fill(0.0);
-        let volume = self.sides.product();
+        let volume = self.lattice.sides.product();
         self.for_waves(|here, there, k, numbers| {
             let window: f64 = (0..3)
                 .map(|axis| self.axes[axis].correction[numbers[axis]])
@@ -168,8 +191,13 @@ impl Grid {
 
     /// Derivatives of the lattice coordinates: row c holds what `∂_c` has of `∂_X, ∂_Y, ∂_Z`.
     fn slopes(&self) -> [[f64; 3]; 3] {
-        let [x, y, z] = [0, 1, 2].map(|k| self.sides[k].recip());
-        [[x, 0.0, 0.0], [-self.offset * x * y, y, 0.0], [0.0, 0.0, z]]
+        let [x, y, z] = [0, 1, 2].map(|k| self.lattice.sides[k].recip());
+        let [offset, cross_offset] = self.lattice.offsets;
+        [
+            [x, 0.0, 0.0],
+            [-offset * x * y, y, -cross_offset * y * z],
+            [0.0, 0.0, z],
+        ]
     }
 
     /// Spreads the sources over the grid.
@@ -358,6 +386,17 @@ impl Grid {
             }
         }
     }
+}
+
+/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each. Offsets are at most half a side.
+fn lengths(sides: &Vector3<f64>, is_crossed: bool) -> [f64; 3] {
+    let above = sides.y.hypot(0.5 * sides.x);
+    let above = if is_crossed {
+        above.hypot(0.5 * sides.z)
+    } else {
+        above
+    };
+    [sides.x, above, sides.z]
 }
 
 /// Dipole of a stresslet in components.

@@ -2,7 +2,7 @@
 //!
 //! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes through a grid.
 
-use super::dense::{Splitting, images};
+use super::dense::{Lattice, Splitting, images};
 use super::grid::Grid;
 use super::kernels::{couplings, finite_size, self_mobility};
 use crate::error::Error;
@@ -47,7 +47,7 @@ impl MobilityOperator {
     /// Makes the plan whose applications cost least.
     ///
     /// # Arguments
-    /// - `cell`: periodic; its offset may differ in every call of [`MobilityOperator::update`].
+    /// - `cell`: periodic; its offsets may differ in every call of [`MobilityOperator::update`].
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3.
     ///
@@ -141,17 +141,14 @@ impl MobilityOperator {
                 expected: self.sizes.len(),
             });
         }
-        let offset = match *cell {
-            Cell::Periodic { sides, offset } if sides == self.sides => offset,
-            _ => {
-                return Err(Error::OutOfRange {
-                    field: "cell",
-                    value: self.sides.x,
-                    allowed: "of the sides the far field was planned for",
-                });
-            }
+        let Some(lattice) = Lattice::of(cell).filter(|lattice| lattice.sides == self.sides) else {
+            return Err(Error::OutOfRange {
+                field: "cell",
+                value: self.sides.x,
+                allowed: "of the sides the far field was planned for",
+            });
         };
-        self.grid.update(offset, centres);
+        self.grid.update(lattice.offsets, centres);
         self.pairs.clear();
         if self.reaches_one_image() {
             self.list
@@ -164,11 +161,11 @@ impl MobilityOperator {
             return Ok(());
         }
         // In small or thin cells a sphere meets several images of another, and of itself.
-        let (sides, reach) = (self.sides, self.splitting.distance);
+        let reach = self.splitting.distance;
         for i in 0..centres.len() {
             for j in i..centres.len() {
                 let separation = centres[i] - centres[j];
-                for x in images(separation, &sides, offset, reach) {
+                for x in images(separation, &lattice, reach) {
                     // Of the images of a sphere itself, each pair of opposite ones once.
                     if i != j || (x.z, x.y, x.x) > (0.0, 0.0, 0.0) {
                         self.add_pair(i, j, &x);
