@@ -346,7 +346,7 @@ fn exchanged(configuration: &Configuration<Bulk>) -> Configuration<Bulk> {
         cross_offset,
     } = configuration.cell
     else {
-        panic!("periodic");
+        unreachable!("the cell is periodic");
     };
     let flow = configuration.background;
     let mut rate_of_strain = flow.rate_of_strain;

@@ -86,7 +86,7 @@ impl WrittenSegment {
         })
     }
 
-    /// A problem of parameters in this segment, at the value that it names, or beside the other place.
+    /// A problem of parameters in this segment, at the value that it names.
     pub(super) fn problem(&self, mut problem: Problem) -> Problem {
         let key = problem.about.key.clone().unwrap_or_default();
         match self.places.iter().find(|(name, _)| *name == key) {
@@ -94,7 +94,8 @@ impl WrittenSegment {
                 problem.labels.clear();
                 problem.also(place, "here")
             }
-            None => problem.also(&self.place, "in this segment"),
+            // What the grid writes is wrong there.
+            None => problem,
         }
     }
 }

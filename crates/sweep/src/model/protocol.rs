@@ -56,6 +56,11 @@ impl PlannedSegment {
         words.extend(rate.map(|rate| format!("Γ {}", short(rate, 6))));
         let stress = self.imposed.shear_stress;
         words.extend(stress.map(|stress| format!("σ* {}", short(stress, 6))));
+        let cross = self.imposed.cross_shear;
+        words.extend(cross.map(|cross| {
+            let [amplitude, ratio] = [cross.amplitude, cross.ratio].map(|value| short(value, 6));
+            format!("cross shear {amplitude} at {ratio} times the rate")
+        }));
         words.join(", ")
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Kept, by_space};
 use crate::axes::{AXES, Axis, Value};
+use crate::format::count;
 use crate::spaces::AnyFrame;
 use sd_core::Params;
 use sd_core::simulation::Frame;
@@ -46,7 +47,19 @@ fn write_frames<S: Kept>(
             (None, Some(before)) => Some([frames[before].1, *frame]),
             (None, None) => None,
         };
-        write_frame(frame, *step, pair, &about, out)?;
+        let velocities = pair.map(|[from, to]| {
+            let net = |frame: &Frame<S>| {
+                let params = &filmed.params;
+                params.net_strain(count(frame.strain / params.time_step) as u64)
+            };
+            let sheared = if filmed.params.segments.is_empty() {
+                to.strain - from.strain
+            } else {
+                net(to) - net(from)
+            };
+            move |sphere| velocity(from, to, sheared, sphere)
+        });
+        write_frame(frame, *step, velocities.as_ref(), &about, out)?;
     }
     Ok(())
 }
@@ -69,7 +82,7 @@ fn about(filmed: &Filmed) -> String {
 fn write_frame<S: Kept>(
     frame: &Frame<S>,
     step: u64,
-    pair: Option<[&Frame<S>; 2]>,
+    velocity_of: Option<&impl Fn(usize) -> [f64; 3]>,
     about: &str,
     out: &mut dyn Write,
 ) -> io::Result<()> {
@@ -88,7 +101,11 @@ fn write_frame<S: Kept>(
     };
     let angle = if is_layer { ":angle:R:1" } else { "" };
     let smallest = frame.radii.iter().copied().fold(f64::INFINITY, f64::min);
-    let velocities = if pair.is_some() { ":velo:R:3" } else { "" };
+    let velocities = if velocity_of.is_some() {
+        ":velo:R:3"
+    } else {
+        ""
+    };
     writeln!(out, "{}", frame.centres.len())?;
     writeln!(
         out,
@@ -116,8 +133,8 @@ fn write_frame<S: Kept>(
         }
         write_all(frame.stresslets[number].as_ref(), out)?;
         write!(out, " {}", touching[number])?;
-        if let Some([from, to]) = pair {
-            write_all(&velocity(from, to, number), out)?;
+        if let Some(velocity_of) = velocity_of {
+            write_all(&velocity_of(number), out)?;
         }
         writeln!(out)?;
     }
@@ -136,17 +153,17 @@ fn in_space(point: &[f64]) -> [f64; 3] {
     [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
 }
 
-/// The mean velocity of a sphere between two frames, in a·rate.
+/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a strain.
 ///
 /// A sphere that left the cell came in again as one of its images; the images of the later frame tell where it went, since they move with
 /// the flow.
-fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sphere: usize) -> [f64; 3] {
+fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sheared: f64, sphere: usize) -> [f64; 3] {
     let time = to.strain - from.strain;
     let [x, y, z] = in_space(from.centres[sphere].as_ref());
     let [end_x, end_y, end_z] = in_space(to.centres[sphere].as_ref());
     let side = to.side;
     // Where the flow alone would bring it.
-    let carried = time * y;
+    let carried = sheared * y;
     let rows = ((end_y - y) / side).round();
     let rise = end_y - y - rows * side;
     let along = end_x - x - carried - rows * to.offset;
@@ -225,7 +242,7 @@ mod tests {
         );
         let wanted = [[6.0, 0.0], [8.15, 0.4], [0.05, -0.4]];
         for (sphere, wanted) in wanted.into_iter().enumerate() {
-            let found = velocity(&from, &to, sphere);
+            let found = velocity(&from, &to, time, sphere);
             for (a, b) in found.into_iter().zip(wanted) {
                 assert!((a - b).abs() < 1e-12, "{sphere}: {found:?}");
             }

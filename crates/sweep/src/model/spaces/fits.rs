@@ -47,7 +47,7 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
     match Bulk::radii_and_side(params) {
         Ok(_) => Ok(()),
         Err(Error::CellTooSmall { side, needed, .. }) => {
-            let least = (params.spheres as f64 * (needed / side).powi(3)).ceil();
+            let least = least_spheres(params, side, needed);
             refuse(
                 "spheres",
                 params.spheres.to_string(),
@@ -63,4 +63,23 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
         }
         Err(other) => Err(other),
     }
+}
+
+/// How many spheres make a cell that is wide enough, where so many make one of `side` and `needed` is its least width. The largest of
+/// more spheres may be larger.
+fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
+    let mut more = params.clone();
+    while more.spheres < Params::MOST_SPHERES {
+        let wanted = crate::format::count((more.spheres as f64 * (needed / side).powi(3)).ceil());
+        more.spheres = wanted.max(more.spheres + 1);
+        match Bulk::radii_and_side(&more) {
+            Err(Error::CellTooSmall {
+                side: wide,
+                needed: least,
+                ..
+            }) => (side, needed) = (wide, least),
+            _ => break,
+        }
+    }
+    more.spheres
 }
