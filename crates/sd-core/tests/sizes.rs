@@ -3,12 +3,10 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::compiled::Compiled;
 use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::start::Started;
 use sd_core::{
     Bulk, ContactScheme, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Params,
-    Simulation,
+    Simulation, Started,
 };
 
 /// Parameters of a layer of these sizes.
@@ -37,7 +35,7 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
 }
 
 /// Viscosity of the start of seed 1 in simple shear, with radii changed by a share of each that grows from sphere to sphere.
-fn viscosity<S: Compiled + Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
+fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
     let start = S::start(params, 1).unwrap();
     let radii = start.radii.iter().enumerate();
     let configuration = Configuration::<S> {
@@ -99,7 +97,7 @@ fn many_sizes_go_over_into_a_few_as_they_come_together() {
 }
 
 /// Makes two runs of twelve steps, one of them interrupted, and compares bits.
-fn check_interrupted<S: Compiled + Started>(params: &Params) {
+fn check_interrupted<S: Started>(params: &Params) {
     params.validate().unwrap();
     let tables = NearFields::default();
     let mut whole = Simulation::<S>::new(params, 3, &tables).unwrap();
