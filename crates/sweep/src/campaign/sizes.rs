@@ -31,6 +31,14 @@ pub(super) fn read(written: &Spanned<DeValue<'_>>) -> Result<Value, Problem> {
     let kind = match written.get_ref() {
         DeValue::Table(entries) => distribution(entries, &written.span())?,
         DeValue::Array(list) => species(list, &written.span())?,
+        // As tables show them.
+        DeValue::String(text) => {
+            let sizes: Result<Sizes, Refusal> = text.parse();
+            return match sizes {
+                Ok(sizes) => Ok(Value::Word(sizes.text())),
+                Err(refusal) => Err(refused(refusal, &written.span())),
+            };
+        }
         _ => return Err(wrong_type(written, SIZES, ALLOWED)),
     };
     Ok(Value::Word(Sizes::new(&kind).text()))

@@ -122,6 +122,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         symbol: "sizes",
         meaning: "sizes of the spheres",
         example: "{ lognormal = 0.2 }",
+        has_meaning: |p| p.sizes.is_some(),
         is_shown: |p| p.sizes.is_some(),
         form: Form::Choice(Choice {
             words: || Distribution::WORDS.to_vec(),
