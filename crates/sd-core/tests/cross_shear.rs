@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "common/resumed.rs"]
+mod resumed;
+
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
@@ -280,18 +283,8 @@ fn a_run_goes_on_with_the_same_bits_from_every_step() {
         (springs(&segments), 60),
         (full, 20),
     ] {
-        let mut whole = begin(&params, 2);
-        let mut again: Option<Simulation<Bulk>> = None;
-        for step in 0..count {
-            if step % 3 == 0 {
-                let snapshot = whole.snapshot();
-                again = Some(
-                    Simulation::from_snapshot(&params, snapshot, &NearFields::default()).unwrap(),
-                );
-            }
-            let resumed = again.as_mut().unwrap().step().unwrap();
-            assert_eq!(whole.step().unwrap(), resumed, "step {step}");
-        }
+        params.validate().unwrap();
+        resumed::check::<Bulk>(&params, count, 3);
     }
 }
 

@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "common/resumed.rs"]
+mod resumed;
+
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::model::{Segment, StartLayer};
@@ -298,18 +301,8 @@ fn a_segment_goes_on_as_a_run_that_begins_with_the_layer() {
 fn a_run_goes_on_with_the_same_bits_from_every_step() {
     for params in [layer, springs] {
         let params = params(&protocol());
-        let mut whole = begin(&params, 2);
-        let mut again: Option<Simulation> = None;
-        for step in 0..180 {
-            if step % 5 == 0 {
-                let snapshot = whole.snapshot();
-                again = Some(
-                    Simulation::from_snapshot(&params, snapshot, &NearFields::default()).unwrap(),
-                );
-            }
-            let resumed = again.as_mut().unwrap().step().unwrap();
-            assert_eq!(whole.step().unwrap(), resumed, "step {step}");
-        }
+        params.validate().unwrap();
+        resumed::check::<Layer>(&params, 180, 5);
     }
 }
 

@@ -1,6 +1,8 @@
 //! Values on an axis as people read them: in the units of a report, to as few digits as keep different values apart.
 
 use super::figure::log_axis::power_of_ten;
+use super::points::Report;
+use super::sheet::{Head, NumberFormat, SheetColumn};
 use super::starts::Starts;
 use super::units::{At, Units};
 use crate::axes::{AXES, Axis, Kind, Value};
@@ -14,6 +16,22 @@ pub(super) struct AxisWords<'a> {
     units: Units,
     starts: &'a Starts,
     pub(super) digits: Digits,
+}
+
+/// The columns of axes in a table that has a row for each of these parameters.
+pub(super) fn columns_of_axes<'p>(
+    axes: &[&Axis],
+    report: &Report,
+    params: &(impl Iterator<Item = &'p Params> + Clone),
+    format: NumberFormat,
+) -> Vec<SheetColumn> {
+    let column = |axis: &&Axis| {
+        let words = AxisWords::of(axis, report.units, &report.starts, params.clone());
+        let cells = params.clone().map(|params| Some(words.cell(params)));
+        let head = Head::new(axis.key, axis.symbol, "", 0);
+        SheetColumn::new(head, cells.collect(), format)
+    };
+    axes.iter().map(column).collect()
 }
 
 impl<'a> AxisWords<'a> {

@@ -1,6 +1,6 @@
 //! What each segment of the runs of a campaign says, point by point.
 
-use super::axis_words::AxisWords;
+use super::axis_words::columns_of_axes;
 use super::columns::point_row;
 use super::curves::{Shared, labels};
 use super::error::ReportError;
@@ -214,7 +214,7 @@ impl SegmentReport {
         })
     }
 
-    fn params(&self) -> impl Iterator<Item = &Params> {
+    fn params(&self) -> impl Iterator<Item = &Params> + Clone {
         let rows = self.rows.iter();
         rows.map(|(place, ..)| &self.report.points[*place].params)
     }
@@ -227,14 +227,7 @@ impl SegmentReport {
             .iter()
             .filter(|axis| axis.varies(self.params()))
             .collect();
-        let mut columns: Vec<SheetColumn> = axes
-            .iter()
-            .map(|axis| {
-                let words = AxisWords::of(axis, report.units, &report.starts, self.params());
-                let cells = self.params().map(|params| Some(words.cell(params)));
-                column(Head::new(axis.key, axis.symbol, "", 0), cells.collect())
-            })
-            .collect();
+        let mut columns = columns_of_axes(&axes, report, &self.params(), shape.format);
         let mut add = |name, heading, rank, cell: &dyn Fn(&Row) -> Option<Uncertain>| {
             let cells: Vec<_> = self.rows.iter().map(cell).collect();
             if cells.iter().any(Option::is_some) {
@@ -257,18 +250,11 @@ impl SegmentReport {
         for (k, number) in NUMBERS.iter().enumerate() {
             add(number.name, number.heading, number.rank, &|(.., of)| {
                 let estimate = of.numbers[k]?;
-                Some(match estimate.ci95 {
-                    Some(half) => Uncertain::Interval(estimate.mean, half),
-                    None => Uncertain::of(estimate.mean, 3),
-                })
+                Some(Uncertain::measured(estimate.mean, estimate.ci95))
             });
         }
         let sheet = Sheet::new(axes.len() + 1, columns, NumberFormat::Plain);
-        if shape.wide {
-            sheet
-        } else {
-            sheet.fitted(width)
-        }
+        sheet.shaped(shape, width)
     }
 
     /// Name of the campaign, its segments, and at how many points there are runs.

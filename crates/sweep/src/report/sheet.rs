@@ -146,6 +146,11 @@ impl Sheet {
         width(&self.columns, self.gap)
     }
 
+    /// All of it where a wide one is asked for, else what fits a terminal of this width.
+    pub(crate) fn shaped(self, shape: Shape, width: Option<u16>) -> Self {
+        if shape.wide { self } else { self.fitted(width) }
+    }
+
     /// Leaves out columns until it fits a terminal of this width.
     pub(crate) fn fitted(mut self, most: Option<u16>) -> Self {
         let most = room(most);

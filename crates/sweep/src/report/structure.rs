@@ -2,7 +2,7 @@
 
 mod data;
 
-use super::axis_words::{AxisWords, all_named};
+use super::axis_words::{all_named, columns_of_axes};
 use super::curves::{Shared, labels};
 use super::error::ReportError;
 use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs_of, draw_picture};
@@ -124,7 +124,7 @@ impl StructureReport {
         Ok(Self { report, points })
     }
 
-    fn params(&self) -> impl Iterator<Item = &Params> {
+    fn params(&self) -> impl Iterator<Item = &Params> + Clone {
         let points = self.points.iter();
         points.map(|(place, _)| &self.report.points[*place].params)
     }
@@ -140,14 +140,7 @@ impl StructureReport {
         let report = &self.report;
         let column = |head, cells| SheetColumn::new(head, cells, shape.format);
         let axes = self.axes();
-        let mut columns: Vec<SheetColumn> = axes
-            .iter()
-            .map(|axis| {
-                let words = AxisWords::of(axis, report.units, &report.starts, self.params());
-                let cells = self.params().map(|params| Some(words.cell(params)));
-                column(Head::new(axis.key, axis.symbol, "", 0), cells.collect())
-            })
-            .collect();
+        let mut columns = columns_of_axes(&axes, report, &self.params(), shape.format);
         let counts: [(Count, u8); 2] = [
             (("runs", "", |s| s.runs), 0),
             (("frames", "", |s| s.frames), 4),
@@ -161,10 +154,7 @@ impl StructureReport {
         }
         let mut add = |name, heading: &str, rank, of: &dyn Fn(&Structure) -> Option<Band>| {
             let cell = |(_, structure): &(usize, Structure)| {
-                of(structure).map(|band| match band.ci95 {
-                    Some(half) => Uncertain::Interval(band.mean, half),
-                    None => Uncertain::of(band.mean, 3),
-                })
+                of(structure).map(|band| Uncertain::measured(band.mean, band.ci95))
             };
             let cells: Vec<_> = self.points.iter().map(cell).collect();
             if cells.iter().any(Option::is_some) {
@@ -178,11 +168,7 @@ impl StructureReport {
             s.fabric_deviator
         });
         let sheet = Sheet::new(axes.len(), columns, NumberFormat::Plain);
-        if shape.wide {
-            sheet
-        } else {
-            sheet.fitted(width)
-        }
+        sheet.shaped(shape, width)
     }
 
     /// Name of the campaign, how many runs and frames there are, and at how many points.

@@ -129,6 +129,11 @@ impl Uncertain {
         Self::Number(number, digits)
     }
 
+    /// What was measured, with half its interval where it has one, else to three digits.
+    pub(crate) fn measured(number: f64, half: Option<f64>) -> Self {
+        half.map_or(Self::of(number, 3), |half| Self::Interval(number, half))
+    }
+
     /// Words.
     pub fn word(words: impl Into<Cow<'static, str>>) -> Self {
         Self::Word(words.into())

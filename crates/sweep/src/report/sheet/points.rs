@@ -68,12 +68,7 @@ impl Sheet {
                 let head = Head::new(&column.name, *heading, "", *rank);
                 Some(of_column(report, column, head, *digits, shape.format))
             }));
-            let sheet = Self::new(axes, columns, shape.format);
-            return if shape.wide {
-                sheet
-            } else {
-                sheet.fitted(width)
-            };
+            return Self::new(axes, columns, shape.format).shaped(shape, width);
         };
         columns.extend(chosen.iter().map(|column| {
             // On the screen by the name it was asked for, which is explained below.
