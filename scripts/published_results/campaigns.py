@@ -2,7 +2,7 @@
 
 import shutil
 
-from . import lattices, pairs
+from . import lattices
 from .place import RESULTS, sweep
 
 
@@ -69,7 +69,7 @@ CAMPAIGNS = {
 # Runs of the same cases are shared.
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which every run by itself is published too.
-OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "time-step"]
+OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full"]
 # Campaigns whose network of frictional contacts is published too, in a file NAME-network.csv.
 OF_NETWORKS = ["figure-14", "flow-curve"]
 NETWORK = ["viscosity", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
@@ -131,5 +131,3 @@ def make(name):
         sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}-network.csv", "--columns", ",".join(NETWORK))
     for suffix, wanted in FITS.get(name, {}).items():
         _fit(campaign, f"{name}{suffix}", wanted)
-    if name == "time-step":
-        (RESULTS / "time-step-pairs.md").write_text(pairs.page(RESULTS / "time-step-runs.csv"), encoding="utf-8")

@@ -29,9 +29,9 @@ MARKERS = ["o", "s", "^", "v", "D", "P"]
 # From the paper's reading of its model to soft layers that stick.
 MODELS = {
     "rigid, roll-slip, stresslets alone": "the paper: rigid, roll-slip, stresslets alone",
-    "rigid, roll-slip": "contact stress counted",
-    "rigid, coulomb": "friction that sticks: rigid",
-    "k = 1e5, stick-slide": "the same on springs, k = 1e5",
+    "rigid, roll-slip": "contact stress included",
+    "rigid, coulomb": "sticking friction: rigid",
+    "k = 1e5, stick-slide": "sticking friction: springs, k = 1e5",
     "k = 1e4, stick-slide": "k = 1e4",
     "k = 1e3, stick-slide": "k = 1e3",
 }
@@ -68,7 +68,7 @@ def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=T
 
 
 def thickening():
-    """Rises against c, a panel for each friction."""
+    """Rises of the viscosity against c, a panel for each friction."""
     effects = pd.read_csv(RESULTS / EFFECTS)
     effects = effects[effects["kind"] == "rise"]
 
@@ -77,10 +77,12 @@ def thickening():
             points = panel[panel["choice"] == choice]
             if len(points):
                 style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 1, "capsize": 2, "label": label}
-                ax.errorbar(points["area_fraction"], points["rise"], points["rise_ci95"], **style)
+                ax.errorbar(points["area_fraction"], points["factor"], points["factor_ci95"], **style)
+        ax.set_yticks([1, 2, 4, 8, 16], ["1", "2", "4", "8", "16"])
+        ax.yaxis.minorticks_off()
 
     panels = {f"ν = {friction:g}": panel for friction, panel in effects.groupby("friction")}
-    _write("cause-of-thickening.svg", [EFFECTS], panels, draw, "area fraction c", "ln(η above / η below the transition)")
+    _write("cause-of-thickening.svg", [EFFECTS], panels, draw, "area fraction c", "η above / η below the transition", "log", "linear")
 
 
 def beside():

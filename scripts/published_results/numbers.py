@@ -63,9 +63,3 @@ def interval(value, half):
     decimals = max(0, 1 - first)
     text = f"{value:.{decimals}f} ± {half:.{decimals}f}"
     return f"({text})e{shift}" if shift else text
-
-
-def change(one, other):
-    """How much more the first number is, in per cent."""
-    percent = 100 * (one / other - 1)
-    return f"{percent:+.{1 if abs(percent) < 9.95 else 0}f} %"

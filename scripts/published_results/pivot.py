@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import pandas as pd
 from scipy.stats import t as student
 
-from .numbers import change, interval, plain, short, significant
+from .numbers import interval, plain, short, significant
 from .place import Wrong
 from .units import PublishedUnits
 
@@ -56,7 +56,7 @@ SYMBOLS = {
     "viscosity_across_axes_far_field": "far field alone",
     "slope_exact": "exact",
     "published_stress": "6π σ'",
-    "rise": "ln(η above / η below)",
+    "factor": "η above / η below",
 }
 
 
@@ -161,6 +161,23 @@ def _pairs(text, separator):
     return pairs
 
 
+def chosen(file, wanted, columns):
+    """The rows of a file whose columns have one of the values that are wanted of each; the file must
+    have these columns too."""
+    if not file.exists():
+        raise Wrong(f"there is no {file.name}")
+    data = pd.read_csv(file, dtype=str, keep_default_na=False)
+    for column in [*columns, *(column for column, _ in wanted)]:
+        if column not in data:
+            raise Wrong(f"{file.name} has no column {column}")
+    for column, values in wanted:
+        for value in values:
+            if not data[column].map(lambda there: same(there, value)).any():
+                raise Wrong(f"no row of {file.name} has {column} = {value}")
+        data = data[data[column].map(lambda there: any(same(there, value) for value in values))]
+    return [row.to_dict() for _, row in data.iterrows()]
+
+
 @dataclass
 class Pivot:
     """How a table is made."""
@@ -172,7 +189,6 @@ class Pivot:
     labels: list = field(default_factory=list)
     cells: list = field(default_factory=list)
     wanted: list = field(default_factory=list)
-    change: list | None = None
 
     @classmethod
     def parse(cls, parts):
@@ -192,8 +208,6 @@ class Pivot:
                     pivot.cells = [Shown.parse(cell.strip()) for cell in text.split(", ")]
                 case "where":
                     pivot.wanted = [(name, values.split("|")) for name, values in _pairs(text, "=")]
-                case "change":
-                    pivot.change = _pairs(text, " over ")[0]
                 case "labels":
                     pivot.labels = [(float(value), label) for value, label in _pairs(text, "=")]
                 case _:
@@ -212,24 +226,12 @@ class Pivot:
             raise Wrong(f"{self.columns} = {value} has no label")
         return label
 
-    def _chosen(self, file):
-        """The rows that are wanted."""
-        data = pd.read_csv(file, dtype=str, keep_default_na=False)
-        named = [*self.rows, *([self.columns] if self.columns else []), *(column for column, _ in self.wanted)]
-        for column in named + [column for shown in self.cells for column in shown.columns()]:
-            if column not in data:
-                raise Wrong(f"{file.name} has no column {column}")
-        for column, values in self.wanted:
-            for value in values:
-                if not data[column].map(lambda there: same(there, value)).any():
-                    raise Wrong(f"no row has {column} = {value}")
-            data = data[data[column].map(lambda there: any(same(there, value) for value in values))]
-        return [row.to_dict() for _, row in data.iterrows()]
-
     def table(self, file):
         """The lines of the table of a file."""
         cells, keys, places = {}, [], []
-        for row in self._chosen(file):
+        named = [*self.rows, *([self.columns] if self.columns else [])]
+        shown = [column for shown in self.cells for column in shown.columns()]
+        for row in chosen(file, self.wanted, named + shown):
             key, place = tuple(row[column] for column in self.rows), self._place(row)
             if (key, place) in cells:
                 raise Wrong(f"several rows of {file.name} share a cell")
@@ -249,14 +251,8 @@ class Pivot:
             for shown in self.cells:
                 write = shown.as_written if are_of_others else shown.cell
                 line += [write(cells[key, place]) if (key, place) in cells else "" for place in places]
-                if self.change:
-                    line.append(self._change(shown, {place: cells[key, place] for place in places if (key, place) in cells}))
             lines.append(line)
         return lines
-
-    def _change(self, shown, row):
-        found = [shown.value(row[place])[0] for wanted in self.change for place in row if same(place, wanted)]
-        return change(*found) if len(found) == 2 and not any(map(math.isnan, found)) else ""
 
     def _headings(self, places):
         line = [symbol(column) for column in self.rows]
@@ -269,7 +265,4 @@ class Pivot:
                     line.append(shown.heading())
                 else:
                     line.append(place if len(self.cells) == 1 else f"{shown.heading()}, {place}")
-            if self.change:
-                one, other = self.change
-                line.append(f"{shown.heading()}, {word(one)} over {word(other)}")
         return line

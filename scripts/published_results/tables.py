@@ -38,7 +38,7 @@ def markdown(lines):
 def _lines(parts, folder):
     """The lines of a table; None where a file of it was not made yet."""
     if parts[0] == "campaigns":
-        return reports.table_of_campaigns()
+        return [["campaign", "made by", "CPU time", "state"], *map(list, reports.states())]
     files = parts[0].split(", ")
     pivot = None
     if not files[0].endswith((".txt", ".json")):
@@ -65,13 +65,3 @@ def with_tables(page, folder=RESULTS):
         if END not in lines:
             raise Wrong(f"{line}\nhas no {END}")
     return "\n".join(made) + "\n"
-
-
-def by_hand(page):
-    """Headings of tables without a marker before them."""
-    lines = page.splitlines()
-    return [
-        line
-        for before, line in zip(["", *lines], lines)
-        if line.startswith("|") and not before.startswith(("|", BEGIN))
-    ]

@@ -22,13 +22,13 @@ from .place import RESULTS
 BELOW, ABOVE = 0.01, 10.0
 # Area fractions from here on are near jamming, where moments of a run make its mean: there medians in time stand for means.
 NEAR_JAMMING = 0.775
-CAMPAIGNS = ["cause-of-thickening", "cause-of-thickening-full"]
+RUNS = ["cause-of-thickening-runs.csv", "cause-of-thickening-full-runs.csv"]
 EFFECTS = "cause-of-thickening-effects.csv"
 
 
 def read(folder=RESULTS):
     """The runs of both campaigns, with the logarithms of their viscosities."""
-    return with_logarithms(pd.concat([pd.read_csv(folder / f"{name}-runs.csv") for name in CAMPAIGNS]))
+    return with_logarithms(pd.concat([pd.read_csv(folder / name) for name in RUNS]))
 
 
 def with_logarithms(runs):
@@ -89,6 +89,9 @@ def rise(runs, question, c, friction):
         "area_fraction": c,
         "rise": known[0],
         "rise_ci95": known[1],
+        # How many times as high the viscosity is, to first order in the interval.
+        "factor": np.exp(known[0]),
+        "factor_ci95": np.exp(known[0]) * known[1],
         # Runs that it was taken from, and those that jammed or failed instead.
         "seeds": sum(len(values) for _, values in terms),
         "lost": lost,
@@ -100,8 +103,3 @@ def effects(runs):
     places = runs[["friction", "area_fraction"]].drop_duplicates().sort_values(["friction", "area_fraction"])
     rows = [rise(runs, question, c, friction) for question in questions() for friction, c in places.itertuples(index=False)]
     return pd.DataFrame([row for row in rows if row])
-
-
-def as_csv(table):
-    # The last digits depend on the order of sums.
-    return table.to_csv(index=False, lineterminator="\n", float_format="%.10g")
