@@ -1,8 +1,8 @@
-"""What is asked of the campaigns `cause-of-thickening`: sums and differences of the rises of their models.
+"""The questions of the campaigns `cause-of-thickening`: sums and differences of rises.
 
-A question is a sum over models: pairs of a weight and a model. What is asked of a model is one of three viscosities: the whole one (ALL),
-stresslets alone as eq. (20) of the paper has it (STRESSLETS), or the ratio of the first to the second (RATIO), which is what the contact
-stress makes.
+A question is a sum over pairs of a weight and a model. It is about one of three viscosities: the whole
+one (ALL), stresslets alone as in eq. (20) of the paper (STRESSLETS), or the ratio of the first to the
+second (RATIO), which is the contribution of the contact stress.
 """
 
 import math
@@ -18,7 +18,7 @@ FULL = "stokesian-dynamics"
 
 @dataclass(frozen=True)
 class Model:
-    """A model at one place of the design: Ball-Melrose unless said otherwise."""
+    """A model of the design, with Ball-Melrose hydrodynamics by default."""
 
     stiffness: float
     # Whether friction sticks: coulomb on rigid contacts, stick-slide on springs.
@@ -68,7 +68,7 @@ def mean(sums):
 
 
 def sticking(stiffness):
-    """What friction that sticks makes, under Ball-Melrose."""
+    """The effect of sticking friction, with Ball-Melrose hydrodynamics."""
     return less(Model(stiffness, True), Model(stiffness, False))
 
 
@@ -83,7 +83,7 @@ def rises():
 
 
 def steps():
-    """From the paper's reading of its model to the model of the field, one choice after the other: these add up."""
+    """From the paper's model to the soft-sphere model, one choice after the other: these add up."""
     paper, field = Model(RIGID, False), Model(1e4, True, LUBRICATION)
     yield Question("step", "the paper: rigid, roll-slip, stresslets alone", alone(paper), STRESSLETS)
     yield Question("step", "× contact stress included", alone(paper), RATIO)
@@ -95,7 +95,7 @@ def steps():
 
 
 def main_effects():
-    """What each choice makes, averaged over the others."""
+    """The effect of each choice, averaged over the others."""
     seven = [Model(stiffness, False) for stiffness in NORMALS] + [Model(stiffness, True) for stiffness in SPRINGS]
     three = [Model(RIGID, False), Model(1e4, False), Model(1e4, True)]
 

@@ -1,4 +1,4 @@
-"""Where viscosities of freely sheared suspensions diverge: η = α (1 − φ/φ_J)⁻² fitted to the plateaus of every model.
+"""The jamming fraction of each model: η = α (1 − φ/φ_J)⁻² fitted to the plateaus of suspensions.
 
 The logarithms are fitted. The weight of a point is from its standard error and an additional 1 %, since
 the form is empirical. Intervals are of 95 %, of Student's distribution.

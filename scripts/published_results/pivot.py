@@ -1,4 +1,4 @@
-"""A table of a CSV file: which of its rows stand where, and what is shown of each."""
+"""A table from a CSV file: its rows, its columns and the contents of its cells."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,10 +10,10 @@ from .numbers import interval, plain, short, significant
 from .place import Wrong
 from .units import PublishedUnits
 
-# Share by which a value may differ from the one that has a label.
+# Relative difference between a value and its label.
 NEAR = 0.15
 COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts", "points"]
-# Numbers of others in our files, which keep the digits that they gave.
+# Published numbers in our files, which keep their digits.
 OF_OTHERS = ["drag_exact", "phi_j_published"]
 # Ending of what is shown with one standard error.
 OF_ERROR = "_se"
@@ -84,7 +84,7 @@ def is_number(text):
 
 
 def word(value):
-    """A value of the file for people."""
+    """A value of the file as it is shown."""
     if not is_number(value):
         return value or "–"
     return "∞" if math.isinf(float(value)) else short(float(value), 4)
@@ -96,7 +96,7 @@ def same(one, other):
 
 
 def ordered(values):
-    """Numbers by their size, words as they were met first."""
+    """Numbers by size, words in the order of the file."""
     values = list(dict.fromkeys(values))
     return sorted(values, key=float) if all(map(is_number, values)) else values
 
@@ -131,7 +131,7 @@ class Shown:
         return scale * number(row, self.quantity), scale * number(row, f"{self.quantity}_ci95")
 
     def as_written(self, row):
-        """A number of others with its digits."""
+        """A published number with its digits."""
         column = self.quantity.removesuffix(OF_ERROR)
         error = row.get(self.quantity) if self.quantity.endswith(OF_ERROR) else ""
         return f"{row[column]} ± {error}" if error else row[column]
@@ -162,8 +162,7 @@ def _pairs(text, separator):
 
 
 def chosen(file, wanted, columns):
-    """The rows of a file whose columns have one of the values that are wanted of each; the file must
-    have these columns too."""
+    """The rows of a file that have a wanted value in each column; `columns` must exist too."""
     if not file.exists():
         raise Wrong(f"there is no {file.name}")
     data = pd.read_csv(file, dtype=str, keep_default_na=False)
@@ -184,7 +183,7 @@ class Pivot:
 
     rows: list = field(default_factory=list)
     columns: str | None = None
-    # What the values of `columns` are called, where that is not its own name.
+    # Another name for `columns`.
     called: str | None = None
     labels: list = field(default_factory=list)
     cells: list = field(default_factory=list)
@@ -192,7 +191,7 @@ class Pivot:
 
     @classmethod
     def parse(cls, parts):
-        """As a marker says it, part by part."""
+        """From the parts of a comment."""
         pivot = cls()
         for part in parts:
             key, colon, text = part.strip().partition(": ")
@@ -238,7 +237,7 @@ class Pivot:
             cells[key, place] = row
             keys.append(key)
             places.append(place)
-        # By the first column of a row, then by the next; sorting keeps what is equal in its place.
+        # By the first column of a row, then by the next.
         keys = list(dict.fromkeys(keys))
         for at in reversed(range(len(self.rows))):
             rank = {value: rank for rank, value in enumerate(ordered(key[at] for key in keys))}

@@ -22,7 +22,7 @@ def _state(text, present):
 
 
 def states():
-    """A row for each campaign and measured page: its name, how it is made, its CPU time if it says so,
+    """A row for each campaign and measured page: its name, how it is made, its CPU time if known,
     and whether it is current, stale or not made yet."""
     present = physics_of_the_program()
     for name in CAMPAIGNS:

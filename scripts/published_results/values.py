@@ -87,8 +87,8 @@ class Values:
         return all(max(low) < min(high) for low, high in zip(places, places[1:]))
 
     def written(self, page):
-        """A page with the numbers that its comments name, and the sentences to read again: those with
-        another number than before, and those whose claims do not hold."""
+        """A page with the numbers that its comments name, and the sentences to read again: those
+        whose number is another now, and those whose claims do not hold."""
         parts, again = [], []
 
         def write(match):
