@@ -172,7 +172,7 @@ def _network(name, along, x, groups):
     points = pd.read_csv(RESULTS / file).dropna(subset=["viscosity", "largest_cluster"])
     fractions = sorted(points["area_fraction"].unique())
     colours = dict(zip(fractions, plt.colormaps["viridis"](np.linspace(0, 0.9, len(fractions)))))
-    # Rates 0 and infinity are drawn beside the others.
+    # Rates 0 and infinity are drawn left and right of the others.
     finite = points[along][(points[along] > 0) & np.isfinite(points[along])]
     ends = {0.0: finite.min() / 10, math.inf: finite.max() * 10}
     words_of_ends = dict(zip(ends.values(), ["0", "∞"]))
