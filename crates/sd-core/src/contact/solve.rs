@@ -58,6 +58,8 @@ pub(crate) struct ProblemSolver<S: Space = Layer> {
     pub(crate) forces: Forces,
     /// Forces to start from; of each row whether friction was active, and whether it had been deactivated.
     start: Forces,
+    /// Forces before the last step of Newton's method.
+    previous: Forces,
     active: Vec<(bool, bool)>,
     /// Of the proximal point method: the problem with softer contacts, the forces about which they
     /// are soft, the problem with bounds that are held.
@@ -73,6 +75,7 @@ impl<S: Space> ProblemSolver<S> {
         self.active.reserve(2 * S::TANGENTS * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);
+        self.previous.reserve(candidates);
         self.softer.reserve(candidates);
         self.about.reserve(candidates);
         self.held.reserve(candidates);
