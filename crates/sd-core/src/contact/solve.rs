@@ -37,7 +37,7 @@ mod tests;
 use super::Status;
 use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use problem::{Forces, Problem, States, System, Violation};
+use problem::{Forces, Problem, RoundoffThresholds, States, System, Violation};
 
 /// What came of a contact problem.
 #[derive(Debug, Clone, Copy)]
@@ -93,6 +93,10 @@ impl<S: Space> ProblemSolver<S> {
     ) -> Outcome {
         self.start.copy_from(&self.forces);
         self.keep_activation(problem);
+        if S::TANGENTS > 1 && system.read_motion(problem, &mut self.forces) {
+            // The motion before says along which directions contacts slip.
+            self.update_states(problem, system, RoundoffThresholds::NONE, false);
+        }
         let (converged, systems) = self.newton(problem, system, activation, &mut refine);
         if converged {
             return self.accept(problem, system, systems);

@@ -124,7 +124,7 @@ impl<S: Space> ProblemSolver<S> {
     /// Changes the states that the present forces contradict; how many, and by what angle at most slips turn that slide as before.
     ///
     /// `is_whole`: whether the forces are those of the present states, not of a shortened step.
-    fn update_states(
+    pub(super) fn update_states(
         &mut self,
         problem: &Problem<S>,
         system: &impl System<S>,

@@ -476,6 +476,15 @@ pub(crate) struct RoundoffThresholds {
     pub(crate) exact: bool,
 }
 
+impl RoundoffThresholds {
+    /// Nothing is rounding.
+    pub(crate) const NONE: Self = Self {
+        force: 0.0,
+        velocity: 0.0,
+        exact: false,
+    };
+}
+
 /// The linear algebra behind a problem: how forces of contacts move contacts.
 pub(crate) trait System<S: Space = Layer> {
     /// Forces (of either sign) of an active set, with their slack and slip.
@@ -489,6 +498,11 @@ pub(crate) trait System<S: Space = Layer> {
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds>;
+
+    /// Slack and slip of the motion of the solution before, where there is one; whether there is.
+    fn read_motion(&self, _problem: &Problem<S>, _forces: &mut Forces) -> bool {
+        false
+    }
 
     /// Slack and slip of given forces.
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces);

@@ -71,6 +71,8 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     velocities: Vec<f64>,
     /// v_N, `[3N]`, where tangential rows read it.
     frictionless: Vec<f64>,
+    /// Whether these are a solution's.
+    has_motion: bool,
     /// F and F_N, `[3N]` each.
     applied: [Vec<f64>; 2],
     /// Number of each candidate's pair in the pattern.
@@ -115,6 +117,7 @@ impl<S: Fluid> SparseSystem<S> {
     pub(crate) fn forget(&mut self) {
         self.velocities.clear();
         self.frictionless.clear();
+        self.has_motion = false;
     }
 
     /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
@@ -303,6 +306,11 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         self.read(problem, forces);
     }
 
+    fn read_motion(&self, problem: &Problem<S>, forces: &mut Forces) -> bool {
+        self.read(problem, forces);
+        self.system.has_motion
+    }
+
     fn mobility(&self, _: usize) -> f64 {
         MOBILITY
     }
@@ -426,6 +434,7 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         if !left.is_finite() {
             return None;
         }
+        system.has_motion = true;
         self.read(problem, forces);
         Some(RoundoffThresholds {
             force: left.max(1e-13 * largest(&forces.normal)),
