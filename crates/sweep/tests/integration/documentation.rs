@@ -230,7 +230,11 @@ fn anchors(markdown: &str) -> Vec<String> {
         let kept = kept.replace(|c: char| !(c.is_alphanumeric() || " -_".contains(c)), "");
         let anchor = kept.replace(' ', "-");
         let before = all.iter().filter(|other| **other == anchor).count();
-        all.push(if before == 0 { anchor } else { format!("{anchor}-{before}") });
+        all.push(if before == 0 {
+            anchor
+        } else {
+            format!("{anchor}-{before}")
+        });
     }
     all
 }
@@ -262,12 +266,17 @@ fn every_link_leads_somewhere() {
         let folder = root().join(&file).parent().unwrap().to_owned();
         for target in targets(&markdown) {
             let (path, anchor) = target.split_once('#').unwrap_or((&target, ""));
-            let there = if path.is_empty() { root().join(&file) } else { folder.join(path) };
+            let there = if path.is_empty() {
+                root().join(&file)
+            } else {
+                folder.join(path)
+            };
             let is_page = there.extension().is_some_and(|extension| extension == "md");
             let found = there.exists()
                 && (anchor.is_empty()
                     || !is_page
-                    || anchors(&std::fs::read_to_string(&there).unwrap()).contains(&anchor.to_owned()));
+                    || anchors(&std::fs::read_to_string(&there).unwrap())
+                        .contains(&anchor.to_owned()));
             if !found {
                 writeln!(broken, "{file}: {target}").unwrap();
             }
@@ -290,8 +299,9 @@ fn the_book_has_every_page_once() {
 #[test]
 fn pages_named_in_sources_exist() {
     let mut missing = String::new();
-    let mut folders: Vec<std::path::PathBuf> =
-        ["crates", "python", "sweeps", "scripts"].map(|name| root().join(name)).into();
+    let mut folders: Vec<std::path::PathBuf> = ["crates", "python", "sweeps", "scripts"]
+        .map(|name| root().join(name))
+        .into();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -317,7 +327,10 @@ fn pages_named_in_sources_exist() {
 fn tests_named_on_the_page_of_validation_exist() {
     let page = std::fs::read_to_string(root().join("docs/validation.md")).unwrap();
     let mut found = 0;
-    for row in page.lines().filter(|line| line.starts_with('|') && line.contains(".rs`")) {
+    for row in page
+        .lines()
+        .filter(|line| line.starts_with('|') && line.contains(".rs`"))
+    {
         let mut words = row.split('`').skip(1).step_by(2);
         let file = words.find(|word| word.ends_with(".rs")).unwrap();
         let source = std::fs::read_to_string(root().join("crates").join(file)).unwrap();

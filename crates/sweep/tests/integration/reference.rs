@@ -51,7 +51,7 @@ fn wrapped(text: &str) -> String {
 /// The parameters of cases that choose differently, for defaults that follow from other keys.
 fn cases() -> Vec<Params> {
     let grids = "[[grid]]\narea_fraction = 0.5\nfriction = 0.5\nroughness = [0.01, 0.02]\nshear_rate = 1.0\nseeds = 1\n\
-                 spheres = 30\ncontact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\ntangential = \"stick-slide\"\nsize_ratio = 1.4\n\
+                 spheres = 30\ncontact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\ntangential = \"stick-slide\"\n\
                  [[grid]]\narea_fraction = 0.5\nfriction = 0\nroughness = 0.01\nshear_rate = 1.0\nseeds = 1\nspheres = 30\n\
                  contact = \"exponential-repulsion\"\n\
                  [[grid]]\narea_fraction = 0.5\nfriction = 0.5\nroughness = 0.01\nshear_rate = 1.0\nseeds = 1\nspheres = 30\n\
@@ -75,22 +75,25 @@ fn keys_are_those_declared() {
     for axis in AXES.iter() {
         match &axis.form {
             Form::Number(number) => {
+                let quantity = number.quantity;
                 let mut defaults: Vec<String> = Vec::new();
-                for case in &cases {
-                    // Where the key has no meaning it has no default either.
-                    if let Some(default) = number.default.filter(|_| axis.means_something(case)) {
-                        let default = default(case).to_string();
-                        if !defaults.contains(&default) {
-                            defaults.push(default);
-                        }
-                    }
+                // Where the key has no effect its default is of no interest, unless it has none anywhere.
+                let has_effect = |case: &&Params| axis.means_something(case);
+                let mut chosen: Vec<&Params> = cases.iter().filter(has_effect).collect();
+                if chosen.is_empty() {
+                    chosen.push(&cases[0]);
+                }
+                for case in chosen {
+                    let default = number.default.map(|default| default(case));
+                    let default = default.filter(|default| quantity.range.contains(*default));
+                    let text = default.map(|default| default.to_string());
+                    defaults.extend(text.filter(|text| !defaults.contains(text)));
                 }
                 let default = match &defaults[..] {
                     [] => "–",
                     [one] => one,
                     _ => "follows from other keys",
                 };
-                let quantity = number.quantity;
                 let mut range = quantity.range.to_string();
                 if number.whole {
                     range.push_str(", whole");
@@ -111,7 +114,12 @@ fn keys_are_those_declared() {
             }
             Form::Choice(choice) => {
                 writeln!(words, "\n### `{}`\n", axis.key).unwrap();
-                writeln!(words, "{}; by default `{}`.\n", axis.meaning, choice.default).unwrap();
+                writeln!(
+                    words,
+                    "{}; by default `{}`.\n",
+                    axis.meaning, choice.default
+                )
+                .unwrap();
                 words.push_str("| word | meaning |\n| --- | --- |\n");
                 for word in (choice.words)() {
                     writeln!(words, "| `{}` | {} |", word.word, cell(word.meaning)).unwrap();
@@ -139,7 +147,14 @@ fn columns_are_those_of_tables() {
     let folder = folder("c.toml", campaign("columns", [0.1, 0.0], grid));
     let at = folder.path();
     sweep(at, &["run", "c.toml", "--store", "s.sqlite", "-q"]);
-    let tables = ["--csv", "points.csv", "--runs", "runs.csv", "--samples", "samples.csv"];
+    let tables = [
+        "--csv",
+        "points.csv",
+        "--runs",
+        "runs.csv",
+        "--samples",
+        "samples.csv",
+    ];
     sweep(at, &[&["report", "s.sqlite", "-q"][..], &tables].concat());
     let mut page = format!("# Columns of tables\n\n{ORIGIN}\n\n");
     page.push_str(
@@ -152,7 +167,11 @@ fn columns_are_those_of_tables() {
         ("Runs: `sweep report --runs`", "runs.units.csv"),
         ("Samples: `sweep report --samples`", "samples.units.csv"),
     ] {
-        write!(page, "\n## {title}\n\n| column | unit | meaning |\n| --- | --- | --- |\n").unwrap();
+        write!(
+            page,
+            "\n## {title}\n\n| column | unit | meaning |\n| --- | --- | --- |\n"
+        )
+        .unwrap();
         for [name, unit, meaning] in columns(at, file) {
             let is_interval = name.ends_with("_ci95") && meaning.contains("Student");
             let is_axis = AXES.iter().any(|axis| axis.key == name);
@@ -190,12 +209,22 @@ fn row(argument: &clap::Arg) -> String {
     if argument.get_action().takes_values() && !argument.is_hide_possible_values_set() {
         for value in &possible {
             let help = cell(&plain(value.get_help()));
-            let help = if help.is_empty() { help } else { format!(": {help}") };
+            let help = if help.is_empty() {
+                help
+            } else {
+                format!(": {help}")
+            };
             write!(meaning, "<br>`{}`{help}", value.get_name()).unwrap();
         }
     }
-    let defaults: Vec<_> = argument.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
-    if !defaults.is_empty() && !matches!(argument.get_action(), ArgAction::SetTrue | ArgAction::Count) {
+    let defaults: Vec<_> = argument
+        .get_default_values()
+        .iter()
+        .map(|value| value.to_string_lossy())
+        .collect();
+    if !defaults.is_empty()
+        && !matches!(argument.get_action(), ArgAction::SetTrue | ArgAction::Count)
+    {
         write!(meaning, "<br>default: `{}`", defaults.join(" ")).unwrap();
     }
     format!("| `{}` | {meaning} |\n", name.replace('|', "\\|"))
@@ -215,7 +244,10 @@ fn commands_are_those_of_the_program() {
         writeln!(page, "| [`{name}`](#sweep-{name}) | {} |", cell(about)).unwrap();
     }
     page.push_str("\n## Options of every command\n\n| option | meaning |\n| --- | --- |\n");
-    for argument in program.get_arguments().filter(|argument| argument.is_global_set()) {
+    for argument in program
+        .get_arguments()
+        .filter(|argument| argument.is_global_set())
+    {
         page.push_str(&row(argument));
     }
     page.push_str("\n## Exit codes\n\n```text\n");
@@ -233,11 +265,22 @@ fn commands_are_those_of_the_program() {
             }
         }
         for (heading, arguments) in groups {
-            let heading = if heading.is_empty() { "argument" } else { heading };
+            let heading = if heading.is_empty() {
+                "argument"
+            } else {
+                heading
+            };
             write!(page, "\n| {heading} | meaning |\n| --- | --- |\n").unwrap();
-            arguments.iter().for_each(|argument| page.push_str(&row(argument)));
+            arguments
+                .iter()
+                .for_each(|argument| page.push_str(&row(argument)));
         }
-        write!(page, "\n```text\n{}\n```\n", plain(command.get_after_help()).trim_end()).unwrap();
+        write!(
+            page,
+            "\n```text\n{}\n```\n",
+            plain(command.get_after_help()).trim_end()
+        )
+        .unwrap();
     }
     check("reference-commands.md", &page);
 }
@@ -260,7 +303,10 @@ fn every_key_is_explained() {
         let (table, keys) = list.split_once(": ").unwrap();
         for key in keys.split(' ') {
             let name = key.trim_end_matches(',');
-            assert!(explained.contains(&format!("`{name}`")), "{name} of {table}");
+            assert!(
+                explained.contains(&format!("`{name}`")),
+                "{name} of {table}"
+            );
             if name == key {
                 break;
             }
