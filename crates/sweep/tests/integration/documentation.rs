@@ -205,13 +205,20 @@ fn every_campaign_is_one() {
     }
 }
 
+/// Whether a file's name ends in a dot and this.
+fn has_extension(name: &str, extension: &str) -> bool {
+    Path::new(name)
+        .extension()
+        .is_some_and(|found| found == extension)
+}
+
 /// Pages whose links are checked: those of the documentation, and the others that a reader meets.
 fn linked_files() -> Vec<String> {
     let mut all = files();
     all.extend(["CHANGELOG.md", "python/README.md", "tests/data/README.md"].map(str::to_owned));
     let published = std::fs::read_dir(root().join("results/published")).unwrap();
     let names = published.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let pages = names.filter(|name| name.ends_with(".md"));
+    let pages = names.filter(|name| has_extension(name, "md"));
     all.extend(pages.map(|name| format!("results/published/{name}")));
     all
 }
@@ -271,7 +278,7 @@ fn every_link_leads_somewhere() {
             } else {
                 folder.join(path)
             };
-            let is_page = there.extension().is_some_and(|extension| extension == "md");
+            let is_page = has_extension(path, "md") || path.is_empty();
             let found = there.exists()
                 && (anchor.is_empty()
                     || !is_page
@@ -314,7 +321,7 @@ fn pages_named_in_sources_exist() {
             for named in text.split("docs/").skip(1) {
                 let end = named.find(|c: char| !(c.is_alphanumeric() || "-_.".contains(c)));
                 let name = named[..end.unwrap_or(named.len())].trim_end_matches('.');
-                if name.ends_with(".md") && !root().join("docs").join(name).exists() {
+                if has_extension(name, "md") && !root().join("docs").join(name).exists() {
                     writeln!(missing, "{}: docs/{name}", path.display()).unwrap();
                 }
             }
@@ -332,7 +339,7 @@ fn tests_named_on_the_page_of_validation_exist() {
         .filter(|line| line.starts_with('|') && line.contains(".rs`"))
     {
         let mut words = row.split('`').skip(1).step_by(2);
-        let file = words.find(|word| word.ends_with(".rs")).unwrap();
+        let file = words.find(|word| has_extension(word, "rs")).unwrap();
         let source = std::fs::read_to_string(root().join("crates").join(file)).unwrap();
         for name in words {
             assert!(source.contains(&format!("fn {name}(")), "{file}: {name}");

@@ -201,7 +201,9 @@ fn row(argument: &clap::Arg) -> String {
     names.extend(argument.get_long().map(|long| format!("--{long}")));
     let mut name = names.join(", ");
     if names.is_empty() || argument.get_action().takes_values() {
-        name = format!("{name} {}", values.join(" ")).trim().to_owned();
+        names = vec![name];
+        names.extend(values);
+        name = names.join(" ").trim().into();
     }
     let help = argument.get_long_help().or(argument.get_help());
     let mut meaning = cell(&plain(help));
@@ -271,9 +273,9 @@ fn commands_are_those_of_the_program() {
                 heading
             };
             write!(page, "\n| {heading} | meaning |\n| --- | --- |\n").unwrap();
-            arguments
-                .iter()
-                .for_each(|argument| page.push_str(&row(argument)));
+            for argument in arguments {
+                page.push_str(&row(argument));
+            }
         }
         write!(
             page,
