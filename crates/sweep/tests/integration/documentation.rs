@@ -1,9 +1,10 @@
-//! Every command of the documentation, run as it is written.
+//! Every command of the documentation, run as it is written; links, anchors and the pages of the book.
 //!
-//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own that holds the campaign
-//! files shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed (`python:MODULE` for a module of
-//! Python), and named as skipped elsewhere. `cargo run --release --` stands for the program under test; what else is asked of
-//! cargo is what runs this test, and only checked for naming tests, examples and benches that exist.
+//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own,
+//! with campaigns shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed
+//! (`python:MODULE` for a module of Python), and named as skipped elsewhere. `cargo run --release --`
+//! is the program under test; other commands of cargo are not run, and only checked for naming tests,
+//! examples and benches that exist.
 
 use crate::harness::root;
 use std::fmt::Write as _;

@@ -1,7 +1,8 @@
 //! The generated pages of the reference: keys of a grid, columns of tables, commands.
 //!
-//! Each page is made here from what the program declares and compared with the file in `docs`. After a change of a declaration
-//! `UPDATE_REFERENCE=1 cargo test --release -p sweep --test integration reference` writes the files.
+//! Each page is made here from what the program declares and compared with the file in `docs`.
+//! `UPDATE_REFERENCE=1 cargo test --release -p sweep --test integration reference` writes the files
+//! after a change of a declaration.
 
 use crate::harness::{campaign, folder, refused, root, sweep};
 use clap::builder::StyledStr;
@@ -77,7 +78,7 @@ fn keys_are_those_declared() {
             Form::Number(number) => {
                 let quantity = number.quantity;
                 let mut defaults: Vec<String> = Vec::new();
-                // Where the key has no effect its default is of no interest, unless it has none anywhere.
+                // Cases in which the key has an effect; if there is none, any case.
                 let has_effect = |case: &&Params| axis.means_something(case);
                 let mut chosen: Vec<&Params> = cases.iter().filter(has_effect).collect();
                 if chosen.is_empty() {
