@@ -315,6 +315,18 @@ fn runs_begin_where_those_of_another_store_ended() {
 }
 
 #[test]
+fn faults_of_a_file_follow_each_other_without_a_heading() {
+    let wrong = CAMPAIGN
+        .replace("friction = 0.3", "friction = -1")
+        .replace("seeds = 2", "seeds = 2.5");
+    let directory = directory_with(&wrong);
+    let refused = sweep(directory.path(), &["plan", "small.toml"]).code(2);
+    let said = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    assert_eq!(said.matches("× small.toml:").count(), 2, "{said}");
+    assert!(!said.contains("Error:"), "{said}");
+}
+
+#[test]
 fn overlaps_beyond_the_roughness_height_are_told() {
     let springs = CAMPAIGN
         .replace(

@@ -166,7 +166,7 @@ fn what_there_is_not_is_said() {
         &["run", "plain.toml", "--quiet", "--store", "plain.sqlite"],
     );
     let error = refused(at, &["segments", "plain.sqlite"]);
-    assert!(error.contains("the campaign has no segments"), "{error}");
+    assert!(error.starts_with("the campaign has no segments"), "{error}");
     let error = refused(at, &["report", "plain.sqlite", "--segment", "1"]);
     assert!(error.contains("the campaign has no segments"), "{error}");
 }
