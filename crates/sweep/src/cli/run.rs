@@ -229,9 +229,13 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     };
     match super::report::write(&store, output) {
         // Nobody reads on: what became of the runs is told all the same.
-        Err(error) if error.is_closed_pipe() => Ok(code),
-        written => written.map(|()| code),
+        Err(error) if error.is_closed_pipe() => {}
+        written => written?,
     }
+    if stop.reason().is_some() && !is_over {
+        style.tell("stopped: the same command goes on from the last checkpoints");
+    }
+    Ok(code)
 }
 
 /// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.

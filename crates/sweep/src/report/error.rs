@@ -12,7 +12,7 @@ pub enum ReportError {
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
     /// An argument that cannot be meant.
-    #[error("{argument}: {message}")]
+    #[error("{}{message}", before(argument))]
     Argument {
         /// The argument of the command line.
         argument: &'static str,
@@ -31,5 +31,13 @@ impl ReportError {
             argument,
             message: message.into(),
         }
+    }
+}
+
+/// What stands before a message: the argument, unless it is the file, which is no option.
+fn before(argument: &str) -> String {
+    match argument {
+        "FILE" => String::new(),
+        option => format!("{option}: "),
     }
 }

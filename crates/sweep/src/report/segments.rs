@@ -93,7 +93,7 @@ const NUMBERS: [Number; 10] = [
     Number {
         name: "recovery_strain",
         heading: "strain of\nrecovery",
-        meaning: "strain after which half of the drop at a reversal is made up for",
+        meaning: "strain after which half of the drop at a reversal is made up for; none where that is not so in some run",
         rank: 1,
         of: |s, _| s.reversal?.recovery_strain,
     },
@@ -355,9 +355,12 @@ impl SegmentReport {
             count("segment", "number of the segment, from 1", &|row| {
                 row.1 as u64 + 1
             }),
-            number("start", "strain of the run at which it begins", &|s| {
-                Some(s.imposed.start)
-            }),
+            // There is an axis `start` besides.
+            number(
+                "segment_start",
+                "strain of the run at which it begins",
+                &|s| Some(s.imposed.start),
+            ),
             number(
                 "kept_from",
                 "strain of the run from which on it is averaged",

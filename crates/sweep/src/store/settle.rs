@@ -3,6 +3,7 @@
 //! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
 
 use super::claims::Claim;
+use super::digest::whole;
 use super::ends::{self, RunEnd, SEALED};
 use super::failures::{self, Attempt};
 use super::results::{self, Covered};
@@ -147,6 +148,31 @@ pub(super) fn go_on_from_shorter_runs(
     connection: &Connection,
     campaign: &Campaign,
 ) -> rusqlite::Result<()> {
+    each_shorter_run(connection, campaign, |(id, key), of, end| {
+        let samples = samples::of(connection, of)?;
+        keep(connection, (id, key), end, &samples, &campaign.protocol)?;
+        states::reopen(connection, "id = ?2", &[id]).map(drop)
+    })
+}
+
+/// Counts as done what new runs in segments would go on from, in a store that is only looked at.
+pub(super) fn count_shorter_runs(
+    connection: &Connection,
+    campaign: &Campaign,
+) -> rusqlite::Result<()> {
+    each_shorter_run(connection, campaign, |(id, _), _, end| {
+        let steps = end.state.as_ref().map_or(0, |_| end.steps);
+        let done = "UPDATE cases SET steps_done = ?2 WHERE id = ?1";
+        connection.run(done, (id, whole(steps)))
+    })
+}
+
+/// Calls for every new run in segments of which a beginning was computed: with it and its key, and the case and the end of that.
+fn each_shorter_run(
+    connection: &Connection,
+    campaign: &Campaign,
+    mut take: impl FnMut((i64, &str), i64, &RunEnd) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     for (key, case) in &campaign.cases {
         let mut shorter = case.params.before_last_segment();
         if shorter.is_none() {
@@ -173,9 +199,7 @@ pub(super) fn go_on_from_shorter_runs(
                 && !end.jammed
                 && end.steps <= most
             {
-                let samples = samples::of(connection, of)?;
-                keep(connection, (id, &key), &end, &samples, &campaign.protocol)?;
-                states::reopen(connection, "id = ?2", &[id])?;
+                take((id, &key), of, &end)?;
                 break;
             }
             shorter = known.params.before_last_segment();
