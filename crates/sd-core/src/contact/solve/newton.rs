@@ -90,7 +90,7 @@ impl<S: Space> ProblemSolver<S> {
             if contradicted == 0 && activated > 0 {
                 // That is another problem.
                 (fewest, stalled, least_turn) = (usize::MAX, 0, f64::INFINITY);
-            } else if changes > 0 || turn > 0.0 {
+            } else if changes > 0 || turn > 0.0 || !is_whole {
                 let fewer = changes < fewest || changes == 0 && turn < TURNING * least_turn;
                 let lowered = least.is_some_and(|least| violation < PROGRESS * least);
                 stalled = if fewer || lowered { 0 } else { stalled + 1 };
