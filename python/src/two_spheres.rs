@@ -7,7 +7,7 @@ use crate::values;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sd_core::pair::{Passing, pass_while};
+use sd_core::pair::{PairScenario, pass_while};
 use std::time::{Duration, Instant};
 use sweep::api::named_scalars;
 
@@ -142,7 +142,7 @@ pub(crate) fn pair<'py>(
         number("roughness", roughness, 0.05)?,
         number("friction", friction, 0.0)?,
     );
-    let passing = Passing {
+    let scenario = PairScenario {
         size_ratio,
         contact: values::flag("contact", contact, true)?.then_some(surface),
         offset: number("offset", offset, 0.25)?,
@@ -153,7 +153,7 @@ pub(crate) fn pair<'py>(
     let mut interrupted = None;
     let passed = py.detach(|| {
         let mut looked = Instant::now();
-        pass_while(&passing, &tables, || {
+        pass_while(&scenario, &tables, || {
             if looked.elapsed() < LOOK {
                 return true;
             }

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tangential: TangentialLaw::Coulomb,
         ..ContactLaws::PAPER
     };
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     let near = Hydrodynamics::BallMelrose;
     let (contact, hydrodynamics, roughness) = match law.as_str() {
         "springs" => (ContactScheme::Laws(springs), lubrication, 0.0),

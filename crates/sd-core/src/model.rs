@@ -142,7 +142,7 @@ impl Params {
         size_ratio: 1.0,
         large_fraction: 0.5,
         sizes: None,
-        hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
         shear_stress: None,
@@ -152,7 +152,7 @@ impl Params {
     };
 
     /// Whether friction can act in the run at all: neither is its coefficient 0 nor the rate that of the lower plateau.
-    pub fn rubs(&self) -> bool {
+    pub fn has_friction(&self) -> bool {
         self.friction != 0.0 && (self.shear_stress.is_some() || self.shear_rate != 0.0)
     }
 

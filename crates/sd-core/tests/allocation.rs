@@ -106,7 +106,7 @@ fn steps_of_settled_runs_allocate_nothing() {
         }
     }
     // The procedure lets spheres overlap sooner under it.
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     assert_eq!(allocations(lubrication, ContactScheme::Rigid), 0);
 }
 
@@ -118,7 +118,7 @@ fn springs_with_lubrication_allocate_nothing() {
         lubrication_gap: 0.0,
         ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
     };
-    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     assert_eq!(allocations(hydrodynamics, ContactScheme::Laws(laws)), 0);
 }
 
@@ -173,7 +173,7 @@ fn steps_that_keep_their_pattern_allocate_nothing() {
 fn steps_of_suspensions_that_keep_their_pattern_allocate_nothing_under_every_law() {
     let laws = other_laws().into_iter().map(ContactScheme::Laws);
     for contact in laws.chain([ContactScheme::Rigid]) {
-        let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+        let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
         check_pairwise::<Bulk>(&suspension(lubrication, contact));
     }
 }
@@ -186,7 +186,7 @@ fn suspensions_take_no_more_memory_than_is_estimated_and_not_far_less() {
         TangentialLaw::StickSlide,
         0.01,
     ));
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     for (spheres, hydrodynamics, contact, steps) in [
         (200, lubrication, springs, 100),
         (200, Hydrodynamics::BallMelrose, coulomb, 60),

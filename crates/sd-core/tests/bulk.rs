@@ -344,7 +344,7 @@ fn motion_turns_with_the_configuration() {
     for hydrodynamics in [
         Hydrodynamics::StokesianDynamics,
         Hydrodynamics::BallMelrose,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         let worst = turned(&cluster(hydrodynamics), turn.matrix());
         assert!(worst < 1e-10, "{hydrodynamics:?}: {worst:e}");
@@ -381,7 +381,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
     for hydrodynamics in [
         Hydrodynamics::StokesianDynamics,
         Hydrodynamics::BallMelrose,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         let radii = vec![1.0, 1.0, 1.4, 1.0];
         let layer = instant::solve(

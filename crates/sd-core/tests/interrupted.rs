@@ -20,7 +20,7 @@ use sd_core::{
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
 const NEAR: Hydrodynamics = Hydrodynamics::BallMelrose;
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 /// The paper's law, an onset of friction that others do not have, and the rest.
 fn all_schemes() -> Vec<ContactScheme> {

@@ -14,7 +14,7 @@ use sd_core::{
 };
 use serde_json::Value;
 
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 fn reference() -> Value {
     let path = concat!(

@@ -273,7 +273,7 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
 #[test]
 fn every_law_does_so_under_lubrication() {
     // Friction has several right solutions in dense layers, of which each way may find its own: at 0.74 one law of these does.
-    laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::USUAL), 0.68);
+    laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::DEFAULT), 0.68);
 }
 
 /// Compares both ways under every law, in layers that were sheared under it.

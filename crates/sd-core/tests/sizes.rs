@@ -78,7 +78,7 @@ fn many_sizes_go_over_into_a_few_as_they_come_together() {
     for hydrodynamics in [
         Hydrodynamics::BallMelrose,
         Hydrodynamics::StokesianDynamics,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         // The far field of the larger layer and suspension is iterated.
         for spheres in [50, 150] {

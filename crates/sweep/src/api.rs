@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 /// What a run begins with.
 #[derive(Debug, Clone, Copy)]
-pub struct Beginning<'b> {
+pub struct StartOptions<'b> {
     /// Other stores, whose runs of the same cases are taken over.
     pub reuse: &'b [PathBuf],
     /// Whether failed runs are computed again.
@@ -36,7 +36,7 @@ pub struct Beginning<'b> {
 
 /// A campaign in its store, ready to be computed.
 #[derive(Debug)]
-pub struct Begun {
+pub struct StartedCampaign {
     /// Its store.
     pub store: Store,
     /// What was there.
@@ -54,8 +54,8 @@ pub struct Begun {
 pub fn begin(
     path: &Path,
     campaign: &Campaign,
-    beginning: Beginning<'_>,
-) -> Result<Begun, StoreError> {
+    beginning: StartOptions<'_>,
+) -> Result<StartedCampaign, StoreError> {
     // Before anything is written.
     for other in beginning.reuse {
         Store::open_read_only(other)?;
@@ -79,7 +79,7 @@ pub fn begin(
     if beginning.retry_failed {
         store.retry_failed()?;
     }
-    Ok(Begun {
+    Ok(StartedCampaign {
         store,
         adoption,
         taken,

@@ -41,7 +41,7 @@ pub(crate) struct Record {
 }
 
 /// What is known of one point.
-struct Known {
+struct PointCosts {
     values: Vec<Option<Value>>,
     method: Method,
     /// Logarithms of cost over rough estimate, one of every run.
@@ -72,7 +72,7 @@ pub(crate) struct Scatter {
 /// What is known of costs.
 #[derive(Default)]
 pub(crate) struct Costs {
-    known: Vec<Known>,
+    known: Vec<PointCosts>,
     place_of: HashMap<Identity, usize>,
 }
 
@@ -98,7 +98,7 @@ impl Costs {
             .place_of
             .entry(identity(&record.params))
             .or_insert_with(|| {
-                known.push(Known {
+                known.push(PointCosts {
                     values: values(&record.params),
                     method: Method::of(&record.params),
                     logarithms: Vec::new(),

@@ -7,7 +7,7 @@ mod progress;
 mod stop;
 
 pub use error::RunnerError;
-pub use progress::{Progress, Standing, Style};
+pub use progress::{CampaignProgress, Progress, Style};
 pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
@@ -26,13 +26,13 @@ const LOOK: Duration = Duration::from_secs(2);
 /// Time from one heartbeat to the next.
 const HEARTBEAT: Duration = Duration::from_secs(10);
 /// Short cases are claimed together for this time, and their results kept together after it at the latest.
-const KEEP_AFTER: Duration = Duration::from_secs(1);
+const MAX_RESULT_DELAY: Duration = Duration::from_secs(1);
 /// A look at all cases takes at most this share of the time.
-const LOOK_SHARE: u32 = 50;
+const SCAN_SHARE: u32 = 50;
 /// How long all threads wait for other processes before the user is told for whom, and then between one time and the next.
-const WAIT_UNTOLD: Duration = Duration::from_secs(5);
+const WAIT_BEFORE_NOTE: Duration = Duration::from_secs(5);
 /// The same once it was told.
-const WAIT_TOLD: Duration = Duration::from_mins(5);
+const WAIT_BETWEEN_NOTES: Duration = Duration::from_mins(5);
 /// How long a step in progress may go on after a signal before it is abandoned for its last checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
@@ -151,7 +151,7 @@ fn run_in(
     });
     let is_well = lock(&shared.trouble).is_none();
     if is_well && let Err(error) = shared.look_around() {
-        shared.give_up(error);
+        shared.stop_on_error(error);
     }
     progress.end();
     let trouble = lock(&shared.trouble).take();
@@ -169,7 +169,7 @@ impl<'r> Shared<'r> {
     }
 
     /// Keeps the first trouble, which ends the run.
-    fn give_up(&self, error: StoreError) {
+    fn stop_on_error(&self, error: StoreError) {
         lock(&self.trouble).get_or_insert(error);
     }
 
@@ -181,7 +181,7 @@ impl<'r> Shared<'r> {
     /// One thread: batch after batch, most of one case.
     fn work(&self, worker: usize) {
         while !self.stopping() {
-            let claims = self.store().claim(self.options.workers, KEEP_AFTER);
+            let claims = self.store().claim(self.options.workers, MAX_RESULT_DELAY);
             let result = match claims {
                 Ok(claims) if !claims.is_empty() => {
                     self.computing.fetch_add(1, Ordering::AcqRel);
@@ -191,7 +191,7 @@ impl<'r> Shared<'r> {
                 }
                 Ok(_) => {
                     // A statement of its own: the guard of a `match` would keep the store from all others while this thread sleeps.
-                    let left = self.store().anything_left();
+                    let left = self.store().has_open_cases();
                     match left {
                         Ok(true) => {
                             std::thread::sleep(TICK * 2);
@@ -204,7 +204,7 @@ impl<'r> Shared<'r> {
                 Err(error) => Err(error),
             };
             if let Err(error) = result {
-                self.give_up(error);
+                self.stop_on_error(error);
             }
         }
     }
@@ -224,7 +224,7 @@ impl<'r> Shared<'r> {
                 Ok(None) => {}
                 Err(error) => self.unless_lost(error)?,
             }
-            if since.elapsed() >= KEEP_AFTER {
+            if since.elapsed() >= MAX_RESULT_DELAY {
                 self.keep_ended(&std::mem::take(&mut ended))?;
                 since = Instant::now();
             }
@@ -253,7 +253,7 @@ impl<'r> Shared<'r> {
         let mut look = self.options.progress.every().unwrap_or(LOOK);
         let mut stopped: Option<Instant> = None;
         // When at least one thread computed last, and how long after that the user is told what is waited for.
-        let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
+        let (mut busy, mut patience) = (Instant::now(), WAIT_BEFORE_NOTE);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
             let told = lock(waiting).take();
@@ -266,7 +266,7 @@ impl<'r> Shared<'r> {
             {
                 beaten = Instant::now();
                 if let Err(error) = store.heartbeat() {
-                    self.give_up(error);
+                    self.stop_on_error(error);
                 }
             }
             if looked.elapsed() >= look
@@ -275,19 +275,19 @@ impl<'r> Shared<'r> {
                 looked = Instant::now();
                 drop(store);
                 if let Err(error) = self.look_around() {
-                    self.give_up(error);
+                    self.stop_on_error(error);
                 }
-                look = look.max(looked.elapsed() * LOOK_SHARE);
+                look = look.max(looked.elapsed() * SCAN_SHARE);
                 if let Some(observer) = self.options.observer {
                     observer.look(self.options.progress);
                 }
             }
             if self.computing.load(Ordering::Acquire) > 0 {
-                (busy, patience) = (Instant::now(), WAIT_UNTOLD);
+                (busy, patience) = (Instant::now(), WAIT_BEFORE_NOTE);
             } else if busy.elapsed() >= patience {
-                patience += WAIT_TOLD;
-                if let Err(error) = self.say_what_is_waited_for() {
-                    self.give_up(error);
+                patience += WAIT_BETWEEN_NOTES;
+                if let Err(error) = self.print_wait_reason() {
+                    self.stop_on_error(error);
                 }
             }
             self.options.progress.draw();
@@ -325,7 +325,7 @@ impl<'r> Shared<'r> {
     }
 
     /// Says for which processes all threads wait.
-    fn say_what_is_waited_for(&self) -> Result<(), StoreError> {
+    fn print_wait_reason(&self) -> Result<(), StoreError> {
         let processes = self.store().processes()?;
         for process in processes {
             self.options.progress.note(&format!(
@@ -351,7 +351,7 @@ impl<'r> Shared<'r> {
         store.check_campaign()?;
         self.options.progress.see(&store.work()?);
         // While the store is held no other case can end: whoever reads of one before this finds it counted here.
-        self.options.progress.tell_standing();
+        self.options.progress.print_progress();
         Ok(())
     }
 }

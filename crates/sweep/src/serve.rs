@@ -32,9 +32,9 @@ const CONNECTIONS: usize = 24;
 /// Readers of the store at a time; each has a few files open.
 const READERS: usize = 4;
 /// How long a connection may take to send its request.
-const ASKING: Duration = Duration::from_secs(3);
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long an answer may take; after it the status is 503.
-const ANSWERING: Duration = Duration::from_mins(1);
+const RESPONSE_TIMEOUT: Duration = Duration::from_mins(1);
 /// How long a connection may last.
 const VISIT: Duration = Duration::from_mins(2);
 
@@ -128,7 +128,7 @@ async fn accept(listener: TcpListener, routes: Router) {
         let visit = http1::Builder::new()
             .keep_alive(false)
             .timer(TokioTimer::new())
-            .header_read_timeout(ASKING)
+            .header_read_timeout(REQUEST_TIMEOUT)
             .serve_connection(
                 TokioIo::new(stream),
                 TowerToHyperService::new(routes.clone()),
@@ -156,7 +156,7 @@ fn routes(source: StoreSource) -> Router {
 }
 
 /// Whether a Host header names this machine: its loopback, or an address rather than a name.
-fn is_ours(host: &str) -> bool {
+fn is_local_host(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
         _ => host,
@@ -175,7 +175,7 @@ fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
         let text = "a request needs one Host header and no second one\n";
         return Err((StatusCode::BAD_REQUEST, text));
     };
-    if !host.to_str().is_ok_and(is_ours) {
+    if !host.to_str().is_ok_and(is_local_host) {
         let text = "this server answers to localhost and to addresses only\n";
         return Err((StatusCode::MISDIRECTED_REQUEST, text));
     }
@@ -190,7 +190,7 @@ fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
 /// Refuses other hosts and adds the headers that keep the page to itself.
 async fn guard(request: Request, next: Next) -> Response {
     let mut response = match check_host(&request) {
-        Ok(()) => timeout(ANSWERING, next.run(request))
+        Ok(()) => timeout(RESPONSE_TIMEOUT, next.run(request))
             .await
             .unwrap_or_else(|_| {
                 let text = "the store is being read for too long: try again later\n";
@@ -284,7 +284,7 @@ async fn send_movie(State(shared): State<Arc<Shared>>, Segment(key): Segment<Str
 
 #[cfg(test)]
 mod tests {
-    use super::is_ours;
+    use super::is_local_host;
 
     #[test]
     fn only_this_machine_is_ours() {
@@ -295,7 +295,7 @@ mod tests {
             "[::1]:8420",
             "10.0.0.3:80",
         ] {
-            assert!(is_ours(ours), "{ours}");
+            assert!(is_local_host(ours), "{ours}");
         }
         for foreign in [
             "evil.example",
@@ -305,7 +305,7 @@ mod tests {
             "",
             ":80",
         ] {
-            assert!(!is_ours(foreign), "{foreign}");
+            assert!(!is_local_host(foreign), "{foreign}");
         }
     }
 }

@@ -8,7 +8,7 @@ mod extxyz;
 mod tables;
 
 pub(crate) use bonds::write_bonds;
-pub(crate) use extxyz::{Filmed, write_extxyz};
+pub(crate) use extxyz::{FrameSource, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
 use crate::spaces::{AnyFrame, InSpace};

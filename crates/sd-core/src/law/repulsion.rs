@@ -37,7 +37,7 @@ pub static REPULSION_LENGTH: Quantity = Quantity {
 /// F0 where nothing else holds the spheres apart, unless said otherwise.
 pub const REPULSION_ALONE: f64 = 1.0;
 /// l unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
-pub const USUAL_LENGTH: f64 = 0.02;
+pub const DEFAULT_LENGTH: f64 = 0.02;
 
 /// The law, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 use super::parameters;
 use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite};
 use crate::error::Error;
-use crate::law::tangential::stick_slide::USUAL_STIFFNESS;
+use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
 use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ impl ContactLaws {
             tangential,
             stiffness,
             tangential_stiffness: if tangential.has_spring() {
-                USUAL_STIFFNESS
+                DEFAULT_STIFFNESS
             } else {
                 0.0
             },

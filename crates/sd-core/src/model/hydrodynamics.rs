@@ -30,7 +30,7 @@ pub struct LeadingOrder {
 
 impl LeadingOrder {
     /// What published simulations use.
-    pub const USUAL: Self = Self {
+    pub const DEFAULT: Self = Self {
         cutoff: 0.5,
         regularisation: 1e-3,
     };
@@ -72,12 +72,12 @@ impl LeadingOrder {
 
 /// Default of [`LeadingOrder::cutoff`].
 fn usual_cutoff() -> f64 {
-    LeadingOrder::USUAL.cutoff
+    LeadingOrder::DEFAULT.cutoff
 }
 
 /// Default of [`LeadingOrder::regularisation`].
 fn usual_regularisation() -> f64 {
-    LeadingOrder::USUAL.regularisation
+    LeadingOrder::DEFAULT.regularisation
 }
 
 /// ξ of the farthest pairs that have a term.
@@ -109,7 +109,7 @@ impl Words for Hydrodynamics {
     const ALL: &'static [Self] = &[
         Self::StokesianDynamics,
         Self::BallMelrose,
-        Self::Lubrication(LeadingOrder::USUAL),
+        Self::Lubrication(LeadingOrder::DEFAULT),
     ];
     const WORDS: &'static [Word] = &[
         Word {
@@ -190,7 +190,7 @@ mod tests {
     fn another_cutoff_is_the_same_word() {
         let other = Hydrodynamics::Lubrication(LeadingOrder {
             cutoff: 0.2,
-            ..LeadingOrder::USUAL
+            ..LeadingOrder::DEFAULT
         });
         assert_eq!(other.word(), "lubrication");
     }

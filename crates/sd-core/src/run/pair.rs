@@ -16,7 +16,7 @@ const MOST_STEPS: u64 = 10_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical load 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passing {
+pub struct PairScenario {
     /// Radius L of the second sphere, in a, in [0.01, 100].
     pub size_ratio: f64,
     /// Roughness height h, in a, and friction coefficient ν; `None` without contact.
@@ -31,7 +31,7 @@ pub struct Passing {
 
 /// How they passed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Passed {
+pub struct PairTrajectory {
     /// y of the first sphere at the end, in a.
     pub final_offset: f64,
     /// Rotation of each sphere, in degrees, anticlockwise.
@@ -55,8 +55,8 @@ pub struct Passed {
     clippy::missing_panics_doc,
     reason = "they go on for as long as it takes"
 )]
-pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
-    let passed = pass_while(passing, tables, || true)?;
+pub fn pass(scenario: &PairScenario, tables: &NearFields) -> Result<PairTrajectory, Error> {
+    let passed = pass_while(scenario, tables, || true)?;
     Ok(passed.expect("they go on for as long as it takes"))
 }
 
@@ -65,16 +65,16 @@ pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
 /// # Errors
 /// As [`pass`].
 pub fn pass_while(
-    passing: &Passing,
+    scenario: &PairScenario,
     tables: &NearFields,
     mut go_on: impl FnMut() -> bool,
-) -> Result<Option<Passed>, Error> {
-    check(passing)?;
-    let radii = [1.0, passing.size_ratio];
+) -> Result<Option<PairTrajectory>, Error> {
+    check(scenario)?;
+    let radii = [1.0, scenario.size_ratio];
     let cell: Cell = Cell::Unbounded;
     let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
     let mut motion = StageSolver::new(resistance);
-    let laws = passing.contact.map(|(roughness, friction)| {
+    let laws = scenario.contact.map(|(roughness, friction)| {
         Laws::rigid(Surface {
             roughness,
             friction,
@@ -84,9 +84,9 @@ pub fn pass_while(
     let mut memory = ContactMemory::default();
     let mut integrator = RungeKutta::default();
     let contact = radii[0] + radii[1];
-    let mut state = at_start(passing, contact)?;
+    let mut state = at_start(scenario, contact)?;
     let external = [1.0, 0.0, 0.0, -1.0, 0.0, 0.0];
-    let goal = 2.0 * passing.start;
+    let goal = 2.0 * scenario.start;
     let along = |state: &State| {
         let [first, second] = centres(&state.centres, contact);
         first.x - second.x
@@ -129,7 +129,7 @@ pub fn pass_while(
                     source: Box::new(source),
                 })
         };
-        let mut dt = passing.time_step;
+        let mut dt = scenario.time_step;
         let (mut next, mut next_memory) = advance(&state, dt)?;
         let last = along(&next) >= goal;
         // The end lies within this step: shorten it by secants, each a whole RK4 step from the same start.
@@ -145,7 +145,7 @@ pub fn pass_while(
         minimum_gap = minimum_gap.min(state.centres[1].x.exp());
         path.push(row(time, &state, contact));
         if last {
-            return Ok(Some(Passed {
+            return Ok(Some(PairTrajectory {
                 final_offset: state.centres[0].y,
                 rotation_degrees: [0, 1].map(|i| state.orientations[i].to_degrees()),
                 minimum_gap,
@@ -156,13 +156,13 @@ pub fn pass_while(
     }
     Err(Error::OutOfRange {
         field: "offset",
-        value: passing.offset,
+        value: scenario.offset,
         allowed: "one at which the spheres pass each other within ten million steps",
     })
 }
 
-fn at_start(passing: &Passing, contact: f64) -> Result<State, Error> {
-    let first = Vec2::new(-passing.start, passing.offset);
+fn at_start(scenario: &PairScenario, contact: f64) -> Result<State, Error> {
+    let first = Vec2::new(-scenario.start, scenario.offset);
     let line = -2.0 * first;
     let gap = line.norm() - contact;
     if gap <= 0.0 {
@@ -194,7 +194,7 @@ fn row(time: f64, state: &State, contact: f64) -> [f64; 7] {
 }
 
 /// Refuses a scenario with a value out of range.
-fn check(passing: &Passing) -> Result<(), Error> {
+fn check(scenario: &PairScenario) -> Result<(), Error> {
     let refuse = |field, value, allowed| {
         Err(Error::OutOfRange {
             field,
@@ -202,13 +202,13 @@ fn check(passing: &Passing) -> Result<(), Error> {
             allowed,
         })
     };
-    let Passing {
+    let PairScenario {
         size_ratio,
         contact,
         offset,
         start,
         time_step,
-    } = *passing;
+    } = *scenario;
     if !(0.01..=100.0).contains(&size_ratio) {
         return refuse("size_ratio", size_ratio, "0.01 to 100");
     }

@@ -1,9 +1,9 @@
 //! One run: a layer sheared step by step.
 
-mod drive;
 mod frame;
 mod sample;
 mod sampling;
+mod shear_control;
 mod snapshot;
 mod stage;
 mod step;
@@ -26,8 +26,8 @@ use crate::space::pair::PairKey;
 use crate::space::{ImposedFlow as _, Layer};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
-use drive::Drive;
 use serde::{Deserialize, Serialize};
+use shear_control::ShearControl;
 
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
@@ -58,7 +58,7 @@ pub struct Simulation<S: Started = Layer> {
     laws: Laws,
     /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
     first: Vec<f64>,
-    drive: Drive,
+    shear_control: ShearControl,
     /// The background flow.
     background: S::Background,
     /// Offset of the cell at strain 0, in a.
@@ -86,8 +86,8 @@ impl<S: Started> Simulation<S> {
         let start = S::start(params, seed)?;
         let mut memory = SchemeMemory::new(&params.contact);
         let first = params.in_step(&params.imposed(0));
-        let drive = Drive::new(&first, None);
-        memory.stretch(&start, drive.laws(&first).tangential_stiffness);
+        let shear_control = ShearControl::new(&first, None);
+        memory.stretch(&start, shear_control.laws(&first).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,
@@ -141,7 +141,7 @@ impl<S: Started> Simulation<S> {
         let imposed = params.imposed(snapshot.steps.saturating_sub(1));
         let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
         let params = params.in_step(&imposed);
-        let drive = Drive::new(&params, snapshot.critical_load);
+        let shear_control = ShearControl::new(&params, snapshot.critical_load);
         if params.contact != ContactScheme::Procedure {
             let choice = params.contact.laws();
             stepper = if choice.is_soft() {
@@ -165,9 +165,9 @@ impl<S: Started> Simulation<S> {
                 orientations: snapshot.orientations,
             },
             before: State::default(),
-            laws: drive.laws(&params),
+            laws: shear_control.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
-            drive,
+            shear_control,
             background: S::Background::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
             offset: S::offset(&params),
@@ -274,7 +274,7 @@ impl<S: Started> Simulation<S> {
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
             far_field: self.stage.far_field(),
-            critical_load: self.drive.critical_load(),
+            critical_load: self.shear_control.critical_load(),
             counters: self.counters,
         }
     }

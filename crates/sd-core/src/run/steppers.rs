@@ -9,7 +9,6 @@ use crate::space::Space;
 pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
-pub(crate) use state::Bearing;
 pub use state::{Stage, State};
 
 /// The method of a run, with its workspace.
@@ -40,7 +39,7 @@ impl<S: Space> Stepper<S> {
         state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
     ) -> Result<(), E> {
         match self {
             Self::RungeKutta(method) => {

@@ -13,7 +13,7 @@ use sd_core::{
 };
 
 /// Leading-order lubrication as usual.
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 /// Rigid contacts with another tangential law than the paper's.
 fn rigid(tangential: TangentialLaw) -> ContactLaws {

@@ -154,7 +154,7 @@ pub(crate) fn make(
     let starts = starts::tried(open.map(|point| (&point.case.params, point.case.seed)));
     let cannot_start = |params: &Params| {
         let of = starts.iter().find(|tried| tried.is_of(params));
-        of.is_some_and(starts::Tried::has_failed)
+        of.is_some_and(starts::StartTrial::has_failed)
     };
     let points: Vec<(&Case, f64)> = work
         .points
@@ -214,7 +214,10 @@ pub(crate) fn make(
         disk_bytes: all * (f64::from(CASE_BYTES) + samples * f64::from(SAMPLE_BYTES))
             + frames_bytes,
         memory_bytes: resident + workers as f64 * largest,
-        warnings: starts.iter().filter_map(starts::Tried::warning).collect(),
+        warnings: starts
+            .iter()
+            .filter_map(starts::StartTrial::warning)
+            .collect(),
         kinds,
     })
 }

@@ -12,10 +12,10 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Seconds of a task aimed at where no time limit is given.
-const USUAL_TIME_S: f64 = 3600.0;
+const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
-pub(crate) struct Wanted {
+pub(crate) struct SubmitOptions {
     pub(crate) scheduler: Scheduler,
     /// Number of tasks; without one, so many that each needs about half of its time.
     pub(crate) tasks: Option<usize>,
@@ -53,7 +53,7 @@ pub(crate) struct Submitted {
 /// Merges the shards there are and submits the open cases of a campaign; `None` if there are none. A dry run writes
 /// nothing. What the user should know is given to `note`.
 pub(crate) fn submit(
-    wanted: Wanted,
+    wanted: SubmitOptions,
     campaign: &Campaign,
     path: &Path,
     dry_run: bool,
@@ -61,7 +61,7 @@ pub(crate) fn submit(
 ) -> Result<Option<Submitted>, Error> {
     let scheduler = &wanted.scheduler;
     let limit = match scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::USUAL_ARRAY,
+        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::DEFAULT_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
@@ -95,7 +95,7 @@ pub(crate) fn submit(
             ("slices", &slices.text(&plan)),
         ];
         write_plan(&job, &store, campaign, &open, tasks_read, &script)?;
-        Some(hand_over(scheduler, &job, &plan, &slices, &mut store)?)
+        Some(submit_job(scheduler, &job, &plan, &slices, &mut store)?)
     };
     Ok(Some(Submitted {
         name,
@@ -110,8 +110,8 @@ pub(crate) fn submit(
 }
 
 /// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
-    let usual = || usual_tasks(wanted, open, limit);
+fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
+    let usual = || default_tasks(wanted, open, limit);
     let asked = wanted.tasks.unwrap_or_else(usual);
     if asked > limit {
         return Err(SchedulerError::TooManyTasks { asked, limit });
@@ -120,7 +120,7 @@ fn tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> Result<usize, Sche
 }
 
 /// Records the job and hands it to the scheduler; gives its name.
-fn hand_over(
+fn submit_job(
     scheduler: &Scheduler,
     job: &Job,
     plan: &str,
@@ -157,7 +157,7 @@ fn hand_over(
 
 /// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
 fn gather(
-    wanted: &Wanted,
+    wanted: &SubmitOptions,
     store: &mut Store,
     folder: &Path,
     note: &dyn Fn(&str),
@@ -237,12 +237,12 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
 }
 
 /// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> usize {
+fn default_tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> usize {
     let time = match &wanted.scheduler {
         Scheduler::Slurm(slurm) => slurm.time.as_ref(),
         Scheduler::Local => None,
     };
-    let time = time.map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
+    let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
     let cost: f64 = open.iter().map(|case| case.cost).sum();
     let tasks = crate::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
     tasks.clamp(1, limit.min(open.len().div_ceil(wanted.workers)).max(1))

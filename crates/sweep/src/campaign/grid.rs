@@ -7,7 +7,7 @@ use super::protocol::Written;
 use super::reader::{Located, Table, Values, nearest, of_axis, values};
 use super::seeds::{SEEDS, Seeds};
 use super::sizes::SIZES;
-use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
+use crate::axes::{AXES, Axis, InvalidCombination, Value, folded_params_of, params_of};
 use crate::case::Case;
 use crate::spaces::check_start;
 use begins::{Start, start_layer};
@@ -36,7 +36,7 @@ pub(super) struct Grid {
 }
 
 /// Problems of one grid after which no more are looked for.
-const ENOUGH: usize = 200;
+const MAX_PROBLEMS: usize = 200;
 
 /// One value of each axis that is written.
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
@@ -133,7 +133,7 @@ impl Grid {
             keys.filter(|key| !axes().any(|known| known == key.as_ref()))
                 .any(|key| nearest(key, axes()) == Some(axis.key))
         };
-        if let Err(Unmade::Missing(axes)) = params_of(&values) {
+        if let Err(InvalidCombination::Missing(axes)) = params_of(&values) {
             problems.extend(
                 axes.into_iter()
                     .filter(|axis| !meant(axis))
@@ -179,7 +179,7 @@ impl Grid {
         let mut any = false;
         let segments = protocol.protocol.imposed();
         self.each(|combination| {
-            if new.len() > ENOUGH {
+            if new.len() > MAX_PROBLEMS {
                 return;
             }
             let values = values_of(combination);
@@ -356,10 +356,10 @@ impl Grid {
     }
 
     /// The problems of values that make no parameters.
-    fn unmade(&self, combination: &Combination<'_>, unmade: Unmade) -> Vec<Problem> {
+    fn unmade(&self, combination: &Combination<'_>, unmade: InvalidCombination) -> Vec<Problem> {
         match unmade {
-            Unmade::Refused(refusal) => vec![self.refused(combination, &refusal)],
-            Unmade::Missing(axes) => axes
+            InvalidCombination::Refused(refusal) => vec![self.refused(combination, &refusal)],
+            InvalidCombination::Missing(axes) => axes
                 .into_iter()
                 .map(|axis| {
                     let problem = self.missing(axis);
@@ -414,8 +414,10 @@ fn choice_that_needs<'g>(
         .find_map(|(at, (choice, written))| {
             let written = (*written)?;
             let needed = match params_of(&values(at)) {
-                Err(Unmade::Missing(axes)) => axes.iter().any(|missing| missing.key == axis.key),
-                Err(Unmade::Refused(_)) => true,
+                Err(InvalidCombination::Missing(axes)) => {
+                    axes.iter().any(|missing| missing.key == axis.key)
+                }
+                Err(InvalidCombination::Refused(_)) => true,
                 Ok(_) => false,
             };
             (!needed).then_some((choice.key, &written.span))

@@ -16,9 +16,9 @@ const PRECISION: Range = Range::above_to(0.0, 1.0);
 /// Least seeds of a first batch: two have no scatter to speak of.
 const LEAST: u64 = 3;
 /// Seeds of the first batch where nothing is written.
-const USUAL_AT_LEAST: u64 = 4;
+const DEFAULT_AT_LEAST: u64 = 4;
 /// Most seeds where nothing is written.
-const USUAL_AT_MOST: u64 = 64;
+const DEFAULT_AT_MOST: u64 = 64;
 
 /// The seeds of every point of a grid.
 #[derive(Debug)]
@@ -121,8 +121,8 @@ impl Seeds {
                 least
             })
         };
-        let at_least = seeds("at_least", LEAST, USUAL_AT_LEAST);
-        let at_most = seeds("at_most", at_least, USUAL_AT_MOST);
+        let at_least = seeds("at_least", LEAST, DEFAULT_AT_LEAST);
+        let at_most = seeds("at_most", at_least, DEFAULT_AT_MOST);
         let places = |seeds: u64| usize::try_from(seeds).unwrap_or(usize::MAX);
         Self::Until(Precision {
             precision,

@@ -207,7 +207,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
 mod tests {
     use super::*;
     use crate::spaces::{AnyFrame, InSpace};
-    use crate::trajectory::{Filmed, write_extxyz};
+    use crate::trajectory::{FrameSource, write_extxyz};
     use sd_core::simulation::Frame as Kept;
 
     fn kept(shift: f64) -> Kept {
@@ -232,7 +232,7 @@ mod tests {
 
     fn export(frames: &[Kept], text: &mut Vec<u8>) {
         let frames: Vec<InSpace<Kept, _>> = frames.iter().cloned().map(InSpace::Layer).collect();
-        let filmed = Filmed {
+        let filmed = FrameSource {
             params: crate::test_support::params(),
             seed: 1,
             key: "3f9a".into(),

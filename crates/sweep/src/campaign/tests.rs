@@ -61,8 +61,8 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
                 let laws = p.contact.laws();
                 assert!(p.validate().is_ok());
                 let word = |key| Axis::of_key(key).unwrap().value(p);
-                let (words, rubs) = (word("contact"), word("tangential"));
-                format!("{words} {rubs} {} {}", laws.stiffness, p.friction)
+                let (words, friction) = (word("contact"), word("tangential"));
+                format!("{words} {friction} {} {}", laws.stiffness, p.friction)
             })
             .collect::<Vec<_>>()
             .join(", ")

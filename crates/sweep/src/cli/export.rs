@@ -8,7 +8,7 @@ use crate::exit;
 use crate::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
 use crate::system::files::write_whole;
-use crate::trajectory::{Filmed, contact_table, sphere_table, write_bonds, write_extxyz};
+use crate::trajectory::{FrameSource, contact_table, sphere_table, write_bonds, write_extxyz};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -78,11 +78,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 }
 
 /// What the run of a key is.
-fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
+fn filmed(store: &Store, key: &str) -> Result<FrameSource, Error> {
     let runs = store.point_runs()?;
     let run = runs.into_iter().find(|run| run.key == key);
     let run = run.ok_or_else(|| store.no_case(key, "no case"))?;
-    Ok(Filmed {
+    Ok(FrameSource {
         params: (*run.params).clone(),
         seed: run.seed,
         key: run.key,
@@ -93,7 +93,7 @@ fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
 fn spheres(
     frames: &[StoredFrame],
     form: Form,
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     match form {

@@ -1,7 +1,7 @@
 //! `sweep merge`.
 
 use super::Output;
-use super::place::{StoreArguments, say_warning};
+use super::place::{StoreArguments, print_warning};
 use crate::api::Error;
 use crate::api::merge::{Joined, join, shards_in, store_for};
 use crate::exit;
@@ -33,7 +33,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let shards = shards_in(&arguments.shards, source.path())?;
     let mut store = store_for(&source, &shards)?;
-    say_warning(&store);
+    print_warning(&store);
     let joined = join(&mut store, &shards, arguments.allow_mixed_versions)?;
     let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
     if output.json {

@@ -61,15 +61,15 @@ impl StoreArguments {
             argument: "--segment",
             message,
         })?;
-        say_warning(&store);
+        print_warning(&store);
         Ok(store)
     }
 
     /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;
-        say_warning(&store);
-        say_last_run(&store, output);
+        print_warning(&store);
+        print_last_run(&store, output);
         Ok(store)
     }
 }
@@ -120,7 +120,7 @@ fn whole(path: &Path) -> Result<PathBuf, Error> {
 }
 
 /// Says on standard error what whoever opened a store must know, wanted or not: changes that are lost with a damaged log.
-pub(super) fn say_warning(store: &Store) {
+pub(super) fn print_warning(store: &Store) {
     if let Some(warning) = store.warning() {
         // Nobody may read standard error.
         let _ = writeln!(crate::text::visible::stderr(), "warning: {warning}");
@@ -128,7 +128,7 @@ pub(super) fn say_warning(store: &Store) {
 }
 
 /// Says that a store was last run with another version of the campaign file than the one it is shown for.
-pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
+pub(super) fn print_last_run(store: &Store, output: &Output<'_>) {
     if let Some(file) = store.last_run_with() {
         output.note(&format!(
             "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",

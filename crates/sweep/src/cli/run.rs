@@ -3,9 +3,9 @@
 mod task;
 
 use super::Output;
-use super::place::{say_warning, store_of, workers, workers_or_all};
+use super::place::{print_warning, store_of, workers, workers_or_all};
 use crate::api::task::Part;
-use crate::api::{Beginning, Begun, Error, begin, complete};
+use crate::api::{Error, StartOptions, StartedCampaign, begin, complete};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
 use crate::exit;
@@ -154,8 +154,8 @@ fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
         .status();
     match ran {
         Ok(status) if status.success() => {}
-        Ok(status) => style.tell(&format!("the command of --on-finish ended with {status}")),
-        Err(error) => style.tell(&format!("the command of --on-finish was not run: {error}")),
+        Ok(status) => style.note(&format!("the command of --on-finish ended with {status}")),
+        Err(error) => style.note(&format!("the command of --on-finish was not run: {error}")),
     }
 }
 
@@ -193,30 +193,30 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let folder = path.parent().filter(|folder| !folder.exists());
     if let Some(folder) = folder.filter(|_| arguments.store.is_some()) {
-        style.tell(&format!("{} is a new folder", folder.display()));
+        style.note(&format!("{} is a new folder", folder.display()));
     }
     if let Some(network) = network_file_system(&path) {
-        style.tell(&format!(
+        style.note(&format!(
             "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
              from one machine only, or choose a local disk with --store FILE",
             path.display()
         ));
     }
-    let beginning = Beginning {
+    let beginning = StartOptions {
         reuse: &arguments.reuse,
         retry_failed: arguments.retry_failed,
         priority: &priority,
     };
-    let Begun {
+    let StartedCampaign {
         mut store,
         adoption,
         taken,
         damaged,
     } = begin(&path, &campaign, beginning)?;
-    say_warning(&store);
-    say_what_was_damaged(&damaged, style);
-    say_what_is_there(&campaign, &path, adoption, style);
-    say_what_was_taken(taken, style);
+    print_warning(&store);
+    print_damage(&damaged, style);
+    print_inventory(&campaign, &path, adoption, style);
+    print_reused(taken, style);
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
@@ -235,7 +235,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
 }
 
 /// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
-fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
+fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
         orphans,
         orphan_bytes,
@@ -243,7 +243,7 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
     } = adoption.inventory;
     if adoption.changed {
         let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
-        style.tell(&format!(
+        style.note(&format!(
             "{} differs from the last campaign in {}: {}",
             name(&campaign.file),
             name(path),
@@ -251,7 +251,7 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
         ));
     }
     if orphans > 0 {
-        style.tell(&format!(
+        style.note(&format!(
             "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
             path.display(),
             bytes(orphan_bytes),
@@ -261,13 +261,13 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
 }
 
 /// Says which runs are computed again because what was stored of them is damaged.
-fn say_what_was_damaged(damaged: &[Finding], style: Style) {
+fn print_damage(damaged: &[Finding], style: Style) {
     for finding in damaged {
         let whose = finding
             .key
             .as_ref()
             .map(|key| format!(" ({key}, which is computed again)"));
-        style.tell(&format!(
+        style.note(&format!(
             "damaged: {}{}",
             finding.what,
             whose.unwrap_or_default()
@@ -276,16 +276,16 @@ fn say_what_was_damaged(damaged: &[Finding], style: Style) {
 }
 
 /// Says what was taken over from other stores, if there were any.
-fn say_what_was_taken(taken: Option<Merged>, style: Style) {
+fn print_reused(taken: Option<Merged>, style: Style) {
     let Some(taken) = taken else {
         return;
     };
-    style.tell(&format!(
+    style.note(&format!(
         "taken over: {} runs, {} failures, {} checkpoints",
         taken.results, taken.failures, taken.checkpoints
     ));
     for damaged in taken.damaged {
-        style.tell(&damaged.to_string());
+        style.note(&damaged.to_string());
     }
 }
 

@@ -1,7 +1,7 @@
 //! `sweep serve`.
 
 use super::Output;
-use super::place::{StoreArguments, say_last_run};
+use super::place::{StoreArguments, print_last_run};
 use crate::api::Error;
 use crate::exit;
 use std::net::{SocketAddr, ToSocketAddrs as _};
@@ -40,7 +40,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     // A file that is no store is an error now, not one of each request.
     let store = source.open()?;
     let name = store.campaign_name()?;
-    say_last_run(&store, output);
+    print_last_run(&store, output);
     drop(store);
     crate::serve::serve(source, arguments.listen, |address| {
         if !address.ip().is_loopback() {

@@ -3,7 +3,7 @@
 mod tasks;
 
 use super::Output;
-use super::place::{StoreArguments, say_warning};
+use super::place::{StoreArguments, print_warning};
 use crate::api::Error;
 use crate::api::status::Status;
 use crate::exit;
@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let (path, store) = (source.path(), source.open()?);
-    say_warning(&store);
+    print_warning(&store);
     let status = Status::of(&store, arguments.failures)?;
     if output.json {
         output.json(&status)?;

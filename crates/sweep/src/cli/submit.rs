@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{positive, store_of, workers};
 use crate::api::Error;
-use crate::api::submit::{Submitted, Wanted, submit};
+use crate::api::submit::{SubmitOptions, Submitted, submit};
 use crate::campaign::Campaign;
 use crate::cluster::{
     Scheduler, SchedulerError, quoted,
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Options of sbatch that are the business of the script.
-const OURS: [&str; 7] = [
+const SCRIPT_OPTIONS: [&str; 7] = [
     "-a",
     "--array",
     "--export",
@@ -137,7 +137,7 @@ struct Answer<'a> {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let wanted = Wanted {
+    let wanted = SubmitOptions {
         scheduler: scheduler(arguments)?,
         tasks: arguments.tasks.map(NonZeroUsize::get),
         workers: arguments.workers_per_task.get(),
@@ -201,7 +201,7 @@ fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
         |argument: &'static str, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
         let name = argument.split('=').next().unwrap_or_default();
-        if OURS.contains(&name) {
+        if SCRIPT_OPTIONS.contains(&name) {
             return refused(
                 "--sbatch-arg",
                 format!("{name} is set by sweep itself: see `sweep submit --dry-run`"),

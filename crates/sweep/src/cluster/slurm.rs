@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 use std::time::Duration;
 
 /// Size of an array where the site does not tell: Slurm's own default.
-pub(crate) const USUAL_ARRAY: usize = 1001;
+pub(crate) const DEFAULT_ARRAY: usize = 1001;
 /// Variables a user sets to choose where jobs go. All others that `sbatch` reads could change what the script says.
 const CHOICES: [&str; 7] = [
     "SBATCH_ACCOUNT",
@@ -185,7 +185,7 @@ pub(super) fn task_limit() -> Result<usize, SchedulerError> {
             let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
             line.split('=').nth(1)?.trim().parse().ok()
         })
-        .unwrap_or(USUAL_ARRAY))
+        .unwrap_or(DEFAULT_ARRAY))
 }
 
 /// Tasks of a job that `squeue` still knows.

@@ -247,7 +247,7 @@ impl Serialize for Value {
 
 /// Why values make no parameters.
 #[derive(Debug)]
-pub enum Unmade {
+pub enum InvalidCombination {
     /// Axes without a default have no value.
     Missing(Vec<&'static Axis>),
     /// A value does not go with the others.
@@ -258,7 +258,7 @@ pub enum Unmade {
 ///
 /// # Errors
 /// A value that is missing, or does not go with the others. Ranges are not checked: see [`Params::validate`].
-pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
+pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination> {
     Ok(folded_params_of(values, &[])?.0)
 }
 
@@ -269,12 +269,13 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
 pub(crate) fn folded_params_of(
     values: &[Option<Value>],
     segments: &[Segment],
-) -> Result<(Params, Option<Params>), Unmade> {
+) -> Result<(Params, Option<Params>), InvalidCombination> {
     let mut params = Params::UNWRITTEN;
     // The last axis first, since a choice stands above the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
         if let Some(value) = value {
-            axis.put(&mut params, *value).map_err(Unmade::Refused)?;
+            axis.put(&mut params, *value)
+                .map_err(InvalidCombination::Refused)?;
         }
     }
     let mut missing = Vec::new();
@@ -284,7 +285,7 @@ pub(crate) fn folded_params_of(
         }
         match &axis.form {
             Form::Choice(choice) => {
-                (choice.put)(&mut params, choice.default).map_err(Unmade::Refused)?;
+                (choice.put)(&mut params, choice.default).map_err(InvalidCombination::Refused)?;
             }
             Form::Number(number) => match number.default {
                 None => missing.push(axis),
@@ -296,7 +297,7 @@ pub(crate) fn folded_params_of(
         }
     }
     if !missing.is_empty() {
-        return Err(Unmade::Missing(missing));
+        return Err(InvalidCombination::Missing(missing));
     }
     params.impose(segments);
     let (friction, shear_rate) = (params.friction, params.shear_rate);

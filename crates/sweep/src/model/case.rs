@@ -115,7 +115,7 @@ pub(crate) fn step_cost(params: &Params) -> f64 {
     };
     // Solves of a stage until it bears the stress, where that is imposed.
     let solves = |most: f64| {
-        let searches = params.shear_stress.is_some() && params.rubs();
+        let searches = params.shear_stress.is_some() && params.has_friction();
         if searches { most } else { 1.0 }
     };
     match params.contact {

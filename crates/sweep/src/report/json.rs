@@ -73,7 +73,7 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
             "doubtful": report.doubtful,
         }),
         points: rows(None),
-        physical: report.units.are_asked_for().then(|| Physical {
+        physical: report.units.are_requested().then(|| Physical {
             units: units.filter(|(_, unit)| !unit.is_empty()).collect(),
             points: rows(Some(report)),
         }),

@@ -41,9 +41,9 @@ const SCRIPT: &str = concat!(
 /// Points of all traces together at most, so that a page of thousands of runs still opens.
 const TRACE_POINTS: usize = 400_000;
 /// Frames of all movies together at most.
-const MOVIE_FRAMES: usize = 3000;
+const MAX_MOVIE_FRAMES: usize = 3000;
 /// Movies at most.
-const MOVIES: usize = 100;
+const MAX_MOVIES: usize = 100;
 /// Failures listed at most.
 const FAILURES: u32 = 200;
 /// Width of a bin of a histogram, in decades.
@@ -189,7 +189,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         }));
     }
     let filmed = filmed(store, all.iter().zip(points), host)?;
-    let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
+    let frames_each = (MAX_MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
         let film = match host {
@@ -250,7 +250,7 @@ fn filmed<'r>(
     }
     if host == PageHost::File {
         filmed.sort_by_key(|(number, _)| *number);
-        filmed.truncate(MOVIES);
+        filmed.truncate(MAX_MOVIES);
     }
     Ok(filmed.into_iter().map(|(_, run)| run.key.clone()).collect())
 }

@@ -124,7 +124,7 @@ fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
     let Cells::Number(cells) = &mut column.cells else {
         return;
     };
-    if !units.are_asked_for() {
+    if !units.are_requested() {
         return;
     }
     if let Some(axis) = AXES.iter().find(|axis| axis.key == column.name) {

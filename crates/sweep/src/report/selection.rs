@@ -11,7 +11,7 @@ use std::fmt;
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
     /// Axes and the values wanted on them.
-    wanted: Vec<(&'static Axis, Vec<Wanted>)>,
+    wanted: Vec<(&'static Axis, Vec<RequestedValue>)>,
     /// Whether runs with doubtful numbers are averaged as well.
     pub(super) with_doubtful: bool,
 }
@@ -29,7 +29,7 @@ pub struct Excerpt<'s> {
 
 /// A value as it was asked for.
 #[derive(Debug, Clone)]
-enum Wanted {
+enum RequestedValue {
     /// A word.
     Word(String),
     /// All numbers from one to another, which may be the same.
@@ -58,7 +58,7 @@ impl Selection {
             })?;
             let values = values
                 .split(',')
-                .map(|value| Wanted::read(axis, value.trim()))
+                .map(|value| RequestedValue::read(axis, value.trim()))
                 .collect::<Result<Vec<_>, _>>()?;
             match selection.wanted.iter_mut().find(|w| w.0.key == axis.key) {
                 Some((_, known)) => known.extend(values),
@@ -129,7 +129,7 @@ impl Selection {
 impl fmt::Display for Selection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (place, (axis, values)) in self.wanted.iter().enumerate() {
-            let values: Vec<String> = values.iter().map(Wanted::to_string).collect();
+            let values: Vec<String> = values.iter().map(RequestedValue::to_string).collect();
             let comma = if place > 0 { ", " } else { "" };
             write!(f, "{comma}{} = {}", axis.key, values.join(" or "))?;
         }
@@ -137,7 +137,7 @@ impl fmt::Display for Selection {
     }
 }
 
-impl Wanted {
+impl RequestedValue {
     /// Reads a value on an axis.
     fn read(axis: &Axis, text: &str) -> Result<Self, ReportError> {
         if text.is_empty() {
@@ -176,7 +176,7 @@ impl Wanted {
     }
 }
 
-impl fmt::Display for Wanted {
+impl fmt::Display for RequestedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Word(word) => f.write_str(word),

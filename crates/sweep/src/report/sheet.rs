@@ -10,7 +10,7 @@ use crate::format::Uncertain;
 use comfy_table::CellAlignment;
 
 /// Columns of a terminal that a table fits into where nothing is known of it.
-const USUAL_WIDTH: usize = 80;
+const DEFAULT_WIDTH: usize = 80;
 /// Columns of a terminal between two columns of a table, and where it would be too wide otherwise.
 const GAP: usize = 3;
 const NARROW_GAP: usize = 2;
@@ -199,7 +199,7 @@ impl Sheet {
 
 /// Columns of a terminal that a table may take.
 pub(crate) fn room(width: Option<u16>) -> usize {
-    width.map_or(USUAL_WIDTH, usize::from)
+    width.map_or(DEFAULT_WIDTH, usize::from)
 }
 
 fn width(columns: &[SheetColumn], gap: usize) -> usize {

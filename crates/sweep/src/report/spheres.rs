@@ -6,7 +6,7 @@ use super::figure::{COLOURS, Colour, Format, Key, Mark, Origin, Picture, Range, 
 use super::starts::Starts;
 use super::units::Units;
 use crate::format::{count, significant};
-use crate::store::{Origin as Made, Store, Story};
+use crate::store::{CaseDetails, Origin as Made, Store};
 use crate::structure::{Link, Network, clusters};
 use crate::trajectory::{Kept, by_space};
 use sd_core::simulation::Frame;
@@ -73,19 +73,22 @@ pub fn draw_spheres(
     view: SphereView,
     format: Format,
 ) -> Result<SpherePicture, ReportError> {
-    let story = store.story(case)?;
-    let frames = store.frames(&story.key, 1)?;
+    let details = store.details(case)?;
+    let frames = store.frames(&details.key, 1)?;
     let frames: Vec<_> = frames.iter().map(|kept| (kept.step, &kept.frame)).collect();
     let (layers, suspensions) = by_space(&frames);
-    let caption = caption(store, &story)?;
+    let caption = caption(store, &details)?;
     let drawn = if layers.is_empty() {
         drawn(&suspensions, view, caption)?
     } else {
         drawn(&layers, view, caption)?
     };
     let campaign = store.campaign_name()?;
-    let mut origin = vec![format!("campaign {campaign}"), format!("key {}", story.key)];
-    let program = story.origin.as_ref().map(Made::program);
+    let mut origin = vec![
+        format!("campaign {campaign}"),
+        format!("key {}", details.key),
+    ];
+    let program = details.origin.as_ref().map(Made::program);
     origin.extend(program.map(|program| format!("computed by {program}")));
     Ok(SpherePicture {
         file: draw_picture(
@@ -93,7 +96,7 @@ pub fn draw_spheres(
             &Origin::of_lines(&campaign, &origin),
             format,
         )?,
-        key: story.key,
+        key: details.key,
         strain: drawn.strain,
         spheres: drawn.spheres,
         contacts: drawn.contacts,
@@ -109,15 +112,15 @@ struct Drawn {
 }
 
 /// Which run a picture is of.
-fn caption(store: &Store, story: &Story) -> Result<Vec<String>, ReportError> {
-    let case = story.number.map_or_else(
-        || format!("case {}", &story.key[..8]),
+fn caption(store: &Store, details: &CaseDetails) -> Result<Vec<String>, ReportError> {
+    let case = details.number.map_or_else(
+        || format!("case {}", &details.key[..8]),
         |number| format!("case {number}"),
     );
     let starts = Starts::of_store(store)?;
     let mut caption = vec![store.campaign_name()?, case];
-    caption.extend(all_named(&story.params, Units::default(), &starts));
-    caption.push(format!("seed {}", story.seed));
+    caption.extend(all_named(&details.params, Units::default(), &starts));
+    caption.push(format!("seed {}", details.seed));
     Ok(caption)
 }
 

@@ -37,11 +37,11 @@ pub(super) fn advice(
             direction(start)
         )
     };
-    Ok(Some(format!("{found}; {}", cure(&traces, protocol))))
+    Ok(Some(format!("{found}; {}", remedy(&traces, protocol))))
 }
 
 /// What would help, judged by the same runs.
-fn cure(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
+fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
     let longer = || {
         format!(
             "no part of the run is steady: longer runs are needed, such as strain = {}",

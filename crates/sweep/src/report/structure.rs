@@ -49,7 +49,7 @@ pub enum StructureKind {
 }
 
 /// Columns of the table for people: name, heading, significant digits, and how soon it is left out, the highest first.
-const USUAL: [(&str, &str, u8); 9] = [
+const DEFAULT: [(&str, &str, u8); 9] = [
     ("coordination", "contacts\nof a sphere", 0),
     ("frictional_coordination", "frictional", 1),
     ("largest_cluster", "largest\ncluster", 1),
@@ -161,7 +161,7 @@ impl StructureReport {
                 columns.push(column(Head::new(name, heading, "", rank), cells));
             }
         };
-        for (name, heading, rank) in USUAL {
+        for (name, heading, rank) in DEFAULT {
             add(name, heading, rank, &|structure| structure.scalar(name));
         }
         add("fabric_deviator", "fabric\ndeviator", 3, &|s| {

@@ -124,7 +124,7 @@ impl Units {
     }
 
     /// Whether any are asked for.
-    pub(super) fn are_asked_for(&self) -> bool {
+    pub(super) fn are_requested(&self) -> bool {
         self.0.is_some()
     }
 

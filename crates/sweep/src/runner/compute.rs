@@ -7,7 +7,7 @@ use crate::model::replay::replay;
 use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
-use crate::system::clock::{Clock, Spent};
+use crate::system::clock::{Clock, ElapsedTime};
 use sd_core::Sample;
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ struct Run {
 struct Record {
     samples: Vec<(u64, Sample)>,
     /// Seconds computed before this process went on with it.
-    before: Spent,
+    before: ElapsedTime,
     /// Times it went on from a checkpoint.
     resumed: u32,
     /// Frames not in the store yet. They are written before the checkpoint that follows them.
@@ -120,7 +120,7 @@ impl Run {
 
 impl Record {
     /// Bytes of the checkpoint of a run.
-    fn checkpoint(&self, simulation: &AnySimulation, spent: Spent) -> Vec<u8> {
+    fn checkpoint(&self, simulation: &AnySimulation, spent: ElapsedTime) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
             samples: self.samples.clone(),
@@ -165,19 +165,19 @@ impl Shared<'_> {
         };
         self.options.progress.end_case(worker, result.is_ok());
         if matches!(result, Ok(None) | Err(_)) {
-            self.tell_end(claim, state, steps, spent.cpu_s);
+            self.print_end(claim, state, steps, spent.cpu_s);
         }
         result
     }
 
     /// Says that a case ended.
-    fn tell_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
+    fn print_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
         tracing::info!(case = claim.key, state, steps, cpu_s, "finished");
         self.options.progress.ended(claim, state, steps, cpu_s);
     }
 
     /// What is kept of a run that came to its end.
-    fn finished(&self, state: State, mut run: Run, spent: Spent) -> Finished {
+    fn finished(&self, state: State, mut run: Run, spent: ElapsedTime) -> Finished {
         // The store keeps samples one by one.
         let samples = std::mem::take(&mut run.record.samples);
         let layer = run.simulation.as_ref();
@@ -226,7 +226,7 @@ impl Shared<'_> {
                     claim.case.label()
                 ));
             }
-            self.tell_end(
+            self.print_end(
                 claim,
                 finished.state.name(),
                 finished.steps,
@@ -241,7 +241,7 @@ impl Shared<'_> {
         &self,
         claim: &Claim,
         run: &Run,
-        spent: Spent,
+        spent: ElapsedTime,
     ) -> Result<Option<Finished>, StoreError> {
         if let Some(layer) = run.simulation.as_ref().filter(|layer| layer.steps() > 0) {
             let bytes = run.record.checkpoint(layer, spent);
@@ -281,7 +281,7 @@ impl Shared<'_> {
                                 before: None,
                                 record: Record {
                                     samples: good.samples.clone(),
-                                    before: Spent {
+                                    before: ElapsedTime {
                                         wall_s: good.wall_time_s,
                                         cpu_s: good.cpu_time_s,
                                     },
@@ -399,7 +399,7 @@ impl Shared<'_> {
         error: Option<&sd_core::Error>,
     ) -> Result<Option<Finished>, StoreError> {
         self.options.progress.failed(&claim.case, &message);
-        let (pair, gap) = error.map_or((None, None), culprit);
+        let (pair, gap) = error.map_or((None, None), error_location);
         let step = match error {
             Some(sd_core::Error::Step { step, .. }) => *step,
             _ => run.steps(),
@@ -420,9 +420,9 @@ impl Shared<'_> {
 }
 
 /// The pair and the gap an error names.
-fn culprit(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
+fn error_location(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
     match error {
-        sd_core::Error::Step { source, .. } => culprit(source),
+        sd_core::Error::Step { source, .. } => error_location(source),
         sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i as u64, *j as u64)), Some(*gap)),
         sd_core::Error::BadPair { i, j, .. } => (Some((*i as u64, *j as u64)), None),
         _ => (None, None),

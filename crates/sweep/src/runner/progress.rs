@@ -40,7 +40,7 @@ pub enum Style {
 
 impl Style {
     /// Says something on standard error, before or after a run. Nobody may read it, which is no reason to stop.
-    pub fn tell(self, text: &str) {
+    pub fn note(self, text: &str) {
         let line = match self {
             Self::Bars | Self::Lines => text.to_owned(),
             Self::Json => event::note(text),
@@ -52,7 +52,7 @@ impl Style {
 
 /// How far a campaign is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Standing {
+pub struct CampaignProgress {
     /// Share of its work that is done, 0 to 1.
     pub fraction: f64,
     /// Its cases by state, as of the last look into the store.
@@ -69,12 +69,12 @@ pub struct Progress {
     workers: Vec<Worker>,
     /// How far the campaign is.
     campaign: Mutex<Overall>,
-    told: Mutex<Vec<Told>>,
+    reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
 }
 
-/// A failure that was told.
-struct Told {
+/// A failure that was reported.
+struct ReportedFailure {
     /// Parameters of the case, without its shear rate.
     params: Params,
     message: String,
@@ -128,7 +128,7 @@ impl Progress {
             overall,
             workers,
             campaign: Mutex::new(Overall::new()),
-            told: Mutex::new(Vec::new()),
+            reported: Mutex::new(Vec::new()),
             log: Mutex::new(log),
         }
     }
@@ -225,26 +225,26 @@ impl Progress {
     }
 
     /// How far the campaign is, as it was last drawn.
-    pub fn standing(&self) -> Standing {
+    pub fn standing(&self) -> CampaignProgress {
         let campaign = lock(&self.campaign);
-        Standing {
+        CampaignProgress {
             fraction: campaign.fraction(),
             counts: campaign.counts,
             message: campaign.message(),
         }
     }
 
-    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is told.
+    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is reported.
     pub(super) fn failed(&self, case: &Case, message: &str) {
         let alike = without_shear(&case.params);
         {
-            let mut told = lock(&self.told);
-            let mut all = told.iter_mut();
+            let mut reported = lock(&self.reported);
+            let mut all = reported.iter_mut();
             if let Some(known) = all.find(|t| t.params == alike && t.message == message) {
                 known.more += 1;
                 return;
             }
-            told.push(Told {
+            reported.push(ReportedFailure {
                 params: alike,
                 message: message.to_owned(),
                 label: case.label(),
@@ -279,13 +279,13 @@ impl Progress {
         }
     }
 
-    /// How often the store is to be asked, where that is told.
+    /// How often the store is to be asked, where that is reported.
     pub(super) fn every(&self) -> Option<Duration> {
         (self.style == Style::Json).then_some(JSON_EVERY)
     }
 
     /// Lines of JSON, if these are asked for: one for every case under way, and one for the campaign as the store has just been seen.
-    pub(super) fn tell_standing(&self) {
+    pub(super) fn print_progress(&self) {
         if self.style != Style::Json {
             return;
         }
@@ -303,13 +303,13 @@ impl Progress {
         self.line(&line);
     }
 
-    /// Takes the bars away, and says how many failures were not told.
+    /// Takes the bars away, and says how many failures were not reported.
     pub(super) fn end(&self) {
-        let told = std::mem::take(&mut *lock(&self.told));
-        for told in told.iter().filter(|told| told.more > 0) {
+        let reported = std::mem::take(&mut *lock(&self.reported));
+        for reported in reported.iter().filter(|reported| reported.more > 0) {
             self.note(&format!(
                 "{} more runs failed as did {}",
-                told.more, told.label
+                reported.more, reported.label
             ));
         }
         for worker in &self.workers {

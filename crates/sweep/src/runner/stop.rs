@@ -15,11 +15,11 @@ const ECHO: Duration = Duration::from_secs(1);
 
 /// Whether a stop was asked for, and by which signal.
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<Asked>);
+pub struct Stop(Arc<StopRequest>);
 
 /// What the thread of the signals and the others share.
 #[derive(Debug, Default)]
-struct Asked {
+struct StopRequest {
     /// The first signal, 0 before.
     signal: AtomicI32,
     /// Whether there is anything to checkpoint.
@@ -57,7 +57,7 @@ impl Stop {
     /// # Errors
     /// [`RunnerError::Start`] if the system does not let us.
     pub fn on_signals() -> Result<Self, RunnerError> {
-        Self::listen(Asked::default())
+        Self::listen(StopRequest::default())
     }
 
     /// The same for a task of a scheduler, which may send several signals at the end and KILL after them: none but INT ends
@@ -66,17 +66,17 @@ impl Stop {
     /// # Errors
     /// As [`Stop::on_signals`].
     pub fn for_a_task() -> Result<Self, RunnerError> {
-        Self::listen(Asked {
+        Self::listen(StopRequest {
             patient: true,
-            ..Asked::default()
+            ..StopRequest::default()
         })
     }
 
     /// For a program that listens to signals itself and says when to stop; it is never ended by this.
     pub fn by_hand() -> Self {
-        Self(Arc::new(Asked {
+        Self(Arc::new(StopRequest {
             hosted: true,
-            ..Asked::default()
+            ..StopRequest::default()
         }))
     }
 
@@ -91,7 +91,7 @@ impl Stop {
     }
 
     /// Listens from now on.
-    fn listen(asked: Asked) -> Result<Self, RunnerError> {
+    fn listen(asked: StopRequest) -> Result<Self, RunnerError> {
         let refused = |error: std::io::Error| RunnerError::Start {
             what: "signal handlers",
             reason: error.to_string(),

@@ -117,7 +117,7 @@ impl Doubt {
             Self::BelowOne => {
                 mean_of(|sample| sample.viscosity).is_some_and(|mean| mean < 1.0)
                     || mean_of(|sample| sample.viscosity_stresslet).is_some_and(|mean| mean < 0.0)
-                    || (!stores_energy(params)
+                    || (!can_release_energy(params)
                         && samples.iter().any(|sample| sample.viscosity < 0.0))
             }
             Self::OneSample => {
@@ -140,7 +140,7 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
 }
 
 /// Whether springs, a repulsion or adhesion can give back work: then a viscosity may fall below 0 for a moment.
-fn stores_energy(params: &Params) -> bool {
+fn can_release_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,
         ContactScheme::Laws(laws) => laws.is_soft() || laws.adhesion > 0.0,

@@ -1,10 +1,10 @@
 //! Taking a campaign file into its store.
 
-use super::digest::{self, Altered, Sealed};
+use super::digest::{self, DigestMismatch, Sealed};
 use super::inventory::Adoption;
 use super::log::{self, Mark};
 use super::place;
-use super::processes::{self, AtWork};
+use super::processes::{self, ActiveProcess};
 use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
 use super::statements::{Statements, harden};
@@ -117,7 +117,7 @@ impl Store {
     /// long as this process lives.
     ///
     /// # Errors
-    /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
+    /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes what another version of the
     /// campaign requests, and trouble with the file. Nothing is changed then.
     pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
         let entry = Entry::of(campaign, order, &self.path)?;
@@ -127,8 +127,9 @@ impl Store {
         if last.as_ref().is_some_and(|last| last.name != campaign.name) {
             return Err(self.other_campaign(last, campaign));
         }
-        let conflicting =
-            |connection: &Connection| AtWork::conflicting(connection, id, &entry.request.hash);
+        let conflicting = |connection: &Connection| {
+            ActiveProcess::conflicting(connection, id, &entry.request.hash)
+        };
         if let Some(other) = self.read(conflicting(&self.connection))? {
             return Err(self.at_work(&entry.request, other));
         }
@@ -219,7 +220,7 @@ impl Store {
 }
 
 fn no_campaign() -> rusqlite::Error {
-    Altered::error("it holds no campaign")
+    DigestMismatch::error("it holds no campaign")
 }
 
 /// The campaign as a store was last run with it.
@@ -250,7 +251,7 @@ impl LastRun {
             })
         };
         match SEALED.all(connection, "true", [], read) {
-            Err(error) if Altered::in_error(&error).is_some() => Ok(None),
+            Err(error) if DigestMismatch::in_error(&error).is_some() => Ok(None),
             last => Ok(last?.pop()),
         }
     }

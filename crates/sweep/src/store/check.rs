@@ -1,7 +1,7 @@
 //! Whether all of a store is what was written; and what is damaged made pending again, to be computed with the same digits.
 
 use super::campaign;
-use super::digest::{Altered, altered, reseal};
+use super::digest::{DigestMismatch, altered, reseal};
 use super::log::Mark;
 use super::schema::{self, axis_columns};
 use super::statements::Statements;
@@ -147,8 +147,8 @@ impl Damage {
     /// Takes an error about the grid or the campaign for damage of the grid.
     fn unless_altered(&mut self, result: rusqlite::Result<()>) -> rusqlite::Result<()> {
         match result {
-            Err(error) if Altered::in_error(&error).is_some() => {
-                self.add(Part::Grid, &Altered::words(&error));
+            Err(error) if DigestMismatch::in_error(&error).is_some() => {
+                self.add(Part::Grid, &DigestMismatch::words(&error));
                 Ok(())
             }
             other => other,
@@ -160,7 +160,7 @@ impl Damage {
         let looked = points::look(connection, "c.id", "true", |row, known| {
             if let Err(error) = known {
                 let case = row.get(12)?;
-                self.add(Part::Run(case), &Altered::words(&error));
+                self.add(Part::Run(case), &DigestMismatch::words(&error));
                 self.rows.insert(case);
             }
             Ok(())
@@ -312,7 +312,7 @@ impl Store {
                     connection.execute_batch("REINDEX")?;
                     match structure(connection)?.first() {
                         None => Ok(()),
-                        Some(what) => Err(Altered::error(what.trim().replace('\n', " "))),
+                        Some(what) => Err(DigestMismatch::error(what.trim().replace('\n', " "))),
                     }
                 })?;
                 findings.extend(found.iter().map(|what| Finding::of_no_run(what)));

@@ -11,7 +11,7 @@ use std::time::Duration;
 /// Most short cases that are claimed together.
 const BATCH_CASES: usize = 1024;
 /// Cases looked at to tell whether those that are pending keep the other workers busy.
-const LOOKED_AT: usize = 4096;
+const CASES_EXAMINED: usize = 4096;
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -125,7 +125,7 @@ impl Store {
     }
 
     /// Whether cases are pending or under way, perhaps with others, who may die and leave them to us.
-    pub(crate) fn anything_left(&self) -> Result<bool, StoreError> {
+    pub(crate) fn has_open_cases(&self) -> Result<bool, StoreError> {
         self.read(self.connection.has(
             "SELECT 1 WHERE EXISTS (SELECT 1 FROM cases WHERE state = 'pending' AND counts)
                  OR EXISTS (SELECT 1 FROM cases WHERE state = 'running' AND counts)",
@@ -196,7 +196,7 @@ fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i
              AND counts
          ORDER BY cost DESC LIMIT ?1",
     )?;
-    let mut rows = query.query(params![LOOKED_AT, SUSPECT])?;
+    let mut rows = query.query(params![CASES_EXAMINED, SUSPECT])?;
     let Some(first) = rows.next()? else {
         return Ok(None);
     };

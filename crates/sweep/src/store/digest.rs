@@ -100,7 +100,7 @@ impl Sealed {
     /// The rows that meet a condition, read from the columns that the digest covers.
     ///
     /// # Errors
-    /// [`Altered`] if one is not what was written, and those of the query.
+    /// [`DigestMismatch`] if one is not what was written, and those of the query.
     pub(super) fn all<T>(
         &self,
         connection: &Connection,
@@ -111,7 +111,7 @@ impl Sealed {
         let query = format!("{} WHERE {condition}", self.select());
         let mut all = Vec::new();
         each(connection, &query, parameters, |row, is_whole, _| {
-            Altered::unless(is_whole, self.words)?;
+            DigestMismatch::unless(is_whole, self.words)?;
             all.push(read(row)?);
             Ok(())
         })?;
@@ -211,9 +211,9 @@ pub(super) fn reseal(
 
 /// Something that is not what it was when it was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Altered(String);
+pub(super) struct DigestMismatch(String);
 
-impl Altered {
+impl DigestMismatch {
     /// The error about a row, in words, unless it is what was written.
     pub(super) fn unless(is_whole: bool, row: &str) -> rusqlite::Result<()> {
         if is_whole {
@@ -241,13 +241,13 @@ impl Altered {
     }
 }
 
-impl fmt::Display for Altered {
+impl fmt::Display for DigestMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
 }
 
-impl std::error::Error for Altered {}
+impl std::error::Error for DigestMismatch {}
 
 /// A count as the store keeps it.
 pub(super) fn whole(count: u64) -> Value {

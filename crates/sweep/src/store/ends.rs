@@ -67,7 +67,7 @@ impl RunEnd {
     /// The end of the run of a case, if it was computed to one.
     ///
     /// # Errors
-    /// Those of the query, and [`Altered`](super::digest::Altered) if it is not what was written.
+    /// Those of the query, and [`DigestMismatch`](super::digest::DigestMismatch) if it is not what was written.
     pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Self>> {
         Ok(SEALED
             .all(connection, "t.case_id = ?1", [case], Self::read)?

@@ -1,6 +1,6 @@
 //! What can be wrong with a store.
 
-use super::digest::Altered;
+use super::digest::DigestMismatch;
 use crate::disk::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
@@ -76,7 +76,7 @@ pub enum StoreError {
     #[diagnostic(help(
         "nothing was changed; wait until that process has ended, or give this campaign another `name` or another --store FILE"
     ))]
-    AtWork {
+    ActiveProcess {
         path: PathBuf,
         ours: PathBuf,
         theirs: PathBuf,
@@ -168,7 +168,7 @@ impl StoreError {
 
     /// Makes sense of an error of `SQLite`.
     pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
-        if let Some(altered) = Altered::in_error(&source) {
+        if let Some(altered) = DigestMismatch::in_error(&source) {
             return Self::Damaged {
                 path: path.to_owned(),
                 what: altered.to_string(),

@@ -1,7 +1,7 @@
 //! What a campaign file finds in its store, and taking out of it what the file does not ask for.
 
 use super::check::OF_CASES;
-use super::processes::AtWork;
+use super::processes::ActiveProcess;
 use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
@@ -51,8 +51,8 @@ pub struct Adoption {
 
 impl Store {
     /// The error about a process that computes another version of the campaign.
-    pub(super) fn at_work(&self, request: &Request, other: AtWork) -> StoreError {
-        StoreError::AtWork {
+    pub(super) fn at_work(&self, request: &Request, other: ActiveProcess) -> StoreError {
+        StoreError::ActiveProcess {
             path: self.path.clone(),
             ours: request.file.clone(),
             theirs: other.file.unwrap_or_default().into(),

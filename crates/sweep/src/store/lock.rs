@@ -12,7 +12,7 @@ const WAIT: Duration = if cfg!(test) {
 /// How often, where no owner is known to live.
 pub(super) const WAITS: u32 = if cfg!(test) { 4 } else { 12 };
 /// After so many more the user is told again.
-pub(super) const WAITS_UNTOLD: u32 = 60;
+pub(super) const WAITS_BETWEEN_NOTES: u32 = 60;
 /// How long a lock is waited for once a stop was requested.
 const WAIT_WHEN_STOPPING: Duration = Duration::from_millis(500);
 /// Time from one look at a lock to the next.

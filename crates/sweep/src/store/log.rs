@@ -48,7 +48,7 @@ impl Mark {
         let bytes: Vec<u8> =
             connection.one("SELECT mark FROM log WHERE id = 1", [], |row| row.get(0))?;
         Self::of(&bytes)
-            .ok_or_else(|| super::digest::Altered::error("its mark is not what was written"))
+            .ok_or_else(|| super::digest::DigestMismatch::error("its mark is not what was written"))
     }
 
     /// The mark in the file at a path, whatever its log holds.

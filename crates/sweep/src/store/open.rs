@@ -1,7 +1,7 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
-use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
+use super::lock::{WAITS, WAITS_BETWEEN_NOTES, is_stopping, wait_for_lock};
 use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
@@ -186,7 +186,7 @@ impl Store {
                 return Err(error);
             }
             match processes::other_worker(&self.connection, self.me())? {
-                Some((pid, host)) if waits % WAITS_UNTOLD == 1 => {
+                Some((pid, host)) if waits % WAITS_BETWEEN_NOTES == 1 => {
                     let text = format!(
                         "waiting for the lock of {}, which process {pid} on {host} works on",
                         self.path.display()

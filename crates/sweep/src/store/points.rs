@@ -1,6 +1,6 @@
 //! The runs of the points as a report averages them, each compared with what was written.
 
-use super::digest::{Altered, Digest};
+use super::digest::{Digest, DigestMismatch};
 use super::results::COVERED;
 use super::schema::{axis_cells, params, state};
 use super::statements::Statements;
@@ -132,9 +132,9 @@ pub(super) fn look(
         .one("SELECT protocol, grid FROM campaign", [], |row| {
             row.try_into()
         })
-        .map_err(|_| Altered::error("the campaign"))?;
+        .map_err(|_| DigestMismatch::error("the campaign"))?;
     let protocol: Protocol =
-        serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
+        serde_json::from_str(&protocol).map_err(|_| DigestMismatch::error("the campaign"))?;
     let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
         connection.all("SELECT * FROM points", [], |row| {
             Ok((row.get(0)?, KnownPoint::read(row, &protocol)))
@@ -157,8 +157,8 @@ pub(super) fn look(
             Some(Ok(point)) => point
                 .checked_key(row, position.is_some())
                 .map(|key| (key, point)),
-            Some(Err(error)) => Err(Altered::error(Altered::words(error))),
-            None => Err(Altered::error("the point of a case is missing")),
+            Some(Err(error)) => Err(DigestMismatch::error(DigestMismatch::words(error))),
+            None => Err(DigestMismatch::error("the point of a case is missing")),
         };
         if let (Ok((key, _)), Some(position)) = (&known, position) {
             positions.push(position);
@@ -171,7 +171,7 @@ pub(super) fn look(
     if positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid {
         return Ok(());
     }
-    Err(Altered::error(
+    Err(DigestMismatch::error(
         "the grid is not what was written: a case is missing",
     ))
 }
@@ -188,7 +188,7 @@ impl KnownPoint {
     /// A row of the points.
     ///
     /// # Errors
-    /// [`Altered`] if it is not what was written.
+    /// [`DigestMismatch`] if it is not what was written.
     fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
         let mut params = params(row, 1)?;
@@ -197,7 +197,7 @@ impl KnownPoint {
             .map(|column| row.get(column))
             .collect::<Result<_, _>>()?;
         if digest != row.get::<_, i64>(last)? || !axis_cells(&params).eq(cells) {
-            return Err(Altered::error(
+            return Err(DigestMismatch::error(
                 "the parameters of a point are not what was written",
             ));
         }
@@ -214,13 +214,13 @@ impl KnownPoint {
     /// the end that there is of an open case, and whether there is a failure that was not retried.
     ///
     /// # Errors
-    /// [`Altered`] if these do not go together.
+    /// [`DigestMismatch`] if these do not go together.
     fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
         let (seed, steps, stride): (u64, u64, u64) = (row.get(1)?, row.get(2)?, row.get(3)?);
         let key = CaseKey::of_text(&self.text, seed, stride);
         let written = row.get_ref(0)?.as_str()?;
         if key.to_string() != written {
-            return Err(Altered::error(format!(
+            return Err(DigestMismatch::error(format!(
                 "the parameters of case {written} are not those it was named for"
             )));
         }
@@ -234,7 +234,7 @@ impl KnownPoint {
             State::Pending | State::Running => !has_failed && !has_result && !is_covered,
         };
         if !fits || (is_in_grid && steps != self.steps) {
-            return Err(Altered::error(format!(
+            return Err(DigestMismatch::error(format!(
                 "the state of case {written} is not what was written"
             )));
         }
@@ -253,7 +253,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
     if has_result
         && Digest::default().with_row(row, covered..last)?.finish() != row.get::<_, i64>(last)?
     {
-        return Err(Altered::error(format!(
+        return Err(DigestMismatch::error(format!(
             "the result of run {key} is not what was written"
         )));
     }

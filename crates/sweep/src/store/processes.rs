@@ -1,11 +1,11 @@
 //! The processes that work on a store, as it knows them, and those that computed its results.
 
-use super::digest::{Altered, Sealed, whole};
+use super::digest::{DigestMismatch, Sealed, whole};
 use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::case::PHYSICS_VERSION;
-use crate::system::process::{self, Identity, Life};
+use crate::system::process::{self, Identity, ProcessState};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row};
 use serde::Serialize;
@@ -38,7 +38,7 @@ pub struct TaskName {
 }
 
 /// A process that has not left, as far as the store knows.
-pub(super) struct AtWork {
+pub(super) struct ActiveProcess {
     pub(super) id: i64,
     pub(super) identity: Identity,
     pub(super) file: Option<String>,
@@ -46,7 +46,7 @@ pub(super) struct AtWork {
     pub(super) is_alive: bool,
 }
 
-impl AtWork {
+impl ActiveProcess {
     /// All of them but the process `me`.
     pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<Self>> {
         let here = Identity::of_this_process();
@@ -64,7 +64,7 @@ impl AtWork {
                 identity,
                 file: row.get(7)?,
                 request: row.get(8)?,
-                is_alive: life == Life::Alive,
+                is_alive: life == ProcessState::Alive,
             })
         };
         let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
@@ -92,11 +92,11 @@ impl AtWork {
 
 /// A process that did not leave in order, if nobody else works on the store.
 pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
-    let others = AtWork::others(connection, 0)?;
+    let others = ActiveProcess::others(connection, 0)?;
     if others.iter().any(|other| other.is_alive) {
         return Ok(None);
     }
-    Ok(others.into_iter().next_back().map(AtWork::name))
+    Ok(others.into_iter().next_back().map(ActiveProcess::name))
 }
 
 /// Another process that works on the store.
@@ -104,8 +104,8 @@ pub(super) fn other_worker(
     connection: &Connection,
     me: i64,
 ) -> rusqlite::Result<Option<(u32, String)>> {
-    let mut others = AtWork::others(connection, me)?.into_iter();
-    Ok(others.find(|other| other.is_alive).map(AtWork::name))
+    let mut others = ActiveProcess::others(connection, me)?.into_iter();
+    Ok(others.find(|other| other.is_alive).map(ActiveProcess::name))
 }
 
 /// Writes the row of a process that is described so. Gives its number.
@@ -204,7 +204,7 @@ impl Store {
              ORDER BY r.process DESC LIMIT 50",
             [],
             |row| {
-                let nobody = || Altered::error("a result of a process that is not there");
+                let nobody = || DigestMismatch::error("a result of a process that is not there");
                 Ok(Provenance {
                     host: row.get::<_, Option<String>>(0)?.ok_or_else(nobody)?,
                     version: row.get(1)?,

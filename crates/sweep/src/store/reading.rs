@@ -31,7 +31,7 @@ impl Store {
         let last = log::check(path)?;
         let mut store = match Self::read_only(path, None) {
             // SQLite makes an index of the log beside it: it cannot without write access, on a read-only disk or a full one.
-            Err(error) if needs_another_way(&error) || is_full(path) => {
+            Err(error) if needs_snapshot_or_copy(&error) || is_full(path) => {
                 let mut store = Self::read_only(path, Some("immutable=1")).map_err(|_| error)?;
                 if had_log {
                     store.warning = Some(format!(
@@ -124,7 +124,7 @@ pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
 }
 
 /// Whether `SQLite` could not open a file for reading only because it wanted to write beside it.
-fn needs_another_way(error: &StoreError) -> bool {
+fn needs_snapshot_or_copy(error: &StoreError) -> bool {
     match error {
         StoreError::Unwritable { .. } => true,
         StoreError::Sqlite { source, .. } => matches!(

@@ -1,6 +1,6 @@
 //! A process at work on a store: entering, living, leaving, and taking over from those that are gone.
 
-use super::processes::{AtWork, Registered, SEALED, TaskName};
+use super::processes::{ActiveProcess, Registered, SEALED, TaskName};
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, failures, settle, states};
 use crate::model::replay::replay;
@@ -79,8 +79,8 @@ impl Store {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
         };
-        let dead = |connection: &Connection| -> rusqlite::Result<Vec<AtWork>> {
-            let mut others = AtWork::others(connection, me)?;
+        let dead = |connection: &Connection| -> rusqlite::Result<Vec<ActiveProcess>> {
+            let mut others = ActiveProcess::others(connection, me)?;
             others.retain(|other| !other.is_alive);
             Ok(others)
         };

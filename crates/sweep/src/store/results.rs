@@ -1,6 +1,6 @@
 //! Results: what is averaged of a run, and how it is kept.
 
-use super::digest::{self, Altered, Digest, whole};
+use super::digest::{self, Digest, DigestMismatch, whole};
 use super::ends::RunEnd;
 use super::statements::Statements;
 use crate::case::State;
@@ -150,7 +150,7 @@ fn values(
 pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     let query = format!("{} AND c.id = ?1", select());
     digest::each(connection, &query, [case], |_, is_whole, _| {
-        Altered::unless(is_whole, WORDS)
+        DigestMismatch::unless(is_whole, WORDS)
     })
 }
 

@@ -3,7 +3,7 @@
 //! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
 //! point ends, in the same transaction: what counts is a function of the results alone.
 
-use super::digest::{Altered, Sealed, whole};
+use super::digest::{DigestMismatch, Sealed, whole};
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
@@ -39,7 +39,7 @@ pub(super) const SEALED: Sealed = Sealed {
 };
 
 /// What is altered where others count than those that the rules say, in words.
-const WHICH_COUNT: &str = "which seeds count";
+const COUNTED_SEEDS: &str = "which seeds count";
 
 /// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
 /// which leaves out seeds that do not.
@@ -187,14 +187,14 @@ pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
         let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
         // All seeds that a point may get are there.
         let are_all = seeds.len() == rule.at_most;
-        Altered::unless(are_all && seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
+        DigestMismatch::unless(are_all && seeds.iter().enumerate().all(fits), COUNTED_SEEDS)?;
     }
     let left_out = connection.has(
         "SELECT 1 FROM cases WHERE CASE WHEN rule IS NULL THEN counts != (position IS NOT NULL)
              ELSE rule NOT IN (SELECT number FROM rules) END",
         [],
     )?;
-    Altered::unless(!left_out, WHICH_COUNT)
+    DigestMismatch::unless(!left_out, COUNTED_SEEDS)
 }
 
 impl Store {

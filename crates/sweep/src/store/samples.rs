@@ -1,6 +1,6 @@
 //! Samples of runs.
 
-use super::digest::{Altered, Digest, whole};
+use super::digest::{Digest, DigestMismatch, whole};
 use super::statements::Statements;
 use crate::axes;
 use crate::model::sampled::{self, Number};
@@ -47,7 +47,7 @@ pub(super) fn write(
 /// The samples of a case, with their steps. What is not a number comes back as NaN.
 ///
 /// # Errors
-/// Those of the query, and [`Altered`] if they are not what was written.
+/// Those of the query, and [`DigestMismatch`] if they are not what was written.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
     let written = "SELECT samples_digest FROM cases WHERE id = ?1";
     let written: Option<i64> = connection.value(written, [case])?.flatten();
@@ -62,7 +62,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
     if (!samples.is_empty()).then(|| digest.finish()) == written {
         Ok(samples)
     } else {
-        Err(Altered::error(
+        Err(DigestMismatch::error(
             "the samples of a run are not what was written",
         ))
     }

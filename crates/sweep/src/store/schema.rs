@@ -1,6 +1,6 @@
 //! The schema of a store: how its tables are made and recognized, and what columns hold that several of them have.
 
-use super::digest::Altered;
+use super::digest::DigestMismatch;
 use crate::axes::{AXES, Kind, Value as AxisValue};
 use crate::case::State;
 use crate::model::sampled::{Number, listed};
@@ -131,7 +131,8 @@ pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
 /// The state of this name.
 pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
     let name = name.as_str()?;
-    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
+    State::of(name)
+        .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }
 
 /// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns

@@ -6,14 +6,14 @@ use std::time::Instant;
 
 /// Seconds spent on a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Spent {
+pub(crate) struct ElapsedTime {
     /// By the wall.
     pub(crate) wall_s: f64,
     /// By the processor.
     pub(crate) cpu_s: f64,
 }
 
-impl Add for Spent {
+impl Add for ElapsedTime {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -61,8 +61,8 @@ impl Clock {
     }
 
     /// Both.
-    pub(crate) fn spent(&self) -> Spent {
-        Spent {
+    pub(crate) fn spent(&self) -> ElapsedTime {
+        ElapsedTime {
             wall_s: self.wall_s(),
             cpu_s: self.cpu_s(),
         }

@@ -24,7 +24,7 @@ pub(crate) struct Identity {
 
 /// What is known about another process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Life {
+pub(crate) enum ProcessState {
     /// It runs, or was seen recently.
     Alive,
     /// It is gone.
@@ -50,18 +50,22 @@ impl Identity {
     }
 
     /// Whether the process `other`, last heard of `silence` ago, still lives, as far as this process can know.
-    pub(crate) fn judge(&self, other: &Self, silence: Duration) -> Life {
+    pub(crate) fn judge(&self, other: &Self, silence: Duration) -> ProcessState {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
-            return if runs(other) { Life::Alive } else { Life::Dead };
+            return if runs(other) {
+                ProcessState::Alive
+            } else {
+                ProcessState::Dead
+            };
         }
         let restarted = self.host == other.host
             && !self.boot.is_empty()
             && !other.boot.is_empty()
             && self.boot != other.boot;
         if restarted || silence > HEARTBEAT_LIMIT {
-            Life::Dead
+            ProcessState::Dead
         } else {
-            Life::Alive
+            ProcessState::Alive
         }
     }
 }
@@ -150,14 +154,14 @@ mod tests {
     #[test]
     fn this_process_is_alive_and_its_pid_reused_is_dead() {
         let me = Identity::of_this_process();
-        assert_eq!(me.judge(&me, Duration::ZERO), Life::Alive);
-        assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), Life::Alive);
+        assert_eq!(me.judge(&me, Duration::ZERO), ProcessState::Alive);
+        assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), ProcessState::Alive);
         if !me.start.is_empty() {
             let earlier = Identity {
                 start: "1".into(),
                 ..me.clone()
             };
-            assert_eq!(me.judge(&earlier, Duration::ZERO), Life::Dead);
+            assert_eq!(me.judge(&earlier, Duration::ZERO), ProcessState::Dead);
         }
     }
 
@@ -179,10 +183,13 @@ mod tests {
             host: "elsewhere".into(),
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+        assert_eq!(
+            me.judge(&other, Duration::from_secs(5)),
+            ProcessState::Alive
+        );
         assert_eq!(
             me.judge(&other, HEARTBEAT_LIMIT + Duration::from_secs(1)),
-            Life::Dead
+            ProcessState::Dead
         );
     }
 
@@ -194,7 +201,10 @@ mod tests {
             pid: 1,
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+        assert_eq!(
+            me.judge(&other, Duration::from_secs(5)),
+            ProcessState::Alive
+        );
     }
 
     #[test]
@@ -207,6 +217,6 @@ mod tests {
             boot: "before".into(),
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::ZERO), Life::Dead);
+        assert_eq!(me.judge(&other, Duration::ZERO), ProcessState::Dead);
     }
 }

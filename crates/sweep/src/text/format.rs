@@ -55,7 +55,7 @@ impl Digits {
     /// Characters of a number that is not long.
     const SHORT: usize = 7;
     /// Digits that are enough if they tell numbers apart.
-    const ENOUGH: i32 = 4;
+    const ENOUGH_DIGITS: i32 = 4;
 
     /// For these numbers.
     pub fn of(numbers: impl Iterator<Item = f64>) -> Self {
@@ -73,7 +73,7 @@ impl Digits {
             let words: Vec<String> = numbers.iter().map(plain).collect();
             words.windows(2).all(|pair| pair[0] != pair[1])
         };
-        let most = (Self::ENOUGH..17).find(are_apart).unwrap_or(17);
+        let most = (Self::ENOUGH_DIGITS..17).find(are_apart).unwrap_or(17);
         let plain = Self {
             most,
             powers: false,
@@ -97,7 +97,7 @@ impl Digits {
         let rounded = format!("{number:.decimals$e}").parse().unwrap_or(number);
         let plain = format!("{rounded}");
         // Digits beyond those that are short are there to tell numbers apart.
-        let extra = usize::try_from(self.most - Self::ENOUGH).unwrap_or(0);
+        let extra = usize::try_from(self.most - Self::ENOUGH_DIGITS).unwrap_or(0);
         if plain.len() <= Self::SHORT + extra && !self.powers {
             plain
         } else {

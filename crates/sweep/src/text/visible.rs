@@ -9,19 +9,19 @@ use std::io::{self, Write};
 
 /// Whether a terminal obeys a character rather than showing it: control characters but for line ends and tabs, and those that
 /// turn the direction of writing.
-fn is_obeyed(c: char) -> bool {
+fn is_control_sequence(c: char) -> bool {
     (c.is_control() && c != '\n' && c != '\t')
         || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// A text as it may be shown.
 pub(crate) fn visible(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_obeyed) {
+    if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for c in text.chars() {
-        if is_obeyed(c) {
+        if is_control_sequence(c) {
             // Writing to a string does not fail.
             let _ = write!(shown, "\\u{:04x}", u32::from(c));
         } else {
@@ -33,14 +33,14 @@ pub(crate) fn visible(text: &str) -> Cow<'_, str> {
 
 /// The same in as many bytes as the text has, so that places in it stay where they are.
 pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_obeyed) {
+    if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len());
     let mut characters = text.chars().peekable();
     while let Some(c) = characters.next() {
         let ends_line = c == '\r' && characters.peek() == Some(&'\n');
-        if is_obeyed(c) && !ends_line {
+        if is_control_sequence(c) && !ends_line {
             shown.extend(std::iter::repeat_n('?', c.len_utf8()));
         } else {
             shown.push(c);
@@ -128,7 +128,7 @@ mod tests {
             "a\\u001b[31mred\\u001b]0;title\\u0007\\u000d\\u009b2J\\u007f\\u202eb\tc\n"
         );
         assert_eq!(visible_in_place(evil).len(), evil.len());
-        assert!(!visible_in_place(evil).contains(is_obeyed));
+        assert!(!visible_in_place(evil).contains(is_control_sequence));
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
             out.write_all(&bytes[..cut]).unwrap();
             out.write_all(&bytes[cut..]).unwrap();
             let text = String::from_utf8(out.to.clone()).unwrap();
-            prop_assert!(!text.contains(is_obeyed), "{:?}", text);
+            prop_assert!(!text.contains(is_control_sequence), "{:?}", text);
         }
     }
 }

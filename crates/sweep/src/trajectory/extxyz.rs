@@ -11,7 +11,7 @@ use std::io::{self, Write};
 
 /// The run that frames are of.
 #[derive(Debug, Clone)]
-pub(crate) struct Filmed {
+pub(crate) struct FrameSource {
     /// Its parameters.
     pub params: Params,
     /// Its seed.
@@ -27,7 +27,7 @@ pub(crate) struct Filmed {
 /// frame over that from the one before; a single frame has none.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let (layers, suspensions) = by_space(frames);
@@ -37,7 +37,7 @@ pub(crate) fn write_extxyz(
 
 fn write_frames<S: Kept>(
     frames: &[(u64, &Frame<S>)],
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let about = about(filmed);
@@ -65,7 +65,7 @@ fn write_frames<S: Kept>(
 }
 
 /// The run in words of the comment: `area_fraction=0.7 friction=0.5 … seed=1 key=3f…`.
-fn about(filmed: &Filmed) -> String {
+fn about(filmed: &FrameSource) -> String {
     let mut words = String::new();
     let meant = |axis: &&Axis| axis.means_something(&filmed.params);
     for axis in AXES.iter().filter(meant) {
@@ -182,7 +182,7 @@ mod tests {
     use crate::test_support::{frame, params, suspension};
 
     fn lines(frames: &[(u64, &AnyFrame)]) -> Vec<String> {
-        let filmed = Filmed {
+        let filmed = FrameSource {
             params: params(),
             seed: 7,
             key: "3f9a".into(),

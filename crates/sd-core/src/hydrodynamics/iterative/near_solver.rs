@@ -6,7 +6,7 @@ use crate::linalg::Until;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
 /// Largest residual force at which conjugate gradients stop, over the largest force.
-const LEFT: f64 = 1e-10;
+const RESIDUAL_TOLERANCE: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 500;
 
 /// Workspace of solves with the `R_FU` of what the far field is iterated on.
@@ -59,19 +59,19 @@ impl<S: Fluid> NearSolver<S> {
         self.gradients.solve(
             &self.forces,
             x,
-            Until::new(LEFT * largest, MOST_ITERATIONS as usize),
+            Until::new(RESIDUAL_TOLERANCE * largest, MOST_ITERATIONS as usize),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
         let residual = self.gradients.residual();
-        if residual <= LEFT * largest {
+        if residual <= RESIDUAL_TOLERANCE * largest {
             return Ok(());
         }
         Err(Error::NotConverged {
             quantity: "the motion under near-field hydrodynamics",
             iterations: MOST_ITERATIONS,
             residual: residual / largest,
-            wanted: LEFT,
+            wanted: RESIDUAL_TOLERANCE,
         })
     }
 }

@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn term_is_positive_semidefinite_and_resists_no_rigid_motion() {
         for radii in [[1.0, 1.0], [1.0, 1.4], [1.0, 3.0], [1.0, 10.0], [5.0, 1.0]] {
-            let pair = LeadingOrderPair::new(radii, LeadingOrder::USUAL);
+            let pair = LeadingOrderPair::new(radii, LeadingOrder::DEFAULT);
             for gap in [-0.1, 0.0, 1e-4, 0.01, 0.1, 0.3] {
                 let matrix = pair.evaluate(gap).matrix();
                 assert!((matrix - matrix.transpose()).amax() < 1e-12 * matrix.amax());
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn beyond_the_cutoff_there_is_nothing_and_overlaps_are_as_contact() {
-        let pair = LeadingOrderPair::new([1.0, 1.4], LeadingOrder::USUAL);
+        let pair = LeadingOrderPair::new([1.0, 1.4], LeadingOrder::DEFAULT);
         assert_eq!(pair.evaluate(0.6), PairTerm::new(&[0.0; ENTRIES]));
         assert_ne!(pair.evaluate(0.599), PairTerm::new(&[0.0; ENTRIES]));
         assert_eq!(pair.evaluate(-0.01), pair.evaluate(0.0));
@@ -190,7 +190,7 @@ mod tests {
     fn slip_of_a_free_pair_under_a_force_is_that_of_its_resistance() {
         // K is defined by a whole solve of the pair: forces ±1 across and the torques l that go with them.
         let (radii, gap) = ([1.0, 1.4], 0.004);
-        let pair = LeadingOrderPair::new(radii, LeadingOrder::USUAL);
+        let pair = LeadingOrderPair::new(radii, LeadingOrder::DEFAULT);
         let term = pair.evaluate(gap).matrix();
         let modes = [0, 1, 2, 6, 7, 8];
         let mut resistance =

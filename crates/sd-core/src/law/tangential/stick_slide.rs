@@ -46,7 +46,7 @@ pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {
 };
 
 /// k_t over k unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
-pub const USUAL_STIFFNESS: f64 = 0.5;
+pub const DEFAULT_STIFFNESS: f64 = 0.5;
 
 /// Coulomb's limit.
 pub fn bound(friction: f64, load: f64) -> f64 {

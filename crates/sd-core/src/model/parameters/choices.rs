@@ -134,13 +134,13 @@ pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)
 }
 
 /// Whether friction ever acts.
-pub(super) fn rubs(params: &Params) -> bool {
-    params.contact.laws().normal.touches() && params.rubs()
+pub(super) fn has_friction(params: &Params) -> bool {
+    params.contact.laws().normal.touches() && params.has_friction()
 }
 
 /// Whether rolling friction acts: where friction does, beside a law that leaves pairs free to roll.
 pub(super) fn resists_rolling(params: &Params) -> bool {
-    rubs(params) && rolling_friction::goes_with(params.contact.laws().tangential)
+    has_friction(params) && rolling_friction::goes_with(params.contact.laws().tangential)
 }
 
 /// Whether surfaces touch and may adhere. The paper's steps have no such law.

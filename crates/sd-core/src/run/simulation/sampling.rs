@@ -11,9 +11,9 @@ use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::stress::{ContactCounts, Stress};
 
-/// What is taken down while a step is under way.
+/// What a step records.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Taken {
+pub(super) struct StepRecord {
     /// The strain at which it begins.
     pub(super) strain: f64,
     /// The sample, once there is one.
@@ -24,7 +24,7 @@ pub(super) struct Taken {
     pub(super) jammed: bool,
 }
 
-impl Taken {
+impl StepRecord {
     /// Nothing yet.
     pub(super) fn at(strain: f64) -> Self {
         Self {
@@ -60,19 +60,24 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Notes what a stage says of the step under way, until that is sampled: at its first stage the smallest gap.
-    pub(super) fn begin_sample(&self, jammed: bool, taken: &mut Taken) {
-        if taken.sample.is_some() {
+    pub(super) fn begin_sample(&self, jammed: bool, record: &mut StepRecord) {
+        if record.sample.is_some() {
             return;
         }
-        taken.jammed |= jammed;
-        if taken.gap == f64::INFINITY {
-            taken.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
+        record.jammed |= jammed;
+        if record.gap == f64::INFINITY {
+            record.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
         }
     }
 
     /// Takes the sample of the step under way at the stage solved last, unless it has one.
-    pub(super) fn take_sample(&mut self, stage: &Stage, centres: &[S::Vector], taken: &mut Taken) {
-        if taken.sample.is_some() {
+    pub(super) fn take_sample(
+        &mut self,
+        stage: &Stage,
+        centres: &[S::Vector],
+        record: &mut StepRecord,
+    ) {
+        if record.sample.is_some() {
             return;
         }
         let stress = self.stress_of_stage();
@@ -80,31 +85,31 @@ impl<S: Started> Simulation<S> {
             self.fill_frame(stage, centres);
         }
         let counts = ContactCounts::of(&self.stage.contacts.list);
-        taken.sample = Some(Sample {
-            strain: taken.strain,
+        record.sample = Some(Sample {
+            strain: record.strain,
             viscosity: stress.viscosity,
             viscosity_stresslet: stress.viscosity_stresslet,
             normal_stress_difference: stress.components.n1.total(),
             stress: stress.components,
-            shear_rate: self.drive.shear_rate(&self.params),
+            shear_rate: self.shear_control.shear_rate(&self.params),
             dissipation: stress.dissipation,
             contacts: counts.contacts,
             activated: counts.activated,
             rolling: counts.rolling,
             slipping: counts.slipping,
             normal_velocity: counts.normal_velocity,
-            minimum_gap: taken.gap,
+            minimum_gap: record.gap,
             counters: self.counters,
             network: None,
         });
     }
 
     /// Ends the step: its sample, with the counters of the run so far.
-    pub(super) fn count_step(&mut self, taken: &Taken) -> Sample {
-        let mut sample = taken.sample.expect("every step is sampled");
+    pub(super) fn count_step(&mut self, record: &StepRecord) -> Sample {
+        let mut sample = record.sample.expect("every step is sampled");
         let counters = &mut self.counters;
-        counters.minimum_gap = counters.minimum_gap.min(taken.gap);
-        counters.count_jam(sample.viscosity, taken.jammed);
+        counters.minimum_gap = counters.minimum_gap.min(record.gap);
+        counters.count_jam(sample.viscosity, record.jammed);
         sample.counters = *counters;
         sample
     }

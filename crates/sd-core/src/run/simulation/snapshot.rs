@@ -1,7 +1,7 @@
 //! All that a run needs to go on.
 
 use super::Counters;
-use super::drive::Drive;
+use super::shear_control::ShearControl;
 use crate::contact::ContactMemory;
 use crate::contact::memory::PairForces;
 use crate::contact::springs::Springs;
@@ -160,7 +160,7 @@ impl Snapshot {
     pub fn layer(&self, params: &Params) -> StartLayer {
         let before = params.start.as_ref().map_or(0.0, |start| start.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
-        let stiffness = Drive::new(&last, self.critical_load)
+        let stiffness = ShearControl::new(&last, self.critical_load)
             .laws(&last)
             .tangential_stiffness;
         let stretches = |springs: fn(&ContactMemory) -> &Springs| match &self.memory {

@@ -1,12 +1,12 @@
 //! The right-hand side: from positions to velocities, with what contacts remember and how the shear is imposed.
 
-use super::drive::Drive;
+use super::shear_control::ShearControl;
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Pass, Quality};
 use crate::error::Error;
 use crate::run::started::Started;
-use crate::run::steppers::{Bearing, Stage};
+use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use crate::stage::Contact;
@@ -24,9 +24,9 @@ impl<S: Started> Simulation<S> {
             // A run that is resumed here then has the same bits.
             self.stage.begin_step();
         }
-        let quality = match &self.drive {
-            Drive::Rate => self.solve(stage, &cell, centres, Pass::First)?,
-            Drive::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
+        let quality = match &self.shear_control {
+            ShearControl::Rate => self.solve(stage, &cell, centres, Pass::First)?,
+            ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
         let (background, solver) = (self.background, &self.stage);
@@ -43,13 +43,9 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Whether contacts bear forces at the stage solved last.
-    pub(super) fn bearing(&self) -> Bearing {
+    pub(super) fn has_contact_forces(&self) -> bool {
         let mut contacts = self.stage.contacts.list.iter();
-        if contacts.any(|contact| contact.normal_force > 0.0) {
-            Bearing::Loaded
-        } else {
-            Bearing::Free
-        }
+        contacts.any(|contact| contact.normal_force > 0.0)
     }
 
     /// The contact problem of a stage and its motion.
@@ -103,7 +99,7 @@ impl<S: Started> Simulation<S> {
                     // A solve drops pairs from the list.
                     listed.pairs.clone_from(&before.pairs);
                 }
-                let surface = self.drive.surface(&self.params);
+                let surface = self.shear_control.surface(&self.params);
                 let contact = Contact::Procedure { surface, listed };
                 solver.solve(&background, &[], contact, pass)
             }

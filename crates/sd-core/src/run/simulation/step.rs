@@ -1,12 +1,12 @@
 //! A step of a run: in one piece, or in halves where spheres would come too near on the way.
 
-use super::sampling::Taken;
+use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::Phase;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::started::Started;
-use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
+use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};
 
@@ -98,16 +98,22 @@ impl<S: Started> Simulation<S> {
 
     /// [`Simulation::step`], compiled with its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
-        let drive = self.drive;
+        let shear_control = self.shear_control;
         self.impose(self.steps);
         let (time, dt) = (self.strain(), self.params.time_step);
-        let mut taken = Taken::at(time);
+        let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
         let result = match &mut stepper {
             Stepper::RungeKutta(_) => self
-                .attempt(&mut stepper, &mut state, [time, dt], &mut taken, &mut false)
+                .attempt(
+                    &mut stepper,
+                    &mut state,
+                    [time, dt],
+                    &mut record,
+                    &mut false,
+                )
                 .map(|()| Advance::Moved),
             Stepper::Midpoint(method) => {
                 let part = Part {
@@ -115,15 +121,15 @@ impl<S: Started> Simulation<S> {
                     dt,
                     halvings: 0,
                 };
-                self.advance_rigid(method, &mut state, part, &mut taken)
+                self.advance_rigid(method, &mut state, part, &mut record)
             }
-            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut taken),
+            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut record),
         };
         if result.is_err() {
             state.copy_from(&self.before);
             if self.run.is_some() {
                 self.impose(self.steps.saturating_sub(1));
-                self.drive = drive;
+                self.shear_control = shear_control;
             }
         }
         self.stepper = stepper;
@@ -134,7 +140,7 @@ impl<S: Started> Simulation<S> {
             source: Box::new(source),
         };
         let advance = result.map_err(failed)?;
-        let sample = self.count_step(&taken);
+        let sample = self.count_step(&record);
         if advance == Advance::Blocked {
             self.state.copy_from(&self.before);
             self.counters.jammed_steps_running = self.jam_steps();
@@ -165,7 +171,7 @@ impl<S: Started> Simulation<S> {
             partners[contact.pair.j] += 1;
         }
         let bears = |sphere: usize| partners[sphere] > 1;
-        let taken: usize = loaded()
+        let record: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
             .map(|contact| {
                 S::TANGENTS * usize::from(contact.rolling_halted)
@@ -176,7 +182,7 @@ impl<S: Started> Simulation<S> {
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
-        spheres > 0 && taken >= S::MODES * spheres
+        spheres > 0 && record >= S::MODES * spheres
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
@@ -187,17 +193,17 @@ impl<S: Started> Simulation<S> {
         stepper: &mut Stepper<S>,
         state: &mut State<S>,
         [time, dt]: [f64; 2],
-        taken: &mut Taken,
+        record: &mut StepRecord,
         jammed: &mut bool,
     ) -> Result<(), Error> {
         stepper.step(state, time, dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             *jammed |= quality.jammed();
             if stage.number == 0 {
-                self.begin_sample(quality.jammed(), taken);
-                self.take_sample(&stage, centres, taken);
+                self.begin_sample(quality.jammed(), record);
+                self.take_sample(&stage, centres, record);
             }
-            Ok(self.bearing())
+            Ok(self.has_contact_forces())
         })
     }
 
@@ -207,9 +213,9 @@ impl<S: Started> Simulation<S> {
         &mut self,
         stepper: &mut Stepper<S>,
         state: &mut State<S>,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
+        let (time, dt, shear_control) = (self.strain(), self.params.time_step, self.shear_control);
         self.remembered.copy_from(&self.memory);
         let (mut halvings, mut jammed) = (0, false);
         loop {
@@ -217,7 +223,7 @@ impl<S: Started> Simulation<S> {
             let part = dt / f64::from(parts);
             let moved = (0..parts).try_for_each(|k| {
                 let start = time + f64::from(k) * part;
-                self.attempt(stepper, state, [start, part], taken, &mut jammed)
+                self.attempt(stepper, state, [start, part], record, &mut jammed)
             });
             let end = self.cell_at(time + dt)?;
             let checked = moved.and_then(|()| {
@@ -228,13 +234,13 @@ impl<S: Started> Simulation<S> {
                 return Ok(Advance::Moved);
             };
             state.copy_from(&self.before);
-            self.drive = drive;
-            self.laws = drive.laws(&self.params);
+            self.shear_control = shear_control;
+            self.laws = shear_control.laws(&self.params);
             self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = jammed || self.is_held();
-            if overlaps && jams && taken.sample.is_some() {
+            if overlaps && jams && record.sample.is_some() {
                 return Ok(Advance::Blocked);
             }
             if !overlaps || jams || halvings == MAX_HALVINGS {
@@ -254,10 +260,10 @@ impl<S: Started> Simulation<S> {
         method: &mut Midpoint<S>,
         state: &mut State<S>,
         part: Part,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (before, counters) = (*taken, self.counters);
-        let attempt = self.attempt_rigid(method, state, part, taken)?;
+        let (before, counters) = (*record, self.counters);
+        let attempt = self.attempt_rigid(method, state, part, record)?;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
             Attempt::LowGap { jammed: false } => MAX_HALVINGS,
@@ -268,10 +274,10 @@ impl<S: Started> Simulation<S> {
             if has_moved {
                 method.undo(state);
             }
-            *taken = before;
+            *record = before;
             self.counters = counters;
             for half in part.halves() {
-                if self.advance_rigid(method, state, half, taken)? == Advance::Blocked {
+                if self.advance_rigid(method, state, half, record)? == Advance::Blocked {
                     return Ok(Advance::Blocked);
                 }
             }
@@ -280,14 +286,14 @@ impl<S: Started> Simulation<S> {
         if has_moved {
             return Ok(Advance::Moved);
         }
-        *taken = before;
+        *record = before;
         let mut held = HELD_SHARE * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
-            self.begin_sample(quality.jammed(), taken);
-            self.take_sample(&stage, centres, taken);
-            Ok::<_, Error>(self.bearing())
+            self.begin_sample(quality.jammed(), record);
+            self.take_sample(&stage, centres, record);
+            Ok::<_, Error>(self.has_contact_forces())
         })?;
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.stage.resistance.closest_at(&end, &state.centres);
@@ -304,7 +310,7 @@ impl<S: Started> Simulation<S> {
         method: &mut Midpoint<S>,
         state: &mut State<S>,
         part: Part,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Attempt, Error> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = HELD_SHARE * self.params.roughness;
@@ -319,12 +325,12 @@ impl<S: Started> Simulation<S> {
             if is_low(held, closest) {
                 return Err(Stop::LowGap);
             }
-            self.begin_sample(quality.jammed(), taken);
-            let bearing = self.bearing();
-            if bearing == Bearing::Free || stage.phase == Phase::Middle {
-                self.take_sample(&stage, centres, taken);
+            self.begin_sample(quality.jammed(), record);
+            let has_contact_forces = self.has_contact_forces();
+            if !has_contact_forces || stage.phase == Phase::Middle {
+                self.take_sample(&stage, centres, record);
             }
-            Ok(bearing)
+            Ok(has_contact_forces)
         });
         match moved {
             Err(Stop::Failed(error)) => return Err(error),

@@ -41,12 +41,3 @@ pub struct Stage {
     /// What contact laws make of it.
     pub phase: Phase,
 }
-
-/// Whether contacts bear forces at a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Bearing {
-    /// None does.
-    Free,
-    /// One does, or more.
-    Loaded,
-}

@@ -10,13 +10,13 @@ const THREAD_BYTES: f64 = 1.0e6;
 /// Bytes the program takes beyond what it has taken when a plan begins: the store's cache, the report; measured.
 const PROGRAM_BYTES: f64 = 4.0e6;
 /// Resident bytes where the system does not tell; measured.
-const USUAL_RESIDENT_BYTES: f64 = 9.0e6;
+const DEFAULT_RESIDENT_BYTES: f64 = 9.0e6;
 
 /// Resident memory of a program that computes nothing yet: this one, now.
 pub(super) fn resident_bytes() -> f64 {
     let pages = std::fs::read_to_string("/proc/self/statm").ok();
     let pages = pages.and_then(|text| text.split_whitespace().nth(1)?.parse::<f64>().ok());
-    let resident = pages.map_or(USUAL_RESIDENT_BYTES, |pages| {
+    let resident = pages.map_or(DEFAULT_RESIDENT_BYTES, |pages| {
         pages * rustix::param::page_size() as f64
     });
     resident + PROGRAM_BYTES

@@ -14,12 +14,12 @@ use std::time::{Duration, Instant};
 const TIME: Duration = Duration::from_secs(6);
 
 /// A point, and what came of its start layer; `None` where the time was over before.
-pub(super) struct Tried {
+pub(super) struct StartTrial {
     params: Params,
     outcome: Option<Result<(), String>>,
 }
 
-impl Tried {
+impl StartTrial {
     /// Why the runs of its point will not start, or may not.
     pub(super) fn warning(&self) -> Option<String> {
         match &self.outcome {
@@ -67,7 +67,7 @@ fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
 }
 
 /// Makes a start layer for every point, those first that are hardest to pack. Each point is given with one of its seeds.
-pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<Tried> {
+pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<StartTrial> {
     let mut known = HashSet::new();
     let mut all: Vec<(Params, u64)> = points
         .filter(|(params, _)| params.start.is_none() && known.insert(of_start(params)))
@@ -105,7 +105,7 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
     let points = all.iter().map(|(params, _)| params.clone());
     points
         .zip(outcomes)
-        .map(|(params, outcome)| Tried { params, outcome })
+        .map(|(params, outcome)| StartTrial { params, outcome })
         .collect()
 }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::collections::HashMap;
 
 /// Scatter between runs over their mean that is taken for granted where none is measured yet.
-const USUAL_SCATTER: f64 = 0.12;
+const DEFAULT_SCATTER: f64 = 0.12;
 /// Seeds from which on it is not counted how many a precision takes.
 const MOST_SEEDS: usize = 100_000;
 /// Lengths of runs that are compared, over the length asked for.
@@ -192,7 +192,7 @@ fn expected(
     };
     let scatters: Vec<f64> = states.iter().filter_map(scatter_of).collect();
     let measured = !scatters.is_empty();
-    let scatter = crate::statistics::mean(&scatters).unwrap_or(USUAL_SCATTER);
+    let scatter = crate::statistics::mean(&scatters).unwrap_or(DEFAULT_SCATTER);
     let sum = |of: &dyn Fn(usize, crate::statistics::Precision) -> usize| {
         let rules = campaign.rules.iter().enumerate();
         rules.map(|(point, rule)| of(point, rule.precision)).sum()

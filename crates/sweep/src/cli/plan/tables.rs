@@ -9,7 +9,7 @@ use std::io::{self, Write};
 /// A kind on one line takes at most so many characters.
 const ONE_LINE: usize = 34;
 /// Columns of a terminal besides the values of an axis: its name, their number, the room between.
-const BESIDES_VALUES: usize = 6;
+const COLUMNS_WITHOUT_VALUES: usize = 6;
 
 /// A column of the kinds of runs: name, heading, unit, how soon it is left out, and what is in it.
 type Column = (
@@ -132,7 +132,7 @@ impl Sheets {
 /// The axes with their values, of which as many are named as there is room for.
 fn axes(plan: &Plan, shape: Shape, width: Option<u16>) -> Sheet {
     let widest = plan.axes.iter().map(|(name, _)| name.len()).max();
-    let besides = widest.unwrap_or(0) + "number".len() + BESIDES_VALUES;
+    let besides = widest.unwrap_or(0) + "number".len() + COLUMNS_WITHOUT_VALUES;
     let most = if shape.wide {
         usize::MAX
     } else {

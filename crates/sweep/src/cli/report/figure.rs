@@ -53,7 +53,7 @@ struct FigureChoices {
 }
 
 /// A figure that is to be drawn into a file.
-pub(super) struct Asked<'a> {
+pub(super) struct FigureRequest<'a> {
     path: &'a Path,
     drawing: Drawing,
     format: Format,
@@ -62,7 +62,7 @@ pub(super) struct Asked<'a> {
 
 impl FigureArguments {
     /// The figure asked for, if one is.
-    pub(super) fn asked(&self) -> Result<Option<Asked<'_>>, Error> {
+    pub(super) fn asked(&self) -> Result<Option<FigureRequest<'_>>, Error> {
         let Some(path) = &self.figure else {
             return Ok(None);
         };
@@ -95,7 +95,7 @@ impl FigureArguments {
                 "it names runs in time, so only --kind trace has it",
             );
         }
-        Ok(Some(Asked {
+        Ok(Some(FigureRequest {
             path,
             format: format_of("--figure", path)?,
             cases: &self.choices.case,
@@ -138,7 +138,7 @@ pub(super) struct Sources<'a> {
 
 /// Draws a figure into its file.
 pub(super) fn write(
-    asked: &Asked<'_>,
+    asked: &FigureRequest<'_>,
     sources: &Sources<'_>,
     output: &mut Output<'_>,
 ) -> Result<(), Error> {

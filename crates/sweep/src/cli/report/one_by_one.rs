@@ -17,13 +17,13 @@ pub(super) enum Rows {
 }
 
 /// A table that is asked for.
-type Asked<'a> = (Rows, &'a Path, TableFormat);
+type TableRequest<'a> = (Rows, &'a Path, TableFormat);
 
 /// The tables asked for, each with the format that its name says.
 pub(super) fn asked<'a>(
     runs: Option<&'a Path>,
     samples: Option<&'a Path>,
-) -> Result<Vec<Asked<'a>>, Error> {
+) -> Result<Vec<TableRequest<'a>>, Error> {
     let asked = [
         ("--runs", Rows::Runs, runs),
         ("--samples", Rows::Samples, samples),

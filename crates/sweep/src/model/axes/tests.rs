@@ -73,7 +73,7 @@ fn written_values_make_parameters_that_have_them() {
     let values: Vec<Option<Value>> = AXES.iter().map(|axis| Some(axis.value(&mixture))).collect();
     assert_eq!(params_of(&values).unwrap(), mixture);
     let nothing = vec![None; AXES.len()];
-    let Err(Unmade::Missing(missing)) = params_of(&nothing) else {
+    let Err(InvalidCombination::Missing(missing)) = params_of(&nothing) else {
         panic!("something must be written");
     };
     let keys: Vec<&str> = missing.iter().map(|axis| axis.key).collect();

@@ -8,13 +8,13 @@ const ROWS: usize = 16;
 /// The line of the horizontal axis.
 const AXIS: usize = 14;
 /// Columns of a chart at least.
-const NARROWEST: u16 = 40;
+const MIN_WIDTH: u16 = 40;
 /// Bits of the dots of a Braille character, by row and column.
 const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
 
 /// Viscosity against strain as lines of text, `columns` wide, without colours.
 pub(crate) fn chart(trace: &[(f64, f64)], columns: u16) -> String {
-    let columns = usize::from(columns.max(NARROWEST));
+    let columns = usize::from(columns.max(MIN_WIDTH));
     let [start, end] = extent(trace.iter().map(|point| point.0));
     let [low, high] = extent(trace.iter().map(|point| point.1));
     let strains = Scale::linear(String::new(), start, end);

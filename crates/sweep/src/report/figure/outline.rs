@@ -11,7 +11,7 @@ use crate::report::error::ReportError;
 use serde::Serialize;
 
 /// Height of a panel over its width.
-const SLENDERNESS: f64 = 0.74;
+const PANEL_ASPECT: f64 = 0.74;
 /// Dashes of lines without markers, which tell them apart in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
 /// What dashed lines are called.
@@ -170,7 +170,7 @@ impl Outline {
             LegendPlace::Right => Legend::of(&outline).width_beside(&outline),
             _ => 0.0,
         };
-        let usual = (SLENDERNESS * (width - beside) / columns as f64).clamp(120.0, 300.0);
+        let usual = (PANEL_ASPECT * (width - beside) / columns as f64).clamp(120.0, 300.0);
         outline.panel_height = style.height.map_or(usual, |height| height.0);
         Ok(outline)
     }

@@ -11,7 +11,7 @@ use crate::report::points::{Point, Report};
 /// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
 /// no room, the highest first.
 #[rustfmt::skip]
-const USUAL: [(&str, &str, i32, u8); 24] = [
+const DEFAULT: [(&str, &str, i32, u8); 24] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
@@ -62,7 +62,7 @@ impl Sheet {
         let mut columns: Vec<SheetColumn> = columns.collect();
         let axes = columns.len();
         let Some(chosen) = report.columns.chosen() else {
-            let usual = USUAL.iter().filter(|usual| is_there(report, usual.0));
+            let usual = DEFAULT.iter().filter(|usual| is_there(report, usual.0));
             columns.extend(usual.filter_map(|(name, heading, digits, rank)| {
                 let column = Column::named(name)?;
                 let head = Head::new(&column.name, *heading, "", *rank);
@@ -84,7 +84,7 @@ impl Sheet {
 
 /// What a column is called in print.
 fn title(column: &Column) -> String {
-    match USUAL.iter().find(|usual| usual.0 == column.name) {
+    match DEFAULT.iter().find(|usual| usual.0 == column.name) {
         Some((_, heading, ..)) => heading.replace('\n', " "),
         None => column.title(),
     }

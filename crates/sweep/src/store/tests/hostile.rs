@@ -190,8 +190,8 @@ fn failed_runs_bring_their_samples_and_frames() {
     let mut store = open(directory.path());
     let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
     assert_eq!(merged.failures, 1);
-    let story = store.story(&claim.key).unwrap();
-    assert_eq!((story.samples.len(), story.frames), (2, 1));
+    let details = store.details(&claim.key).unwrap();
+    assert_eq!((details.samples.len(), details.frames), (2, 1));
 }
 
 /// A whole shard, and what a store is after its merge.

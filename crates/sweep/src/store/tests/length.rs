@@ -64,8 +64,8 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     let kept = &finished(State::Done).samples[25..40];
     let mean = kept.iter().map(|(_, s)| s.viscosity).sum::<f64>() / 15.0;
     assert!((cut.viscosity.unwrap() - mean).abs() < 1e-12);
-    let story = store.story(&key).unwrap();
-    assert_eq!(story.samples.len(), 40);
+    let details = store.details(&key).unwrap();
+    assert_eq!(details.samples.len(), 40);
     store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
 }

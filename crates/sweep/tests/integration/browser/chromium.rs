@@ -14,7 +14,7 @@ use std::sync::mpsc::{Receiver, channel};
 pub(crate) struct Window(pub(crate) u32, pub(crate) bool);
 
 /// The window of most tests.
-pub(crate) const USUAL: Window = Window(1000, false);
+pub(crate) const DEFAULT: Window = Window(1000, false);
 
 /// All windows that the page is made for.
 pub(crate) const WINDOWS: [Window; 6] = [

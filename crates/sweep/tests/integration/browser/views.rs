@@ -1,6 +1,6 @@
 //! What the page shows: each view by its elements and, as the picture it is saved as, by its pixels.
 
-use super::chromium::{Browser, Page, USUAL, WINDOWS, Window};
+use super::chromium::{Browser, DEFAULT, Page, WINDOWS, Window};
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 use serde_json::Value;
@@ -64,7 +64,7 @@ fn page_draws_hovers_and_plays_and_asks_nobody() {
     let folder = COMPUTED.folder();
     let at = folder.path();
     let address = page_of(at, &[]);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     let seen = seen_by(&mut page, USER);
     let point = &json(at, &["report", "s.sqlite"])["points"][4];
     let number = |name: &str| point[name].as_f64().unwrap();
@@ -321,7 +321,7 @@ fn hostile_text_is_shown_and_not_obeyed() {
          UPDATE campaign SET name = '<b onclick=x>bold</b>'",
     );
     let address = page_of(at, &[]);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     assert_eq!(
         page.value("document.title"),
         "<b onclick=x>bold</b> · sweep"
@@ -356,7 +356,7 @@ fn physical_units_reach_every_view() {
     let at = folder.path();
     let units = ["--units", "a=1um,mu=2mPas,f_crit=10pN"];
     let address = page_of(at, &units);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     let seen = seen_by(&mut page, READER);
     let has = |view: &str, word: &str| {
         let words = seen[view].as_array().unwrap();

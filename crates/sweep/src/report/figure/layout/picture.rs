@@ -23,7 +23,7 @@ const SHADES: usize = 16;
 /// Width of the rims of spheres.
 const RIM: f64 = 0.3;
 /// Width of lines at least.
-const THINNEST: f64 = 0.2;
+const MIN_LINE_WIDTH: f64 = 0.2;
 
 /// Something in the plane: flow to the right, gradient upwards, lengths in a.
 #[derive(Debug, Clone)]
@@ -180,7 +180,7 @@ impl Frame<'_> {
             } => {
                 let stroke = Stroke {
                     is_round: *is_round,
-                    ..Stroke::solid(*colour, (width * per_a).max(THINNEST))
+                    ..Stroke::solid(*colour, (width * per_a).max(MIN_LINE_WIDTH))
                 };
                 Vec::from_iter(Shape::line(ends.each_ref().map(at), stroke))
             }

@@ -96,7 +96,7 @@ impl<'r> Draft<'r> {
             panels: drawing.look.panels,
             fields,
             log: along.is_logarithmic().then(|| {
-                let rests = |p: &&Point| along.is_shear_rate() && bears(p);
+                let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
                 let values: Vec<f64> = points()
                     .map(|p| units.along(along, p.at(), p.place(along)))
                     // Layers that bear their stress at rest stand at a rate of 0.
@@ -117,7 +117,7 @@ impl<'r> Draft<'r> {
         let changes = self.units.word(unit) != unit
             || is_converted(&self.along)
             || varying.any(|axis| is_converted(&axis));
-        if self.units.are_asked_for() && !changes {
+        if self.units.are_requested() && !changes {
             return Err(ReportError::argument(
                 "--units",
                 format!(
@@ -261,7 +261,7 @@ impl<'r> Draft<'r> {
     /// The axis without plateaus at which nothing is drawn.
     fn without_empty_plateaus(&self, log: LogAxis, lines: &[Line]) -> LogAxis {
         let spots = || lines.iter().flat_map(|line| &line.points);
-        let rests = || self.along.is_shear_rate() && self.points().any(bears);
+        let rests = || self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
         LogAxis {
             zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
             infinite: log.infinite && spots().any(|spot| spot.x > log.high),
@@ -392,7 +392,10 @@ impl<'r> Draft<'r> {
         let spots = sketch.lines.iter().flat_map(|line| &line.points);
         let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.value)));
         let mut lines: Vec<Line> = Vec::new();
-        for point in self.points().filter(|point| bears(point)) {
+        for point in self
+            .points()
+            .filter(|point| jammed_at_imposed_stress(point))
+        {
             let x = if self.along.is_shear_rate() {
                 0.0
             } else {
@@ -452,6 +455,6 @@ fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
 }
 
 /// Whether runs of it ended jammed under an imposed stress.
-fn bears(point: &Point) -> bool {
+fn jammed_at_imposed_stress(point: &Point) -> bool {
     point.params.shear_stress.is_some() && point.jammed > 0
 }

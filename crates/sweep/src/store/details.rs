@@ -12,7 +12,7 @@ use serde::Serialize;
 
 /// One case from its plan to its end.
 #[derive(Debug, Clone, Serialize)]
-pub struct Story {
+pub struct CaseDetails {
     /// Its key.
     pub key: String,
     /// Its number in the campaign file, from 1; `None` once it has left the grid.
@@ -97,8 +97,8 @@ impl Store {
         self.read(self.connection.values(by_key, [given]))
     }
 
-    /// The story of the case a user names, as [`Store::key_of`] reads the name.
-    pub(crate) fn story(&self, given: &str) -> Result<Story, StoreError> {
+    /// The details of the case a user names, as [`Store::key_of`] reads the name.
+    pub(crate) fn details(&self, given: &str) -> Result<CaseDetails, StoreError> {
         let key = self.key_of(given)?;
         let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                  r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
@@ -108,12 +108,12 @@ impl Store {
              LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                  (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
              WHERE c.key = ?1";
-        let (id, mut story) = self.read(self.connection.one(query, [&key], case))?;
+        let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
         self.read(results::check(&self.connection, id))?;
-        story.failures = self.read(failures::of(&self.connection, id))?;
-        story.samples = self.samples_so_far(id, story.steps)?;
-        story.frames = self.frame_count(&key)?;
-        Ok(story)
+        details.failures = self.read(failures::of(&self.connection, id))?;
+        details.samples = self.samples_so_far(id, details.steps)?;
+        details.frames = self.frame_count(&key)?;
+        Ok(details)
     }
 
     /// Samples of a case: of its result, or else of its newest readable checkpoint.
@@ -163,8 +163,8 @@ impl Origin {
     }
 }
 
-/// One row of [`Store::story`], and the number of its case.
-fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
+/// One row of [`Store::details`], and the number of its case.
+fn case(row: &Row<'_>) -> rusqlite::Result<(i64, CaseDetails)> {
     let host: Option<String> = row.get(11)?;
     let origin = match host {
         None => None,
@@ -176,7 +176,7 @@ fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
             at: row.get(15)?,
         }),
     };
-    let story = Story {
+    let details = CaseDetails {
         key: row.get(1)?,
         number: row.get::<_, Option<u64>>(2)?.map(|position| position + 1),
         params: params(row, 3)?,
@@ -197,5 +197,5 @@ fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
         frames: 0,
         samples: Vec::new(),
     };
-    Ok((row.get(0)?, story))
+    Ok((row.get(0)?, details))
 }

@@ -25,7 +25,7 @@ const MOST_SOLVES: u32 = 60;
 
 /// How the shear is imposed.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Drive {
+pub(super) enum ShearControl {
     /// By its rate.
     Rate,
     /// By its stress.
@@ -39,7 +39,7 @@ pub(super) enum Drive {
     },
 }
 
-impl Drive {
+impl ShearControl {
     /// What a run with these parameters has, at the critical load of its last stage if it goes on.
     pub(super) fn new(params: &Params, load: Option<f64>) -> Self {
         match params.shear_stress {
@@ -104,9 +104,9 @@ enum Dependence {
 impl Dependence {
     fn of(params: &Params) -> Self {
         let laws = params.contact.laws();
-        let rubs = params.rubs();
-        let jumps = rubs && laws.onset == FrictionOnset::CriticalLoad;
-        let smooth = rubs && laws.onset == FrictionOnset::Reduced;
+        let has_friction = params.has_friction();
+        let jumps = has_friction && laws.onset == FrictionOnset::CriticalLoad;
+        let smooth = has_friction && laws.onset == FrictionOnset::Reduced;
         match params.contact {
             ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => {
                 Self::Forces { jumps }
@@ -126,9 +126,9 @@ impl<S: Started> Simulation<S> {
         centres: &[S::Vector],
     ) -> Result<Quality, Error> {
         let mut pass = Pass::First;
-        let Drive::Stress {
+        let ShearControl::Stress {
             stress, mut load, ..
-        } = self.drive
+        } = self.shear_control
         else {
             unreachable!("only where the stress is imposed");
         };
@@ -222,17 +222,17 @@ impl<S: Started> Simulation<S> {
             velocities.clear();
         }
         if self.params.shear_stress.is_none() {
-            self.drive = Drive::Rate;
+            self.shear_control = ShearControl::Rate;
             self.take_laws();
         } else if self.params.shear_stress != stress {
             // The laws, and springs in their units, follow with the first load that is tried.
-            self.drive = Drive::new(&self.params, None);
+            self.shear_control = ShearControl::new(&self.params, None);
         }
     }
 
     /// Brings all that is in units of the critical load to this one.
     fn take_load(&mut self, new: f64) {
-        if let Drive::Stress { load, begun, .. } = &mut self.drive {
+        if let ShearControl::Stress { load, begun, .. } = &mut self.shear_control {
             *load = new;
             *begun = true;
         }
@@ -242,7 +242,7 @@ impl<S: Started> Simulation<S> {
     /// Brings all that is in units of the flow to what is imposed now.
     fn take_laws(&mut self) {
         let before = self.laws.tangential_stiffness;
-        self.laws = self.drive.laws(&self.params);
+        self.laws = self.shear_control.laws(&self.params);
         if let SchemeMemory::Laws(memory) = &mut self.memory
             && before > 0.0
         {
