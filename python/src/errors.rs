@@ -1,4 +1,4 @@
-//! Errors of the program as exceptions of Python, with the same words.
+//! Errors of the program as exceptions of Python, with the same messages.
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
@@ -23,8 +23,7 @@ create_exception!(
     "The store failed: its disk is full, it is locked, gone or damaged. What was finished is safe in it."
 );
 
-/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a file that is not there, [`StoreError`] for trouble
-/// with the store, [`SimulationError`] for all else. It has the attributes `key`, `value`, `allowed` and `suggestion`, each `None` where
+/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a missing file, [`StoreError`] for errors of the store, [`SimulationError`] for all others. It has the attributes `key`, `value`, `allowed` and `suggestion`, each `None` where
 /// the error is about no key.
 pub(crate) fn raise(error: impl Into<Error>) -> PyErr {
     let error = error.into();
@@ -46,7 +45,7 @@ pub(crate) fn raise_without_place(error: CampaignError) -> PyErr {
     }
 }
 
-/// Gives an exception the attributes that say what it is about.
+/// Adds the attributes of an error to an exception.
 fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
     let own = |text: &str| Some(text.to_owned());
     let [key, value, allowed, suggestion] = match error {
@@ -102,7 +101,7 @@ fn exception(error: &Error, words: String) -> PyErr {
     }
 }
 
-/// What the command line says of an error.
+/// The message of an error on the command line.
 fn words(error: &Error) -> String {
     match error {
         // Arguments have the names of the keywords here.

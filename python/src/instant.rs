@@ -16,16 +16,16 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use sweep::api::{Components, InputError, InstantInput, Written, configuration};
 
-/// Most size ratios whose tables are kept.
+/// Maximum number of size ratios with cached tables.
 const MOST_TABLES: usize = 100;
 
 /// Tables of unequal spheres that were needed so far, and their size ratios.
 static TABLES: Mutex<(Vec<f64>, Option<NearFields>)> = Mutex::new((Vec::new(), None));
 
-/// The tables that spheres of these radii need: those at hand, from the cache of the user, or solved.
+/// The tables for spheres of these radii: loaded ones, from the cache of the user, or computed.
 pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
     let ratios = NearFields::ratios(radii);
-    // Those out of range are refused by name where they are used.
+    // Values out of range are refused where they are used.
     if ratios.iter().any(|ratio| !(0.01..=100.0).contains(ratio)) {
         return Ok(NearFields::default());
     }
@@ -80,7 +80,7 @@ pub(crate) struct Solution {
     #[pyo3(get)]
     dissipation: Option<f64>,
     stress: Option<StressComponents>,
-    /// Seconds the computation itself took, without what came before and after it.
+    /// Seconds of the computation itself, without conversions.
     #[pyo3(get)]
     computing_time_s: f64,
     dimensions: usize,
@@ -108,15 +108,14 @@ impl Solution {
         stress.map(|stress| stress.particle_pressure.total())
     }
 
-    /// The same and the shear stress, each by its causes: dict of dicts, as `sweep solve --json` has it.
+    /// The same and the shear stress, by cause: dict of dicts, as in `sweep solve --json`.
     #[getter]
     fn stress<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         values::answer(py, &self.stress)
     }
 
     /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
-    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state. In a suspension vectors have three components, and so have
-    /// forces and velocities across the line of centres.
+    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state. In a suspension vectors have three components, and so have forces and velocities perpendicular to the line of centres.
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut records = Records::default();
@@ -174,10 +173,9 @@ impl Solution {
     }
 }
 
-/// Solve one instant of one configuration: who moves how, and who bears which force.
+/// Solve one instant of one configuration: velocities, stresslets and contact forces.
 ///
-/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of whole numbers and of narrower floats are
-/// converted; any strides will do.
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of integers and of narrower floats are converted; strides are arbitrary.
 ///
 /// Parameters
 /// ----------
@@ -201,7 +199,7 @@ impl Solution {
 ///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness", "friction", "critical_load" and "time_span" of
 ///     rigid contacts; "laws" with these and "laws".
 /// **more
-///     Whatever else a file of `sweep solve` may have.
+///     Further keys of a file of `sweep solve`.
 ///
 /// Returns
 /// -------
@@ -261,7 +259,7 @@ pub(crate) fn solve(
     }
 }
 
-/// What a configuration is made of: what a file would have, and arrays.
+/// The input of a configuration: values as in a file, and arrays.
 struct Given<'g, 'py> {
     written: toml::Table,
     centres: &'g Bound<'py, PyAny>,
@@ -278,7 +276,7 @@ pub(crate) trait Arrays: Written {
     /// Reads torques.
     fn spins(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Turning>>;
 
-    /// The numbers of a vector across a line of centres.
+    /// The components of a vector perpendicular to a line of centres.
     fn across(tangent: &Self::Tangent) -> Vec<f64>;
 }
 
@@ -414,7 +412,7 @@ impl Touching {
     }
 }
 
-/// The exception for keywords that say something else than they should.
+/// The exception for invalid keywords.
 fn unreadable(error: &toml::de::Error) -> PyErr {
     let words = error.to_string();
     let words: Vec<&str> = words

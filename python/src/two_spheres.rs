@@ -1,4 +1,4 @@
-//! Two spheres: their resistance functions, and one driven past the other.
+//! Two spheres: their resistance functions, and one moving past the other.
 
 use crate::arrays::{need_numpy, with_numbers};
 use crate::errors::raise;
@@ -11,7 +11,7 @@ use sd_core::pair::{PairScenario, pass_while};
 use std::time::{Duration, Instant};
 use sweep::api::named_scalars;
 
-/// Time from one look for Ctrl-C to the next.
+/// Interval between checks for Ctrl-C.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// Resistance functions of two spheres, normalised as in Kim & Karrila.
@@ -60,7 +60,7 @@ pub(crate) fn scalars<'py>(
     Ok(answer)
 }
 
-/// How two spheres passed each other.
+/// The trajectories of two spheres that pass each other.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Passed {
     /// y of the first sphere at the end, in radii of the first.
@@ -93,10 +93,9 @@ impl Passed {
     }
 }
 
-/// Drive two spheres past each other.
+/// Move two spheres past each other.
 ///
-/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and (start, -offset), critical load 0, until
-/// the first is as far ahead as it was behind. Lengths in radii of the first sphere.
+/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and (start, -offset), critical load 0, until x1 - x2 = 2 start. Lengths in radii of the first sphere.
 ///
 /// Parameters
 /// ----------
@@ -105,7 +104,7 @@ impl Passed {
 /// roughness, friction : float
 ///     Roughness height, above 0 and below 0.5; friction coefficient, 0 to 10.
 /// contact : bool
-///     False for smooth spheres, of which `roughness` and `friction` say nothing.
+///     False for smooth spheres, without effect of `roughness` and `friction`.
 /// offset, start : float
 ///     Half the offset of the paths, and half the distance along x, at the start.
 /// time_step : float

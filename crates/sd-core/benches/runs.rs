@@ -22,20 +22,20 @@ use sd_core::{ContactScheme, Flow, Hydrodynamics, NearFields, Params, Simulation
 const ROUGHNESS: f64 = 0.01;
 /// Stiffness of springs, in `F_crit`/a.
 const STIFFNESS: f64 = 1e4;
-/// Strain of the runs whose time is told, and strain after which their viscosity counts.
+/// Strain of the timed runs, and strain after which their viscosity counts.
 const RUN: (f64, f64) = (5.0, 2.0);
-/// Strain from one sample to the next, as campaigns have it unless they say otherwise: every second step of half of it, and every longer one.
+/// Strain from one sample to the next, the default of campaigns: every second step of half of it, and every longer one.
 const SAMPLE_EVERY: f64 = 0.02;
-/// Computing time after which a run is left, in seconds.
+/// CPU time after which a run is stopped, in seconds.
 const LIMIT: f64 = 120.0;
-/// Time step of what is timed.
+/// Time step of the timed runs.
 const TIME_STEP: f64 = 0.01;
 /// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many times the time step.
 const LEAD_IN: (f64, u32) = (0.8, 2);
 /// Computing time and number of steps that are timed at least.
 const LONG_ENOUGH: (f64, u32) = (4.0, 3);
 
-/// What presses and what resists sliding.
+/// Normal and tangential law.
 #[derive(Clone, Copy)]
 struct Law {
     name: &'static str,
@@ -220,7 +220,7 @@ fn dense() {
     }
 }
 
-/// Most memory of this process so far, in MB; where the system does not tell, nothing.
+/// Peak memory of this process, in MB; `None` where the system does not report it.
 fn most_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

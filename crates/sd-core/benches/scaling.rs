@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 /// Time for one N and one kind of measurement: as many rounds as fit, and some at least.
 const LONG_ENOUGH: Duration = Duration::from_secs(4);
 const ROUNDS: usize = 3;
-/// Time step and strain of the runs whose time is told.
+/// Time step and strain of the timed runs.
 const RUN: (f64, f64) = (0.01, 5.0);
 
 fn milliseconds(call: impl FnOnce()) -> f64 {
@@ -132,7 +132,7 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     }
 }
 
-/// Tables of the near field of two spheres: making one, and what a pair costs.
+/// Tables of the near field of two spheres: time to make one, and time per pair.
 fn tables() {
     let made = milliseconds(|| {
         black_box(NearField::new(1.4).expect("a valid size ratio"));

@@ -1,4 +1,4 @@
-//! What a time step costs and gains under `rigid`: methods with fixed and with adaptive steps, by right-hand sides.
+//! Cost and accuracy of time steps under `rigid`: methods with fixed and with adaptive steps, by right-hand sides.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench time_step -- short [SEEDS]    error in positions and viscosity over a short strain
@@ -37,7 +37,7 @@ fn params(time_step: f64) -> Params {
     }
 }
 
-/// How the steps of a trial are chosen.
+/// Choice of the steps of a trial.
 enum Steps {
     /// All steps of this length.
     Fixed(f64),

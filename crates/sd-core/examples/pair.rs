@@ -1,12 +1,12 @@
-//! Drives two spheres past each other: the paper's Fig. 8, smooth, rough, and with friction.
+//! Moves two spheres past each other: the paper's Fig. 8, smooth, rough, and with friction.
 //!
 //! `cargo run --release -p sd-core --example pair`
-#![expect(clippy::print_stdout, reason = "an example tells what it found")]
+#![expect(clippy::print_stdout, reason = "examples print their results")]
 
 use sd_core::pair::{PairScenario, pass};
 use sd_core::{Error, NearFields};
 
-/// Four passages: contact pushes the paths apart for good and keeps the spheres from turning; friction turns them again.
+/// Four passages: contact permanently separates the paths and suppresses the rotation; friction restores it.
 pub(crate) fn main() -> Result<(), Error> {
     let cases = [
         None,

@@ -1,7 +1,6 @@
-//! Steps of a run that has settled allocate nothing, unless they make a new pattern of sparse matrices.
+//! After the first steps a run allocates nothing, unless it makes a new pattern of sparse matrices.
 //!
-//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
-//! some of the products that size the workspace of the matrix multiplication have not been called yet.
+//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The first steps are left out: before friction acts, some products that size the workspace of the matrix multiplication have not been called.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -13,7 +12,7 @@ use sd_core::{
 
 /// A layer in which spheres touch.
 fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
-    // Spheres that weld together jam far earlier than others.
+    // Spheres under stick-rotate jam much earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     Params {
         spheres: 40,
@@ -30,7 +29,7 @@ fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     }
 }
 
-/// A suspension in which they do.
+/// A suspension in which spheres touch.
 fn suspension(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     let mut params = Params {
@@ -75,7 +74,7 @@ fn other_laws() -> Vec<ContactLaws> {
         rigid(TangentialLaw::StickRotate),
         spring(TangentialLaw::RollSlip),
         spring(TangentialLaw::Coulomb),
-        // Clusters that neither slip nor roll bear much: softer springs would let them overlap.
+        // Clusters that neither slip nor roll carry large loads: softer springs would let them overlap.
         ContactLaws::linear_spring(1e6, TangentialLaw::StickRotate, 0.01),
         spring(TangentialLaw::StickSlide),
         ContactLaws {
@@ -131,7 +130,7 @@ fn other_laws_allocate_nothing() {
     }
 }
 
-/// Checks the steps of a run whose resistance is held pair by pair. A step allocates only where it makes a new pattern of near pairs, or
+/// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where it makes a new pattern of near pairs, or
 /// has more pairs or contacts than any before.
 fn check_pairwise<S: Started>(params: &Params) {
     let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();

@@ -231,7 +231,7 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         let (cell, centres) = lattice(name, phi);
         let volume = cell.content().unwrap();
         let mut configuration = sheared(centres, cell, Hydrodynamics::StokesianDynamics);
-        // By the symmetry of the lattice both strains and the force act apart: one solution holds all three.
+        // By the symmetry of the lattice both strains and the force decouple: one solution contains all three.
         let (axes, diagonal) = (0.5, 0.3);
         configuration.background.rate_of_strain = TracelessTensor {
             xx: diagonal,
@@ -312,7 +312,7 @@ fn cluster(hydrodynamics: Hydrodynamics) -> Configuration {
     }
 }
 
-/// Largest difference between a motion turned and the motion of what is turned.
+/// Largest difference between the rotated motion and the motion of the rotated configuration.
 fn turned(configuration: &Configuration, turn: &Matrix3<f64>) -> f64 {
     let mut other = configuration.clone();
     for list in [&mut other.centres, &mut other.forces, &mut other.torques] {

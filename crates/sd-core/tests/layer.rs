@@ -28,7 +28,7 @@ fn params() -> Params {
     }
 }
 
-/// Samples of a run over some steps, and where it ended.
+/// Samples of a run over some steps, and its end.
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Snapshot) {
     let mut simulation =
         Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
@@ -165,9 +165,9 @@ fn near_jamming_every_stage_is_converged_or_counted() {
     };
     let (samples, snapshot) = run(&dense, 1, 400);
     let counters = snapshot.counters;
-    // Two a step, but in the first ones, whose contacts bear nothing yet.
+    // Two per step, except in the first ones, without loaded contacts.
     assert!((800..840).contains(&counters.stages), "{counters:?}");
-    // The condition of the problem, not luck: contacts come close to the isostatic 2N.
+    // A condition of the test: contacts come close to the isostatic 2N.
     assert!(samples.iter().any(|s| s.contacts > 160));
     assert!(counters.worst_residual < 1e-8, "{counters:?}");
     assert!(counters.worst_friction_error < 1e-6 || counters.unconverged_stages > 0);
@@ -185,7 +185,7 @@ fn a_step_in_which_spheres_would_overlap_is_halved() {
     };
     let (samples, snapshot) = run(&jamming, 2, 50);
     assert!(snapshot.counters.stages > 110, "no step was halved");
-    // One sample per step all the same, and gaps that held.
+    // Still one sample per step, and the gaps held.
     let strains: Vec<f64> = samples.iter().map(|s| s.strain).collect();
     assert!((0..50).all(|k| (strains[k] - 0.02 * k as f64).abs() < 1e-12));
     assert!(snapshot.counters.minimum_gap > 0.8 * 0.01);
@@ -214,7 +214,7 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
         Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
     let failure = (0..1000).find_map(|_| simulation.step().err());
     let Some(Error::Step { source, strain, .. }) = failure else {
-        panic!("the procedure cannot hold this layer for five strains, yet it went on");
+        panic!("the procedure cannot hold this layer for five strains, but did so");
     };
     assert!(matches!(*source, Error::Overlap { gap, .. } if gap <= 0.0));
     assert!(strain > 0.0);

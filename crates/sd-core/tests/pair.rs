@@ -1,4 +1,4 @@
-//! The paper's Fig. 8: two spheres driven past each other.
+//! The paper's Fig. 8: two spheres moving past each other.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -19,7 +19,7 @@ fn case(size_ratio: f64, contact: Option<(f64, f64)>) -> PairTrajectory {
 #[test]
 fn figure_8_for_equal_spheres() {
     let free = case(1.0, None);
-    // Fore-aft symmetric, each sphere turned by almost a quarter.
+    // Fore-aft symmetric, each sphere rotated by almost a quarter turn.
     assert!(
         (free.final_offset - 0.25).abs() < 1e-4,
         "{}",
@@ -43,7 +43,7 @@ fn figure_8_for_equal_spheres() {
 
 #[test]
 fn the_small_sphere_of_an_unequal_pair_turns_most() {
-    // Aimed as squarely as in the figure: at a quarter of the large sphere's radius.
+    // An offset as in the figure: a quarter of the large sphere's radius.
     for (ratio, times) in [(2.0, 1.2), (10.0, 4.0)] {
         let free = case(ratio, None);
         assert!(

@@ -34,7 +34,7 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     }
 }
 
-/// Viscosity of the start of seed 1 in simple shear, with radii changed by a share of each that grows from sphere to sphere.
+/// Viscosity of the start of seed 1 in simple shear, with radii changed by a relative amount that grows from sphere to sphere.
 fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
     let start = S::start(params, 1).unwrap();
     let radii = start.radii.iter().enumerate();
@@ -104,7 +104,7 @@ fn check_interrupted<S: Started>(params: &Params) {
     let whole_samples: Vec<_> = (0..12).map(|_| whole.step().unwrap()).collect();
     let mut first = Simulation::<S>::new(params, 3, &tables).unwrap();
     let mut samples: Vec<_> = (0..5).map(|_| first.step().unwrap()).collect();
-    // Of another process, which has made its tables anew.
+    // As in another process, with new tables.
     let mut second =
         Simulation::<S>::from_snapshot(params, first.snapshot(), &NearFields::default()).unwrap();
     samples.extend((0..7).map(|_| second.step().unwrap()));
@@ -113,7 +113,7 @@ fn check_interrupted<S: Started>(params: &Params) {
 }
 
 #[test]
-fn interrupted_runs_of_many_sizes_go_on_to_the_bit() {
+fn interrupted_runs_of_many_sizes_resume_with_the_same_bits() {
     check_interrupted::<Layer>(&layer(60, 0.7, "lognormal 0.2"));
     check_interrupted::<Bulk>(&suspension(140, 0.4, "schulz 0.15"));
 }

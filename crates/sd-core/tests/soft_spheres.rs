@@ -1,7 +1,6 @@
 //! One instant of a published code of soft spheres (LF_DEM) in three dimensions: springs, friction, leading-order lubrication, two sizes.
 //!
-//! The model of that code differs from ours where spheres overlap, and in its stress; the test puts the differences in, from tables of
-//! coefficients of its own, and then expects the same numbers:
+//! The model of that code differs from ours where spheres overlap, and in its stress; the test adds the differences, from its own tables of coefficients, and then expects the same numbers:
 //!
 //! | | that code | ours |
 //! | --- | --- | --- |
@@ -238,7 +237,7 @@ impl Coefficients {
         sum
     }
 
-    /// What Y^M in place of Y^H adds to the stresslets of both.
+    /// Change of the stresslets of both by Y^M in place of Y^H.
     fn mistaken(&self, n: Vector, y: f64, w: [Vector; 2]) -> Matrix3<f64> {
         let of =
             |k: usize| symmetric(n, w[k % 2].cross(&n)) * (2.0 * y * (self.y_h[k] - self.y_m[k]));
@@ -256,7 +255,7 @@ impl Instant {
         self.file[key].as_f64().unwrap()
     }
 
-    /// The pairs with lubrication, as our resistance finds them.
+    /// The pairs with lubrication in our resistance.
     fn pairs(&self) -> Vec<Neighbours<Bulk>> {
         let Configuration {
             hydrodynamics,
@@ -290,7 +289,7 @@ impl Instant {
         [[1.0 / delta, -delta.ln()], dashpot]
     }
 
-    /// Our motion under that code's springs, with what our lubrication of overlapping spheres has besides its dashpots taken off.
+    /// Our motion under that code's springs, with the lubrication of overlapping spheres reduced to its dashpots.
     fn moved(&self) -> SolvedConfiguration<Bulk> {
         let mut configuration = self.configuration.clone();
         let [ours, dashpot] = self.factors();

@@ -1,4 +1,4 @@
-//! All components of the stress by their causes: each against a calculation of its own, and against symmetries.
+//! All components of the stress by cause: each against a separate calculation, and against symmetries.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,7 +12,7 @@ use sd_core::{
 };
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Springs that slide, with a repulsion besides: every part of the stress is there.
+/// Sliding springs with a repulsion: every part of the stress occurs.
 fn params() -> Params {
     Params {
         spheres: 40,
@@ -138,7 +138,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
     close(stress.viscosity, 1.0 + sum / volume, 1.0);
     assert_eq!(stress.viscosity, 1.0 + c.shear.total());
     assert_eq!(stress.viscosity_stresslet, 1.0 + c.shear.hydrodynamic);
-    // What the stress does is what friction, contacts and fluid take.
+    // The power of the stress equals the dissipation by friction, contacts and fluid.
     let taken = stress.dissipation + instant.contact_power() / volume;
     close(c.shear.total(), taken, c.shear.total());
 }

@@ -7,7 +7,7 @@ use sd_core::contact::{ContactMemory, Pass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
 
-/// Viscosity of a step: as the method has it, which is that of the first stage or where gaps are held of the second; and that of the layer at
+/// Viscosity of a step: that of the method, at the first stage or with constrained gaps at the second; and that of the layer at
 /// its start, with contacts that look ahead by [`LOOK`].
 pub(crate) type Viscosities = Vec2;
 
@@ -40,7 +40,7 @@ pub(crate) struct Layer {
     pub(crate) refused: u64,
 }
 
-/// What is measured at a stage.
+/// Measurements of a stage.
 #[derive(Clone, Copy)]
 struct Stage {
     gap: f64,
@@ -191,7 +191,7 @@ impl Layer {
         Some((viscosity, error))
     }
 
-    /// After a step that stands: what it knows of the next.
+    /// After an accepted step: its information about the next.
     fn accept(&mut self, method: &Method, dt: f64) {
         self.time += dt;
         self.first = None;

@@ -186,14 +186,14 @@ impl FarField {
         Ok(())
     }
 
-    /// The real-space half of the sums in [`FarField::fill`] alone, to no effect: for measuring what it takes. Periodic cells only.
+    /// Computes only the real-space half of the sums in [`FarField::fill`], to measure its cost. Periodic cells only.
     pub fn real_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         if let Some(ewald) = &mut self.ewald {
             ewald.real_sums(cell, centres);
         }
     }
 
-    /// The same of the wave-space half.
+    /// The same for the wave-space half.
     pub fn wave_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         if let Some(ewald) = &mut self.ewald {
             ewald.wave_sums(cell, centres);
@@ -209,7 +209,7 @@ impl FarField {
     }
 }
 
-/// Refuses a cell of other sides than planned; infinite ones stand for unbounded fluid.
+/// Refuses a cell of other sides than planned; infinite ones denote unbounded fluid.
 fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
     let found = match *cell {
         Cell::Unbounded => [f64::INFINITY; 2],

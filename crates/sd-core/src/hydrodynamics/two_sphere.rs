@@ -7,7 +7,7 @@
 //!
 //! - `series`: the functions at one separation, from coupled multipoles; 1e-11, with rounding 1e-9 at ξ = 1e-3
 //! - `near_contact`: singular terms and fitted remainder, for smaller gaps
-//! - `leading_order`: the singular terms alone, softened, as leading-order lubrication has them
+//! - `leading_order`: the singular terms alone, regularized: leading-order lubrication
 //! - `pair_frame`: the 34 independent entries of a pair matrix
 //! - `table`: [`NearField`], 25 ns per pair, and of all size ratios [`NearFieldRange`], 0.25 µs
 //! - `far_pair`: `R2B∞` near contact
@@ -79,7 +79,7 @@ pub struct Scalars {
 }
 
 impl Scalars {
-    /// All numbers in the order of the fields.
+    /// All values in the order of the fields.
     pub(crate) fn to_array(self) -> [f64; 20] {
         let mut all = [0.0; 20];
         for (to, from) in all.chunks_exact_mut(2).zip([
@@ -91,7 +91,7 @@ impl Scalars {
         all
     }
 
-    /// The functions from numbers in the order of the fields.
+    /// The functions from values in the order of the fields.
     pub(crate) fn from_array(all: &[f64; 20]) -> Self {
         let at = |k: usize| [all[2 * k], all[2 * k + 1]];
         Self {
@@ -131,7 +131,7 @@ pub(crate) fn check_size_ratio(size_ratio: f64) -> Result<f64, Error> {
     }
 }
 
-/// Refuses a separation at which the spheres touch, or which is not a number.
+/// Refuses a separation of touching spheres, or NaN.
 fn check_s_prime(s_prime: f64) -> Result<(), Error> {
     if s_prime > 2.0 && s_prime.is_finite() {
         return Ok(());

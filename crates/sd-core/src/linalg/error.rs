@@ -1,4 +1,4 @@
-//! What goes wrong in a factorization.
+//! Errors of factorizations.
 
 /// No usable pivot was found: one that is not positive in a Cholesky factorization, zero or not finite in another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,7 @@
 use super::Until;
 use super::dense::{add_scaled, add_scaled_and_dot, dot};
 
-/// How far a solve went.
+/// Outcome of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GmresInfo {
     /// Products with A, each with one application of the preconditioner.
@@ -18,7 +18,7 @@ pub(crate) struct GmresInfo {
     pub(crate) residual: f64,
 }
 
-/// Workspace of the iteration. Reused, it allocates only for longer vectors, or more iterations, than ever before.
+/// Workspace of the iteration. When reused, it allocates only for longer vectors or more iterations than before.
 #[derive(Debug, Default)]
 pub(crate) struct Gmres {
     /// Orthonormal basis V of the residuals.
@@ -122,7 +122,7 @@ impl Gmres {
         self.rhs.push(-rotation[1] * last);
     }
 
-    /// Room for a basis vector and all that belongs to it.
+    /// Allocates a basis vector and its associated data.
     fn vector(&mut self, number: usize, length: usize) -> &mut [f64] {
         if self.basis.len() == number {
             self.basis.push(Vec::new());

@@ -1,4 +1,4 @@
-//! Two spheres driven past each other in unbounded fluid: the paper's Fig. 8.
+//! Two spheres moving past each other in unbounded fluid: the paper's Fig. 8.
 
 use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, Pass, Surface};
@@ -11,7 +11,7 @@ use crate::space::modes::{Background, Vec2};
 use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
-/// Steps after which spheres that have not passed are given up.
+/// Maximum number of steps for the spheres to pass.
 const MOST_STEPS: u64 = 10_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical load 0.
@@ -29,14 +29,14 @@ pub struct PairScenario {
     pub time_step: f64,
 }
 
-/// How they passed.
+/// The trajectories of the spheres.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PairTrajectory {
     /// y of the first sphere at the end, in a.
     pub final_offset: f64,
     /// Rotation of each sphere, in degrees, anticlockwise.
     pub rotation_degrees: [f64; 2],
-    /// Smallest gap met, in a.
+    /// Smallest gap, in a.
     pub minimum_gap: f64,
     /// Time taken, in mu·a²/force.
     pub time: f64,
@@ -44,23 +44,23 @@ pub struct PairTrajectory {
     pub path: Vec<[f64; 7]>,
 }
 
-/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is cut to end there.
+/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is shortened to end there.
 ///
 /// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the angle of the line of
-/// centres: smooth spheres approach to gaps far smaller than the sagitta of a step around each other.
+/// centres: smooth spheres approach to gaps much smaller than the sagitta of a step around each other.
 ///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
 #[expect(
     clippy::missing_panics_doc,
-    reason = "they go on for as long as it takes"
+    reason = "the computation never stops early"
 )]
 pub fn pass(scenario: &PairScenario, tables: &NearFields) -> Result<PairTrajectory, Error> {
     let passed = pass_while(scenario, tables, || true)?;
-    Ok(passed.expect("they go on for as long as it takes"))
+    Ok(passed.expect("the computation never stops early"))
 }
 
-/// As [`pass`], for as long as `go_on`, which is asked before every step, says so; `None` once it does not.
+/// As [`pass`], while `go_on`, called before every step, returns true; `None` otherwise.
 ///
 /// # Errors
 /// As [`pass`].

@@ -31,20 +31,20 @@ use shear_control::ShearControl;
 
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
-/// Whether a run can go on.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flow {
     /// The layer flows.
     Flowing,
-    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that its contacts do not admit.
+    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that its contacts do not allow.
     Jammed,
 }
 
 /// A layer or a suspension under shear.
 pub struct Simulation<S: Started = Layer> {
-    /// What is imposed in the step under way, or the last one.
+    /// Parameters of the current step, or of the last one.
     params: Params,
-    /// The run with all its segments, where it has several.
+    /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,
     imposed: Imposed,
     /// Steps done.
@@ -52,7 +52,7 @@ pub struct Simulation<S: Started = Layer> {
     /// Side of the square or cubic cell, in a.
     side: f64,
     state: State<S>,
-    /// Where the spheres were at the start of the step.
+    /// Positions at the start of the step.
     before: State<S>,
     /// Contact laws at the present critical load.
     laws: Laws,
@@ -63,20 +63,20 @@ pub struct Simulation<S: Started = Layer> {
     background: S::Background,
     /// Offset of the cell at strain 0, in a.
     offset: f64,
-    /// What contacts remember.
+    /// Memory of contacts.
     memory: SchemeMemory<S>,
     counters: Counters,
     stage: StageSolver<S>,
     stepper: Stepper<S>,
     stress: StressWork<S>,
-    /// The frame of the step under way, while one is asked for.
+    /// The frame of the current step, if requested.
     frame: Option<Box<Frame<S>>>,
-    /// What soft contacts remembered before the step, and the procedure before the stage.
+    /// Memory of soft contacts before the step, and of the procedure before the stage.
     remembered: SchemeMemory<S>,
 }
 
 impl<S: Started> Simulation<S> {
-    /// Starts a run from the layer that the seed makes.
+    /// Starts a run from the layer of a seed.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
@@ -116,7 +116,7 @@ impl<S: Started> Simulation<S> {
         S::continue_run(params, snapshot, tables)
     }
 
-    /// [`Simulation::from_snapshot`], compiled with its caller.
+    /// [`Simulation::from_snapshot`], inlined into its caller.
     pub(super) fn continued(
         params: &Params,
         mut snapshot: Snapshot<S>,
@@ -182,7 +182,7 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// The cell at a strain of the step under way; of a run in segments as long as what is imposed in the last step goes on.
+    /// The cell at a strain of the current step; with segments, valid while the shear of the last step continues.
     ///
     /// # Errors
     /// Those of [`Cell::periodic`] for a strain that is not finite.
@@ -193,7 +193,7 @@ impl<S: Started> Simulation<S> {
             .with_cross_offset(self.imposed.cross.at(strain) * self.side)
     }
 
-    /// Offset of the upper image cell at a strain, wrapped; of a run in segments as long as what is imposed in the last step goes on.
+    /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of the last step continues.
     pub fn offset_at(&self, strain: f64) -> f64 {
         match self.cell_at(strain) {
             Ok(Cell::Periodic { offset, .. }) => offset,
@@ -201,7 +201,7 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Whether the layer still flows after the steps done.
+    /// Whether the layer still flows.
     pub fn flow(&self) -> Flow {
         if self.counters.jammed_steps_running >= self.jam_steps() {
             Flow::Jammed
@@ -256,7 +256,7 @@ impl<S: Started> Simulation<S> {
         &self.counters
     }
 
-    /// The pairs of the near part's pattern, where the resistance is held pair by pair.
+    /// The pairs of the near part's pattern, if the resistance is stored pair by pair.
     fn near_pairs(&self) -> Vec<PairKey> {
         let pairwise = self.stage.resistance.pairwise();
         pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())

@@ -14,11 +14,11 @@ pub use state::{Stage, State};
 /// The method of a run, with its workspace.
 #[derive(Debug)]
 pub(crate) enum Stepper<S: Space> {
-    /// For contacts whose gaps are held by no law.
+    /// For contacts without constrained gaps.
     RungeKutta(RungeKutta<S>),
     /// For rigid contacts.
     Midpoint(Midpoint<S>),
-    /// For forces that depend on gaps, however stiffly.
+    /// For gap-dependent forces of any stiffness.
     Rosenbrock(Rosenbrock<S>),
 }
 
@@ -29,11 +29,10 @@ impl<S: Space> Default for Stepper<S> {
 }
 
 impl<S: Space> Stepper<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
-    /// there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and returns whether contacts have forces there.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
         state: &mut State<S>,

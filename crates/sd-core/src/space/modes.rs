@@ -42,9 +42,9 @@ pub fn strain_tensor(e: &Vector3<f64>) -> (f64, f64, f64) {
     )
 }
 
-/// The matrix that takes lab-frame modes to the frame whose x axis is the unit vector `n`.
+/// The matrix that transforms lab-frame modes to the frame whose x axis is the unit vector `n`.
 ///
-/// Its transpose takes pair-frame modes back.
+/// Its transpose is the inverse.
 pub fn rotation_to_frame(n: Vec2) -> ModeBlock {
     let (c, s) = (n.x, n.y);
     let (c2, s2) = (c * c - s * s, 2.0 * c * s);
@@ -81,7 +81,7 @@ impl Background {
         xy: 0.5,
         angular_velocity: -0.5,
     };
-    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 the other way.
+    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 reversed.
     pub fn shear(direction: f64) -> Self {
         Self {
             xx: 0.0,
@@ -107,7 +107,7 @@ impl Background {
         )
     }
 
-    /// Where a point that the flow has carried to `x` over `time` at its first velocity was before: `x = (1 + time ∇u∞) x₀`.
+    /// Earlier position of a point advected to `x` over `time` at its initial velocity: `x = (1 + time ∇u∞) x₀`.
     pub fn carried_back(&self, x: Vec2, time: f64) -> Vec2 {
         let (a, b) = (
             1.0 + time * self.xx,

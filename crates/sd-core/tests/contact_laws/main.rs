@@ -36,7 +36,7 @@ const HERTZ: NormalForce = NormalForce {
     dashpot: 0.0,
 };
 
-/// Overlap at which a law bears a force.
+/// Overlap at which a law has a given force.
 fn overlap(normal: NormalForce, force: f64) -> f64 {
     normal.law.overlap(force, normal.stiffness)
 }

@@ -14,8 +14,7 @@ use std::path::PathBuf;
 
 /// Drive two spheres past each other
 ///
-/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until the first is as
-/// far ahead as it was behind.
+/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until x1 - x2 = 2X.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json\n  \
@@ -48,7 +47,7 @@ pub(crate) struct Arguments {
     time_step: f64,
 }
 
-/// Writes where the spheres went.
+/// Writes the paths of the spheres.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     for (argument, value) in [
         ("--size-ratio", arguments.size_ratio),

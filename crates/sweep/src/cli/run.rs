@@ -17,13 +17,9 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Compute what a campaign lacks, then print its report
+/// Compute the open runs of a campaign, then print its report
 ///
-/// What is in the store already is not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The
-/// same command goes on, with the same bits as if nothing had happened. Several processes may run the same campaign on one
-/// machine: they share its cases. A case of a process that is gone goes on from its last checkpoint: at once on the same
-/// machine, after two minutes of silence on another. If its processes die five times in a row without a new checkpoint, it
-/// ends as failed.
+/// Finished runs in the store are not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The same command continues, with the same bits as without the interruption. Several processes may run the same campaign on one machine: they share its cases. A case of a dead process continues from its last checkpoint: immediately on the same machine, after two minutes without a heartbeat on another. If its processes die five times in a row without a new checkpoint, it ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
@@ -38,7 +34,7 @@ pub(crate) struct Arguments {
     /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// Cases computed at a time [default: the cores of the machine]
+    /// Cases computed in parallel [default: the cores of the machine]
     #[arg(
         long,
         short,
@@ -51,15 +47,13 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h [default: 50 times its estimate, half
-    /// an hour at least]
+    /// Computing time after which a case ends as failed, as 90s, 15m or 2h [default: 50 times its estimate, at least half an hour]
     #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
     max_wall_time: Option<Duration>,
-    /// Time after which the whole run checkpoints and stops, as 90s, 15m or 2h; the same command goes on
+    /// Wall time after which the program checkpoints and stops, as 90s, 15m or 2h; the same command continues
     #[arg(long, value_name = "TIME", conflicts_with = "shard", value_parser = parse_positive_duration)]
     time_limit: Option<Duration>,
-    /// Points that come first: KEY for the lowest values of an axis, -KEY for the highest, KEY=VALUE[,VALUE..] for these. What is
-    /// given first counts most
+    /// Points to compute first: KEY for the lowest values of an axis, -KEY for the highest, KEY=VALUE[,VALUE..] for these; the first option counts most
     #[arg(
         long,
         value_name = "KEY[=VALUE,..]",
@@ -67,46 +61,43 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     priority: Vec<String>,
-    /// What is shown on standard error: bars, lines, lines of JSON, or nothing [default: bars on a terminal, else lines]
+    /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a terminal, else lines]
     #[arg(long, value_name = "HOW")]
     progress: Option<Style>,
-    /// Command for `sh -c` once the run is over, whatever came of it: SWEEP_OUTCOME is done, failed, stopped or error,
-    /// SWEEP_EXIT_CODE the exit code, and SWEEP_CAMPAIGN the file
+    /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error, SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file
     #[arg(long, value_name = "COMMAND", conflicts_with = "shard")]
     on_finish: Option<String>,
-    /// Another campaign's store: take its runs of the same parameters, steps and seeds in place of computing them again. May be
-    /// given several times
+    /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead of computing them; repeatable
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
     reuse: Vec<PathBuf>,
-    /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
+    /// Keep a frame at every sampled strain, for `sweep export` and movies; finished cases are not recomputed for it
     #[arg(long)]
     trajectory: bool,
     #[command(flatten)]
     cluster: ClusterArguments,
 }
 
-/// One task of a cluster, and where it works.
+/// One task of a cluster, and its folders.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "One task of a cluster")]
 #[group(requires = "shard")]
 pub(crate) struct ClusterArguments {
-    /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
-    /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
+    /// Compute slice I (from 0) of N in a separate store and publish it as a shard. TERM and USR1 checkpoint, publish, and have Slurm restart the task if work is left
     #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
     shard: Option<Part>,
-    /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
+    /// File of slices from `sweep submit` [default: cut all cases of the file]
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     slices: Option<PathBuf>,
-    /// Folder shards are published in [default: NAME.shards beside the store]
+    /// Folder for shards [default: NAME.shards beside the store]
     #[arg(long, value_name = "DIR", hide_short_help = true)]
     shards: Option<PathBuf>,
-    /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
+    /// Local disk to work on [default: SLURM_TMPDIR, or else the folder of shards]
     #[arg(long, value_name = "DIR", hide_short_help = true)]
     scratch: Option<PathBuf>,
-    /// Time between publications, as 90s or 2m: what a crashed machine loses at most
+    /// Time between publications, as 90s or 2m: the most that a crash can lose
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration, hide_short_help = true)]
     publish_every: Duration,
-    /// Go on from shards another build of sweep computed; their bits may differ
+    /// Continue from shards of another build of sweep; their bits may differ
     #[arg(long, hide_short_help = true)]
     allow_mixed_versions: bool,
 }
@@ -136,7 +127,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     result
 }
 
-/// Runs the user's command once all is over. What it prints goes where messages go, and what becomes of it changes nothing.
+/// Runs the user's command at the end. Its output goes to standard error, and its outcome has no effect.
 fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
     let outcome = match code {
         exit::DONE => "done",
@@ -159,7 +150,7 @@ fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
     }
 }
 
-/// How progress is shown.
+/// Form of the progress display.
 fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
     match (
         arguments.progress,
@@ -173,7 +164,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
     }
 }
 
-/// Computes what is lacking, and prints the report.
+/// Computes the open cases and prints the report.
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     if let Some(part) = arguments.cluster.shard {
@@ -220,7 +211,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
-        // Nothing was left when the time was up.
+        // The time limit was reached without work left.
         Some(Reason::TimeLimit) if is_over && counts.failed > 0 => exit::FAILED,
         Some(Reason::TimeLimit) if is_over => exit::DONE,
         Some(reason) => reason.exit_code(),
@@ -228,13 +219,13 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         None => exit::DONE,
     };
     match super::report::write(&store, output) {
-        // Nobody reads on: what became of the runs is told all the same.
+        // The reader closed standard output; the exit code stays that of the runs.
         Err(error) if error.is_closed_pipe() => Ok(code),
         written => written.map(|()| code),
     }
 }
 
-/// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
+/// Notes how a changed campaign compares with its store: runs kept, new, and no longer in the campaign.
 fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
         orphans,
@@ -252,7 +243,7 @@ fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: 
     }
     if orphans > 0 {
         style.note(&format!(
-            "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
+            "{orphans} runs in {} (about {}) are no longer in the campaign; they are kept, and `sweep prune {}` removes them",
             path.display(),
             bytes(orphan_bytes),
             campaign.file.display()
@@ -260,7 +251,7 @@ fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: 
     }
 }
 
-/// Says which runs are computed again because what was stored of them is damaged.
+/// Notes the damaged runs, which are computed again.
 fn print_damage(damaged: &[Finding], style: Style) {
     for finding in damaged {
         let whose = finding
@@ -275,13 +266,13 @@ fn print_damage(damaged: &[Finding], style: Style) {
     }
 }
 
-/// Says what was taken over from other stores, if there were any.
+/// Notes the runs reused from other stores, if any were given.
 fn print_reused(taken: Option<Merged>, style: Style) {
     let Some(taken) = taken else {
         return;
     };
     style.note(&format!(
-        "taken over: {} runs, {} failures, {} checkpoints",
+        "reused: {} runs, {} failures, {} checkpoints",
         taken.results, taken.failures, taken.checkpoints
     ));
     for damaged in taken.damaged {
@@ -289,7 +280,7 @@ fn print_reused(taken: Option<Merged>, style: Style) {
     }
 }
 
-/// Computes the cases of a store. Says how they stand then.
+/// Computes the cases of a store. Returns their number by state.
 fn compute(
     arguments: &Arguments,
     campaign: &Campaign,

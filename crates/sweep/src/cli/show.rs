@@ -8,12 +8,12 @@ use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::{Starts, chart};
 
-/// Columns of the chart where the output is no terminal.
+/// Columns of the chart where the output is not a terminal.
 const WIDTH: u16 = 78;
 
 /// Show one run: parameters, trace, counters, provenance, error
 ///
-/// Reads only, and may be used while the run is computed: then its trace is that of its last checkpoint.
+/// Reads only; the trace of an unfinished run is that of its last checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep show results/quickstart.sqlite 12\n  sweep show results/quickstart.sqlite 3f9a --json"
@@ -54,7 +54,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let strain = |steps: u64| steps as f64 * details.params.time_step;
     writeln!(
         out,
-        "{}: strain {:.3} of {:.3}, begun {} times{}{}",
+        "{}: strain {:.3} of {:.3}, started {} times{}{}",
         details.state,
         strain(details.steps_done),
         strain(details.steps),

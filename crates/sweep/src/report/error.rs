@@ -1,4 +1,4 @@
-//! Why there is no report.
+//! Errors of reports.
 
 use crate::store::StoreError;
 use std::io;
@@ -11,7 +11,7 @@ pub enum ReportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// An argument that cannot be meant.
+    /// An invalid argument.
     #[error("{argument}: {message}")]
     Argument {
         /// The argument of the command line.

@@ -1,4 +1,4 @@
-//! Failures that are alike, told once.
+//! Groups of similar failures.
 
 use crate::case::without_shear;
 use crate::store::FailureLine;
@@ -41,7 +41,7 @@ impl FailureGroup {
         groups
     }
 
-    /// In words: which runs, where, and why.
+    /// Description: runs, place and reason.
     pub fn text(&self) -> String {
         let FailureLine {
             key, seed, failed, ..

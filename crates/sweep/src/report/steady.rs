@@ -1,4 +1,4 @@
-//! What to do about a point whose runs are not steady: what `discard` or `strain` would change.
+//! Advice for a point whose runs are not steady: suitable values of `discard` or `strain`.
 
 use super::error::ReportError;
 use crate::campaign::{Discard, Protocol};
@@ -25,14 +25,14 @@ pub(super) fn advice(
     let found = if drift.drifts() {
         let halves = drift.halves.mean;
         format!(
-            "the second half of the strain kept lies {} % {} the first",
+            "the mean over the second half of the kept strain is {} % {} that over the first",
             percent(halves),
             direction(halves)
         )
     } else {
         let start = drift.start.mean;
         format!(
-            "its first quarter lies {} % {} the rest: the start is not forgotten",
+            "the mean over its first quarter is {} % {} that over the rest: the initial transient persists",
             percent(start),
             direction(start)
         )
@@ -40,11 +40,11 @@ pub(super) fn advice(
     Ok(Some(format!("{found}; {}", remedy(&traces, protocol))))
 }
 
-/// What would help, judged by the same runs.
+/// The remedy suggested by the same runs.
 fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
     let longer = || {
         format!(
-            "no part of the run is steady: longer runs are needed, such as strain = {}",
+            "not in steady state: longer runs are needed, such as strain = {}",
             2.0 * protocol.strain
         )
     };

@@ -1,4 +1,4 @@
-//! What a user sees of a run: bars on a terminal, a line now and then in a log, or nothing.
+//! Progress display of a run: bars on a terminal, lines at intervals in a log, or nothing.
 
 mod bars;
 mod event;
@@ -10,7 +10,7 @@ use crate::system::lock;
 use crate::text::visible::visible;
 use bars::{bar_width, line, room, terminal_width};
 use clap::ValueEnum;
-use event::UnderWay;
+use event::RunningCase;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use overall::Overall;
 use sd_core::Params;
@@ -19,12 +19,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Parts the overall bar is divided into.
+/// Number of divisions of the overall bar.
 const PARTS: u64 = 10_000;
-/// Time from lines of JSON to the next.
+/// Interval between lines of JSON.
 const JSON_EVERY: Duration = Duration::from_secs(1);
 
-/// How progress is shown.
+/// Style of the progress display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Style {
     /// Bars on a terminal.
@@ -39,7 +39,7 @@ pub enum Style {
 }
 
 impl Style {
-    /// Says something on standard error, before or after a run. Nobody may read it, which is no reason to stop.
+    /// Prints a note on standard error, before or after a run. Standard error may be closed, which is no reason to stop.
     pub fn note(self, text: &str) {
         let line = match self {
             Self::Bars | Self::Lines => text.to_owned(),
@@ -50,14 +50,14 @@ impl Style {
     }
 }
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignProgress {
-    /// Share of its work that is done, 0 to 1.
+    /// Fraction of its work that is done, 0 to 1.
     pub fraction: f64,
-    /// Its cases by state, as of the last look into the store.
+    /// Its cases by state, as last read from the store.
     pub counts: Counts,
-    /// The same in words, with the time left.
+    /// The same as text, with the remaining time.
     pub message: String,
 }
 
@@ -67,7 +67,7 @@ pub struct Progress {
     bars: MultiProgress,
     overall: ProgressBar,
     workers: Vec<Worker>,
-    /// How far the campaign is.
+    /// Progress of the campaign.
     campaign: Mutex<Overall>,
     reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
@@ -86,14 +86,14 @@ struct ReportedFailure {
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
     bar: ProgressBar,
-    case: Mutex<Option<UnderWay>>,
+    case: Mutex<Option<RunningCase>>,
     /// Steps of its case done.
     steps: AtomicU64,
     viscosity: AtomicU64,
 }
 
 impl Progress {
-    /// For so many workers; lines go to `log`.
+    /// A display for a number of workers; lines go to `log`.
     pub fn new(style: Style, workers: usize, log: Box<dyn Write + Send>) -> Self {
         let target = if style == Style::Bars {
             ProgressDrawTarget::stderr_with_hz(8)
@@ -144,14 +144,14 @@ impl Progress {
         let left = counts.pending + counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
-                "{left} of {} cases to do, {} at a time",
+                "{left} of {} cases to do, {} in parallel",
                 counts.total(),
                 self.workers.len()
             ));
         }
     }
 
-    /// What the store says about all processes together. There may be more to do than before, where a precision is asked for.
+    /// Updates the progress of all processes from the store. The remaining work may increase where a precision is requested.
     pub(super) fn see(&self, work: &Work) {
         let mut campaign = lock(&self.campaign);
         campaign.total = work.total;
@@ -160,7 +160,7 @@ impl Progress {
         campaign.counts = work.counts;
     }
 
-    /// A worker begins a case that is so many steps on.
+    /// A worker starts a case, at some step.
     pub(super) fn start_case(&self, worker: usize, claim: &Claim, steps: u64) {
         let Some(worker) = self.workers.get(worker) else {
             return;
@@ -170,7 +170,7 @@ impl Progress {
         worker.viscosity.store(unknown, Ordering::Relaxed);
         worker.bar.reset();
         worker.bar.set_length(claim.case.steps);
-        *lock(&worker.case) = Some(UnderWay::of(claim, steps));
+        *lock(&worker.case) = Some(RunningCase::of(claim, steps));
     }
 
     /// A worker did a step.
@@ -224,7 +224,7 @@ impl Progress {
         }
     }
 
-    /// How far the campaign is, as it was last drawn.
+    /// Progress of the campaign, as last drawn.
     pub fn standing(&self) -> CampaignProgress {
         let campaign = lock(&self.campaign);
         CampaignProgress {
@@ -234,7 +234,7 @@ impl Progress {
         }
     }
 
-    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is reported.
+    /// A case failed. Of similar failures at different shear rates only the first is reported.
     pub(super) fn failed(&self, case: &Case, message: &str) {
         let alike = without_shear(&case.params);
         {
@@ -254,7 +254,7 @@ impl Progress {
         self.note(&format!("failed: {}: {message}", case.label()));
     }
 
-    /// Something the user should know, above the bars or in the log.
+    /// A note to the user, above the bars or in the log.
     pub fn note(&self, text: &str) {
         let text = &*visible(text);
         match self.style {
@@ -269,7 +269,7 @@ impl Progress {
         }
     }
 
-    /// A case ended, in this state, after so many steps and seconds of processor.
+    /// A case ended, with its state, steps and CPU seconds.
     pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
         if let Some(state) = State::of(state) {
             lock(&self.campaign).counts.end(state);
@@ -279,12 +279,12 @@ impl Progress {
         }
     }
 
-    /// How often the store is to be asked, where that is reported.
+    /// Interval of updates from the store, where they are reported.
     pub(super) fn every(&self) -> Option<Duration> {
         (self.style == Style::Json).then_some(JSON_EVERY)
     }
 
-    /// Lines of JSON, if these are asked for: one for every case under way, and one for the campaign as the store has just been seen.
+    /// Lines of JSON, if requested: one per running case, and one for the campaign as just read from the store.
     pub(super) fn print_progress(&self) {
         if self.style != Style::Json {
             return;
@@ -303,7 +303,7 @@ impl Progress {
         self.line(&line);
     }
 
-    /// Takes the bars away, and says how many failures were not reported.
+    /// Removes the bars and notes how many failures were not reported.
     pub(super) fn end(&self) {
         let reported = std::mem::take(&mut *lock(&self.reported));
         for reported in reported.iter().filter(|reported| reported.more > 0) {
@@ -327,7 +327,7 @@ impl Progress {
         let _ = writeln!(lock(&self.log), "{text}");
     }
 
-    /// Progress of the campaign, with what is done until now.
+    /// Progress of the campaign, including running cases.
     fn advanced(&self) -> MutexGuard<'_, Overall> {
         let here: f64 = self.workers.iter().map(Worker::cost).sum();
         let mut campaign = lock(&self.campaign);

@@ -1,10 +1,9 @@
-//! The k-core of a network, and the spheres that are held by it.
+//! The k-core of a network.
 
 use super::network::{Link, Network};
 use sd_core::Space;
 
-/// Which spheres belong to the k-core of some contacts: what is left where spheres with fewer than `k` contacts with spheres that are left
-/// are taken away, until none is.
+/// Spheres of the k-core of some contacts: the remainder after repeated removal of spheres with fewer than `k` contacts to remaining spheres.
 pub(crate) fn core<'n, S: Space>(
     network: &'n Network<S>,
     links: impl Iterator<Item = &'n Link<S>>,

@@ -1,4 +1,4 @@
-//! How likely a sphere is at a distance from another: g(r), and g(r, θ) in the plane of shear.
+//! Pair distribution functions: g(r), and g(r, θ) in the plane of shear.
 
 use super::bins::Bins;
 use super::network::Network;
@@ -6,14 +6,13 @@ use sd_core::Space;
 use sd_core::cell::Cell;
 use std::f64::consts::PI;
 
-/// Farthest distance of g(r), in a; it ends at half the shortest side of the cell where that is less.
+/// Maximum distance of g(r), in a, limited by half the shortest side of the cell.
 const FARTHEST: f64 = 10.0;
-/// The same of g(r, θ).
+/// The same for g(r, θ).
 const FARTHEST_WITH_ANGLE: f64 = 6.0;
 /// Bins of the angle over half a turn: a pair has two opposite ones.
 pub(super) const ANGLES: usize = 36;
-/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between them is at most this: a quarter of all
-/// pairs where no direction is preferred.
+/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between them is at most this: a quarter of all pairs in an isotropic suspension.
 const IN_PLANE: f64 = 0.25;
 
 /// The pair distributions of one instant.
@@ -25,7 +24,7 @@ pub(super) struct Pairs {
     pub(super) with_angle: Vec<f64>,
 }
 
-/// Half the shortest side of a cell, in a; 0 where there is no cell.
+/// Half the shortest side of a cell, in a; 0 without a cell.
 fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     match cell {
         Cell::Unbounded => 0.0,
@@ -59,7 +58,7 @@ pub(super) fn angle_bins() -> Bins {
 pub(super) fn angle_of<S: Space>(direction: &S::Vector) -> f64 {
     let angle = direction[1].atan2(direction[0]);
     let half_turn = if angle < 0.0 { angle + PI } else { angle };
-    // π itself, and what rounding makes of it, is 0.
+    // π itself, up to rounding, becomes 0.
     if half_turn >= PI { 0.0 } else { half_turn }
 }
 
@@ -72,7 +71,7 @@ fn shell<S: Space>(from: f64, to: f64) -> f64 {
     }
 }
 
-/// Pair distributions of spheres in a periodic cell; 1 is what spheres that do not know of each other have.
+/// Pair distributions of spheres in a periodic cell, normalized to 1 for uncorrelated spheres.
 pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
     let bins = radial_bins(&network.cell);
     let with_angle = radial_bins_with_angle(&network.cell);
@@ -112,7 +111,7 @@ pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
             }
         }
     }
-    // Pairs that there would be in a shell of content 1, each counted once.
+    // Expected pairs in a shell of unit content, each counted once.
     let density = 0.5 * n as f64 * (n - 1) as f64 / content;
     for (count, (low, high)) in radial.iter_mut().zip(bins.ends()) {
         *count /= density * shell::<S>(low, high);

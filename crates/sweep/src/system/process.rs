@@ -1,4 +1,4 @@
-//! Who a process is, and whether another one still lives.
+//! Identity of processes, and whether another one still lives.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -7,12 +7,12 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A process on another host counts as dead once its heartbeat is this old.
 pub(crate) const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
-/// What tells one process from every other one.
+/// Identity of a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Identity {
     /// Name of the host.
     pub(crate) host: String,
-    /// Its boot: differs after a restart. Empty where the system does not tell.
+    /// Its boot id, which changes at a restart. Empty where the system does not report it.
     pub(crate) boot: String,
     /// Namespace in which the pid has meaning: two containers may share host and boot.
     pub(crate) namespace: String,
@@ -22,12 +22,12 @@ pub(crate) struct Identity {
     pub(crate) start: String,
 }
 
-/// What is known about another process.
+/// State of another process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ProcessState {
-    /// It runs, or was seen recently.
+    /// It runs, or had a recent heartbeat.
     Alive,
-    /// It is gone.
+    /// It is dead.
     Dead,
 }
 
@@ -49,7 +49,7 @@ impl Identity {
         }
     }
 
-    /// Whether the process `other`, last heard of `silence` ago, still lives, as far as this process can know.
+    /// Whether the process `other`, with its last heartbeat `silence` ago, still lives, as far as this process can determine.
     pub(crate) fn judge(&self, other: &Self, silence: Duration) -> ProcessState {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
             return if runs(other) {
@@ -70,7 +70,7 @@ impl Identity {
     }
 }
 
-/// Whether a process of this host and namespace runs, and is not another one that was given its pid.
+/// Whether a process of this host and namespace runs, and is not a later one with the same pid.
 fn runs(process: &Identity) -> bool {
     if Path::new("/proc/self/stat").exists() {
         return start_of(process.pid).is_some_and(|start| start == process.start);
@@ -94,10 +94,10 @@ pub(crate) fn alive(name: &str) -> bool {
     })
 }
 
-/// Start of a process in clock ticks since boot, unless it is gone or only waits to be reaped.
+/// Start of a process in clock ticks since boot, unless it is dead or a zombie.
 pub(crate) fn start_of(pid: u32) -> Option<String> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name, in parentheses, may hold anything; the fields after it are plain.
+    // The name, in parentheses, may contain any characters; the fields after it are plain.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let state = *fields.first()?;
     (state != "Z" && state != "X").then(|| fields.get(19).map(|start| (*start).to_owned()))?
@@ -110,8 +110,7 @@ fn read(path: &str) -> String {
         .unwrap_or_default()
 }
 
-/// How long ago a heartbeat was. One that lies so far ahead of the clock that it would keep its process alive without end is as
-/// good as none.
+/// Age of a heartbeat. One so far ahead of the clock that it would keep its process alive indefinitely is ignored.
 pub(crate) fn silence(heartbeat: i64) -> Duration {
     let since = now().saturating_sub(heartbeat);
     let ahead = Duration::from_millis(since.min(0).unsigned_abs());
@@ -130,13 +129,13 @@ pub(crate) fn now() -> i64 {
         })
 }
 
-/// Hash of the executable: two processes with the same one compute the same bits on the same machine.
+/// Hash of the executable: processes with equal hashes compute the same bits on the same machine.
 pub(crate) fn build() -> String {
-    // Read once, and never held as a whole.
+    // Read once, in chunks.
     static BUILD: LazyLock<String> = LazyLock::new(|| {
         let hash = || {
             let mut hasher = blake3::Hasher::new();
-            // The system keeps the file of a running program even where its name is gone, as after an update.
+            // The system keeps the file of a running program even after its name was removed by an update.
             let program = std::fs::File::open("/proc/self/exe")
                 .or_else(|_| std::fs::File::open(std::env::current_exe()?))?;
             hasher.update_reader(program)?;
@@ -166,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heartbeat_from_the_future_is_as_good_as_none() {
+    fn a_heartbeat_from_the_future_is_ignored() {
         let hours = |hours: i64| now() + 3_600_000 * hours;
         assert!(silence(hours(24)) > HEARTBEAT_LIMIT);
         assert!(silence(i64::MAX) > HEARTBEAT_LIMIT);

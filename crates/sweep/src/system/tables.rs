@@ -1,7 +1,6 @@
 //! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and kept in the user's cache.
 //!
-//! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
-//! back is bit for bit the one that was solved.
+//! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read back has the same bits as the computed one.
 
 use crate::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
@@ -11,13 +10,13 @@ use sd_core::{Error, NearFields, Params};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Largest file of a table, in bytes: they have two megabytes.
+/// Maximum size of a table file, in bytes: tables have two megabytes.
 const SIZE_LIMIT: u64 = 1 << 28;
 
 /// Size ratios, larger over smaller, that runs with these parameters need besides 1.
 ///
 /// # Errors
-/// Those of the solver about the parameters.
+/// Errors of the solver about the parameters.
 pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, Error> {
     let mut seen = std::collections::HashSet::new();
     let mut all: Vec<f64> = Vec::new();
@@ -32,7 +31,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
             continue;
         }
         for ratio in NearFields::ratios(&radii_and_side(p)?.0) {
-            // Up to rounding, as the solver looks for them.
+            // Equal up to rounding, as in the solver.
             if !all
                 .iter()
                 .any(|known| (known - ratio).abs() <= 1e-12 * ratio)
@@ -44,7 +43,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
     Ok(all)
 }
 
-/// The tables of these size ratios, from the cache or solved; `note` is told before one is solved.
+/// The tables of these size ratios, from the cache or computed; `note` is called before one is computed.
 ///
 /// # Errors
 /// A size ratio out of range.
@@ -57,11 +56,11 @@ pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Er
             continue;
         }
         note(&format!(
-            "solving the near field of size ratio {ratio:.4}, once and for all"
+            "computing the near field of size ratio {ratio:.4}, once"
         ));
         let table = NearField::new(ratio)?;
         if let Some(place) = &place {
-            // Without a cache it is solved again next time.
+            // Without a cache it is computed again next time.
             let _ = write(place, &table);
         }
         tables.insert(table);
@@ -69,13 +68,13 @@ pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Er
     Ok(tables)
 }
 
-/// Where the table of a size ratio is kept; `None` without a home.
+/// File of the table of a size ratio; `None` without a home.
 fn place_of(ratio: f64) -> Option<PathBuf> {
     let name = format!("near-field-{NEAR_FIELD_VERSION}-{:016x}", ratio.to_bits());
     Some(cache_folder()?.join(name))
 }
 
-/// Reads a table; `None` if it is not whole.
+/// Reads a table; `None` if it is incomplete.
 fn read(place: &Path) -> Option<NearField> {
     let bytes = read_whole(place, SIZE_LIMIT).ok()?;
     let (checksum, content) = bytes.split_first_chunk::<32>()?;

@@ -1,20 +1,18 @@
-//! Text for people: what a terminal would obey is shown instead.
+//! Text for people, with control sequences made visible.
 //!
-//! Names of files, excerpts of them and what stores hold may come from anywhere. A control character among them, such as the
-//! escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as the same character.
+//! Names of files, excerpts and contents of stores are untrusted. A control character in them, such as the escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as the same character.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// Whether a terminal obeys a character rather than showing it: control characters but for line ends and tabs, and those that
-/// turn the direction of writing.
+/// Whether a character controls the terminal: control characters except line ends and tabs, and those that change the direction of writing.
 fn is_control_sequence(c: char) -> bool {
     (c.is_control() && c != '\n' && c != '\t')
         || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// A text as it may be shown.
+/// The visible form of a text.
 pub(crate) fn visible(text: &str) -> Cow<'_, str> {
     if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
@@ -31,7 +29,7 @@ pub(crate) fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// The same in as many bytes as the text has, so that places in it stay where they are.
+/// The same with an equal number of bytes, so that positions in it remain valid.
 pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
     if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
@@ -49,11 +47,11 @@ pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Output that people look at, or may look at: text passes through as [`visible`] has it.
+/// Output for people: text passes through [`visible`].
 #[derive(Debug)]
 pub(crate) struct Visible<W> {
     to: W,
-    /// The beginning of a character whose end was not written yet.
+    /// Bytes of an incomplete character at the end of the last write.
     begun: Vec<u8>,
 }
 
@@ -66,9 +64,9 @@ impl<W: Write> Visible<W> {
     }
 }
 
-/// Output of text that gives way to data that is none.
+/// Text output with direct access for binary data.
 pub(crate) trait TextOutput: Write {
-    /// What is behind it, as it is.
+    /// The underlying output, unfiltered.
     fn raw(&mut self) -> &mut dyn Write;
 }
 
@@ -120,7 +118,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_shown() {
+    fn control_sequences_are_made_visible() {
         let evil = "a\u{1b}[31mred\u{1b}]0;title\u{7}\r\u{9b}2J\u{7f}\u{202e}b\tc\n";
         let shown = visible(evil);
         assert_eq!(
@@ -143,7 +141,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_that_is_obeyed_crashes_or_passes_however_it_is_cut(
+        fn no_control_sequence_crashes_or_passes_at_any_cut(
             bytes in proptest::collection::vec(any::<u8>(), 0..60), cut in 0usize..60,
         ) {
             let cut = cut.min(bytes.len());

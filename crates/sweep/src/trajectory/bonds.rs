@@ -1,4 +1,4 @@
-//! Contacts as bonds between spheres, in a file of their own: extended XYZ has none.
+//! Contacts as bonds between spheres, in a separate file, since extended XYZ has no bonds.
 
 use super::{Kept, state_number};
 use crate::spaces::{AnyFrame, of_either};
@@ -6,8 +6,7 @@ use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
 /// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes and OVITO loads as bonds: numbers of
-/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, of a suspension the sizes of
-/// the last two, gap in a, and 1 frictionless, 2 rolling, 3 slipping.
+/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate (in a suspension the magnitudes of the last two), gap in a, and 1 frictionless, 2 rolling, 3 slipping.
 pub(crate) fn write_bonds(frames: &[(u64, &AnyFrame)], out: &mut dyn Write) -> io::Result<()> {
     for (step, frame) in frames {
         of_either!(frame, frame => write_frame(*step, frame, out))?;

@@ -1,5 +1,4 @@
-//! Published results: none that another physics made stands there as if the program had made it. `scripts/published --check` holds tables,
-//! figures and quoted numbers against the CSV files.
+//! Published results: none of an older version of the physics is presented as current. `scripts/published --check` compares tables, figures and quoted numbers with the CSV files.
 
 use crate::harness::root;
 use sweep::case::PHYSICS_VERSION;
@@ -11,7 +10,7 @@ fn physics(report: &str) -> Vec<u32> {
     named.collect()
 }
 
-/// What is wrong with the row of a result in the list of the page.
+/// The fault in the row of a result in the list of the page.
 fn fault(page: &str, name: &str, report: &str, present: u32) -> Option<String> {
     let made_by = physics(report);
     if made_by.is_empty() {

@@ -24,7 +24,7 @@ use std::f64::consts::PI;
 struct NearPair {
     /// Sphere that moves.
     i: usize,
-    /// Sphere that is pushed.
+    /// Sphere with the force.
     j: usize,
     block: [[f64; 6]; 6],
 }
@@ -45,21 +45,21 @@ pub struct FarOperator {
     list: NeighbourList,
     /// Cut-off of the short-ranged part, in a.
     reach: f64,
-    /// Radii of one for all spheres, which the list is given so that its range is a distance.
+    /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
     pairs: Vec<NearPair>,
-    /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
+    /// Self mobility minus the grid's part of a sphere's own image: a diagonal, modes as in [`NearPair`].
     own: Vec<[f64; 6]>,
-    /// Force modes of each sphere, of all vectors at hand.
+    /// Force modes of each sphere, for all current vectors.
     sources: Vec<[f64; 6]>,
-    /// Velocity modes of each sphere, of all vectors at hand.
+    /// Velocity modes of each sphere, for all current vectors.
     results: Vec<[f64; 6]>,
-    /// What the long-ranged part adds to them.
+    /// Contribution of the long-ranged part.
     waves: Vec<[f64; 6]>,
 }
 
 impl FarOperator {
-    /// Makes the plan whose applications cost least.
+    /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
@@ -151,7 +151,7 @@ impl FarOperator {
         })
     }
 
-    /// Takes new positions. Allocates only when there are more near pairs than ever before.
+    /// Sets new positions. Allocates only when the number of near pairs exceeds its previous maximum.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -207,8 +207,7 @@ impl FarOperator {
         Ok(())
     }
 
-    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such
-    /// vectors one after another, which share the reading of the near pairs. Two threads may share the work: the bits are the same.
+    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such vectors in sequence, for which the near pairs are read once. Two threads may share the work, with the same bits.
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
@@ -269,7 +268,7 @@ impl FarOperator {
     }
 }
 
-/// Adds what near pairs do to each other, for vectors of n spheres one after another.
+/// Adds the contribution of near pairs, for vectors of n spheres in sequence.
 #[inline(always)]
 fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
     for NearPair { i, j, block } in pairs {
@@ -292,7 +291,7 @@ fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [
     }
 }
 
-/// Refuses radii out of range, and tolerances that the grid does not reach.
+/// Refuses radii out of range, and tolerances below the accuracy of the grid.
 fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     check(radii, tolerance)?;
     if tolerance < 1e-8 {
@@ -305,7 +304,7 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Longest reach of the near part: beyond half a side a sphere would meet two images of one neighbour.
+/// Maximum range of the near part: beyond half a side a sphere would have two images of one neighbour in range.
 fn longest(sides: [f64; 2]) -> f64 {
     0.499 * sides[0].min(sides[1])
 }

@@ -39,7 +39,7 @@ impl RadialChain {
         }
     }
 
-    /// f = r erf(αr) at r = 0: what the wave part contains of a sphere's own image.
+    /// f = r erf(αr) at r = 0: a sphere's own image in the wave part.
     pub(crate) fn own_image(alpha: f64) -> Self {
         // f = 2/√π Σ (−1)ⁿ α^(2n+1) r^(2n+2) / (n! (2n+1)),  f_k = 2ᵏ k! [coefficient of r^(2k)].
         let mut derivatives = [0.0; 6];
@@ -98,7 +98,7 @@ impl RadialTable {
     fn evaluate(&self, square: f64) -> [f64; RADIAL] {
         let bits = square.to_bits();
         let Interval(interval) = &self.intervals[index(square, self.digits) - self.first];
-        // The digits below the index, as a number in [1, 2), then moved to [−1, 1).
+        // The digits below the index, as a number in [1, 2), mapped to [−1, 1).
         let fraction =
             f64::from_bits(((bits << self.digits) & (u64::MAX >> 12)) | 1.0_f64.to_bits());
         let u = 2.0 * fraction - 3.0;
@@ -165,7 +165,7 @@ pub(crate) struct RealSpace {
     tables: Vec<RadialTable>,
     /// Finite-size factors if all radii are equal.
     equal: Option<[f64; RADIAL]>,
-    /// Lattice vectors that bring some pair within the cut-off.
+    /// Lattice vectors that can bring a pair within the cut-off.
     images: Vec<Vec2>,
     /// Cell as `(length_x, length_y, offset)`.
     cell: [f64; 3],
@@ -205,7 +205,7 @@ impl RealSpace {
         }
     }
 
-    /// Takes the cell of this call and returns the self terms: all images of a sphere but itself.
+    /// Sets the cell and returns the self terms: all images of a sphere but itself.
     pub(crate) fn update(&mut self, cell: &Cell) -> [Lanes; 2] {
         let Cell::Periodic { sides, offset, .. } = *cell else {
             return [[0.0; LANES]; 2];
@@ -247,7 +247,7 @@ impl RealSpace {
         sums
     }
 
-    /// The term of one separation within the cut-off: lanes of equal spheres and nothing, or those of f and of ∇²f.
+    /// The term of one separation within the cut-off: lanes of equal spheres and zeros, or those of f and of ∇²f.
     #[inline(always)]
     pub(crate) fn single(&self, separation: Vec2) -> [Lanes; 2] {
         let square = separation.norm_squared();
@@ -313,10 +313,10 @@ impl RealSpace {
     }
 }
 
-/// Images gathered before they are summed.
+/// Number of images gathered before summation.
 const NEAR: usize = 64;
 
-/// Lanes being summed, apart from each other so that they stay in registers.
+/// Partial sums of lanes, in separate arrays so that they stay in registers.
 struct Sum {
     /// Lanes 0-7.
     re: [f64; 8],
@@ -370,7 +370,7 @@ impl Sum {
     }
 }
 
-/// Radial functions without a table: those of equal spheres and nothing, or those of f and of ∇²f.
+/// Radial functions without a table: those of equal spheres and zeros, or those of f and of ∇²f.
 fn exact(square: f64, alpha: f64, equal: Option<&[f64; RADIAL]>) -> [[f64; RADIAL]; 2] {
     let (mut point, mut laplacian) = RadialChain::screened(square, alpha).radial_functions();
     if let Some(factors) = equal {

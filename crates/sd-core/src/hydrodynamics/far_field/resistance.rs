@@ -1,4 +1,4 @@
-//! The far-field resistance: inverse of the grand mobility, without resistance to a layer's translation as a whole.
+//! The far-field resistance: inverse of the grand mobility, without resistance to a uniform translation of a layer.
 
 use super::FarField;
 use crate::error::Error;
@@ -135,7 +135,7 @@ impl FarResistance {
         self.cholesky.solve_upper_vector(x, 0);
     }
 
-    /// As [`FarResistance::apply`] for the forces and torques alone: what becomes of the 3N leading entries has no meaning.
+    /// As [`FarResistance::apply`] for the forces and torques alone: the 3N leading entries are undefined.
     pub fn apply_for_forces(&self, x: &mut [f64]) {
         self.apply_lower(x);
         self.cholesky

@@ -1,4 +1,4 @@
-//! The near-field terms of all pairs in range, and what they add to matrices and vectors.
+//! The near-field terms of all pairs in range, and their contributions to matrices and vectors.
 
 use super::fluid::{Both, Fluid, NearTerm};
 use crate::linalg::dense::Matrix;
@@ -23,7 +23,7 @@ pub(super) fn add_to_matrix<S: Fluid>(
                 }
             }
         }
-        // The coupling stands below the diagonal, in the columns of the sphere that comes first.
+        // The coupling is below the diagonal, in the columns of the first sphere.
         let (first, second, block) = if i < j {
             (i, j, term.block(n, 1, 0))
         } else {

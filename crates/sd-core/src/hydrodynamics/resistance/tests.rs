@@ -1,4 +1,4 @@
-//! Forms of the resistance beside each other.
+//! Comparison of the forms of the resistance.
 
 use super::*;
 use crate::space::modes::Vec2;
@@ -61,7 +61,7 @@ fn contacts_of_high_asperities_are_in_the_near_part() {
 
 #[test]
 fn far_pairs_leave_a_positive_definite_resistance() {
-    // Touching spheres on a hexagonal lattice, where every sphere has six: pairs summed up would leave less than nothing.
+    // Touching spheres on a hexagonal lattice with six neighbours each: the plain sum over pairs would be indefinite.
     let (rows, distance) = (8, 2.02);
     let height = distance * 0.75_f64.sqrt();
     let cell = Cell::<Layer>::periodic(

@@ -3,7 +3,7 @@
 //! ```text
 //! R2B∞ − D,   D the drag of both spheres isolated,   w = 1 − λ_min(D^−1/2 R2B∞ D^−1/2)
 //! ```
-//! w says how much less than isolated drag the pair can resist: `R2B∞ − D ≥ −w D`.
+//! w bounds the reduction below isolated drag: `R2B∞ − D ≥ −w D`.
 
 use super::pair_frame::{self, ENTRIES};
 use super::pair_term::PairTerm;
@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 const NODES: usize = 8;
 /// The entries, and w.
 const LANES: usize = ENTRIES + 1;
-/// Least distance in s'; nearer pairs, which overlap, have the term of this one.
+/// Minimum distance in s'; closer pairs, which overlap, use this distance.
 const LEAST: f64 = 2.0;
 
 /// `R2B∞ − D` of two spheres of given radii.

@@ -1,10 +1,10 @@
-//! Leading-order lubrication: the singular terms of a pair alone, softened near contact.
+//! Leading-order lubrication: the singular terms of a pair, regularized near contact.
 //!
 //! ```text
-//! X functions: g1/x,   Y functions: g2 ln(1/x),   Z^M = 0,   x = max(ξ, 0) + δ,   nothing for ξ ≥ cutoff
+//! X functions: g1/x,   Y functions: g2 ln(1/x),   Z^M = 0,   x = max(ξ, 0) + δ,   zero for ξ ≥ cutoff
 //! ```
 //!
-//! Nothing regular is added and no far field of the pair, so the term stands beside the drag of isolated spheres as it is. It is positive
+//! No regular terms and no far field of the pair are added, so the term directly complements the drag of isolated spheres. It is positive
 //! semidefinite while x ≤ 1, and finite where surfaces overlap.
 //!
 //! # Source
@@ -97,7 +97,7 @@ mod tests {
     use super::super::two_sphere_resistance;
     use super::*;
 
-    /// Terms without a softened contact.
+    /// Terms without regularization.
     fn sharp(radii: [f64; 2]) -> LeadingOrderPair {
         let numbers = LeadingOrder {
             cutoff: 0.5,
@@ -117,8 +117,7 @@ mod tests {
             };
             let (near, nearer) = (rest(1e-4), rest(1e-6));
             let change = nearer - near;
-            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; what is left out of X grows as the logarithm, and
-            // what is left out of Y does not grow.
+            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; the omitted terms of X grow as the logarithm, and those of Y do not grow.
             for row in 0..12 {
                 for column in 0..12 {
                     let most = 6.0 * PI * mean.powi(3) * 8.0;
@@ -128,7 +127,7 @@ mod tests {
                     );
                 }
             }
-            // What is left of Y is of the order of ξ ln(1/ξ), 1e-3 at the first gap.
+            // The remainder of Y is of the order of ξ ln(1/ξ), 1e-3 at the first gap.
             let most = 1e-3 * 8.0 * PI * radii[0].max(radii[1]).powi(3);
             for mode in [1, 2, 4, 7, 8, 10] {
                 for other in [1, 2, 4, 7, 8, 10] {
@@ -136,7 +135,7 @@ mod tests {
                     assert!(left < most, "{radii:?} {mode} {other} {left:.2e}");
                 }
             }
-            // The squeezing flow itself, which the terms must carry nearly whole.
+            // The squeezing flow itself, which the terms must reproduce almost completely.
             let exact = two_sphere_resistance(radii[0], radii[1], mean * (2.0 + 1e-6)).unwrap();
             for (row, column) in [(0, 0), (0, 6), (0, 3), (3, 9), (5, 5)] {
                 let ratio =

@@ -12,7 +12,7 @@ pub type PairVector = SVector<f64, 6>;
 /// ```text
 /// (F, T, S~) = R (U − u∞, Ω − Ω∞, −E∞)
 /// ```
-/// All methods take the unit vector `n` from i to j and speak of modes in the frame of the layer.
+/// All methods take the unit vector `n` from i to j and use modes in the frame of the layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairTerm {
     /// The independent entries, numbered in `pair_frame`.
@@ -38,7 +38,7 @@ fn double_angle(n: Vec2) -> (f64, f64) {
 const ROOT: f64 = 0.866_025_403_784_438_6;
 
 impl Strains {
-    /// Turns components from the layer's frame to that of the pair.
+    /// Rotates components from the layer's frame to that of the pair.
     fn along(n: Vec2, e_i: &Vector3<f64>, e_j: &Vector3<f64>) -> Self {
         let (c, s) = double_angle(n);
         let both = [e_i, e_j];
@@ -50,7 +50,7 @@ impl Strains {
         }
     }
 
-    /// Turns components from the frame of the pair to the layer's.
+    /// Rotates components from the frame of the pair to the layer's.
     fn to_layer(&self, n: Vec2) -> PairVector {
         let (c, s) = double_angle(n);
         let mut out = PairVector::zeros();

@@ -9,7 +9,7 @@
 //! x1 = b1 + K12 x2,   x2 = b2 + K21 x1   ⟹   (I − K12 K21) x1 = b1 + K12 b2
 //! ```
 //!
-//! where the sphere with fewer multipoles is kept. All coefficients are rational multiples of
+//! where the unknowns of the sphere with fewer multipoles are kept. All coefficients are rational multiples of
 //!
 //! ```text
 //! T(n,s) = C(n+s, n) t^n t'^s,   t = a/r,   T(n,s) = t T(n−1,s) + t' T(n,s−1)
@@ -25,7 +25,7 @@ use crate::linalg::lu;
 const ORDERS_PER_ALPHA: f64 = 16.0;
 /// Fewest multipoles kept.
 const MINIMUM_ORDER: usize = 14;
-/// Orders of the eliminated sphere handled at a time, to bound memory.
+/// Orders of the eliminated sphere handled together, to bound memory.
 const CHUNK: usize = 512;
 
 /// Two spheres, the first of radius 1.
@@ -79,7 +79,7 @@ enum Family {
     Z,
 }
 
-/// How a multipole of order s of the other sphere enters those of order n.
+/// Coupling of a multipole of order s of the other sphere to those of order n.
 struct Coupling {
     /// `P_n` from `P'_s`.
     pp: f64,
@@ -169,7 +169,7 @@ impl Family {
     }
 }
 
-/// `T(·,s)` for one s after the other.
+/// `T(·,s)` for successive s.
 struct Binomials {
     /// `T(n,s)`, n from 0.
     column: Vec<f64>,
@@ -189,7 +189,7 @@ impl Binomials {
         Self { column, t, t_other }
     }
 
-    /// Goes on to the column of the next s.
+    /// Advances to the column of the next s.
     fn advance(&mut self) {
         self.column[0] = flush(self.t_other * self.column[0]);
         for n in 1..self.column.len() {
@@ -198,7 +198,7 @@ impl Binomials {
     }
 }
 
-/// Sets tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
+/// Sets tiny numbers to zero: they are negligible, and subnormal arithmetic is slow.
 fn flush(x: f64) -> f64 {
     if x < 1e-290 { 0.0 } else { x }
 }

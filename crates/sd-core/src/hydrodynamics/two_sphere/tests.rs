@@ -60,7 +60,7 @@ fn agrees_with_reference() {
             let expected = number(&case[name][k % 2]);
             let (tolerance, floor) = match (name, s_prime < 2.002) {
                 (_, false) => (1e-8, 0.0),
-                // Y12M near contact was made with a misprinted logarithmic term: see `near_contact::singular`.
+                // The reference for Y12M near contact used a misprinted logarithmic term: see `near_contact::singular`.
                 ("YM", true) => (2e-5, 0.5),
                 _ => (1e-5, 0.0),
             };
@@ -219,7 +219,7 @@ fn table_error(table: &NearField, radii: [f64; 2], xi: f64) -> f64 {
     pair_error(&found, &(resistance - far_field(radii, gap)), radii)
 }
 
-/// Worst difference of a pair term from what it should be, of the entry or of the geometric mean of the drags it joins.
+/// Worst error of a pair term, relative to the entry or to the geometric mean of the drags it joins.
 fn pair_error(found: &PairMatrix, expected: &PairMatrix, radii: [f64; 2]) -> f64 {
     let [found, expected] = [found, expected].map(|matrix| normalised(matrix, radii));
     expected
@@ -396,7 +396,7 @@ fn resistance_is_spd_and_pair_terms_semidefinite_for_10000_pairs_from_six_tables
             );
             let term = normalised(&term, radii);
             let least = term.symmetric_eigenvalues().min();
-            // Rounding of the largest entry, and the table's own error where the term fades.
+            // Rounding of the largest entry, and the table's error where the term vanishes.
             let rounding = 1e-14 * term.amax() + 1e-11;
             assert!(least > -rounding, "{radii:?} {xi}: {least:e}");
             drawn += 1;

@@ -1,4 +1,4 @@
-//! X^C: two spheres that turn about their line of centres, in closed form and tabulated.
+//! X^C: two spheres that rotate about their line of centres, in closed form and tabulated.
 //!
 //! ```text
 //! X11C = Σ_{n≥0} [sinh α / sinh(α + n (α + β))]³,   X12C = −Σ_{n≥1} [sinh α / sinh(n (α + β))]³
@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Both stay finite at contact, where they are `x³ ζ(3, x)` and `−x³ ζ(3)` with `x = λ/(1 + λ)`; their slope there has a logarithm.
-//! The two-sphere resistance less that of the far field is, with `t = (a_1 a_2/r²)³`:
+//! The two-sphere resistance minus that of the far field is, with `t = (a_1 a_2/r²)³`:
 //!
 //! ```text
 //! R11 = 8π a_1³ [X11C − 1/(1 − t)],   R12 = 8π a_1³ [X12C + (a_2/r)³/(1 − t)]
@@ -62,7 +62,7 @@ fn functions(size_ratio: f64, xi: f64) -> [[f64; 2]; 2] {
     })
 }
 
-/// X^C of two spheres in unbounded fluid, `[X11C, X12C]`: the torque from turning about the line of centres, over `8π mu a_1³`.
+/// X^C of two spheres in unbounded fluid, `[X11C, X12C]`: the torque from rotation about the line of centres, over `8π mu a_1³`.
 ///
 /// # Arguments
 /// - `size_ratio`: `λ = a_2/a_1`, within 0.01..=100.
@@ -153,7 +153,7 @@ fn horner<const N: usize>(powers: &[[f64; 3]; N], x: f64) -> [f64; 3] {
 /// Nodes of a cell of [`TwistRange`] in ln λ.
 const COARSE: usize = 7;
 
-/// The twist entries at any size ratio up to a largest, as [`super::NearFieldRange`] has the others.
+/// The twist entries at any size ratio up to a largest, like [`super::NearFieldRange`] for the others.
 #[derive(Debug)]
 pub(crate) struct TwistRange {
     cells: Cells,

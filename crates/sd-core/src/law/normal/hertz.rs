@@ -11,9 +11,9 @@
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "hertz";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "`F = k d^(3/2)`, the force of elastic spheres.";
 /// Its stiffness and its dashpot.
 pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
@@ -31,7 +31,7 @@ pub fn slope(overlap: f64, stiffness: f64) -> f64 {
     1.5 * stiffness * overlap.max(0.0).sqrt()
 }
 
-/// Overlap at which the spheres bear a force.
+/// Overlap at which the force has a given value.
 pub fn overlap(force: f64, stiffness: f64) -> f64 {
     (force / stiffness).cbrt().powi(2)
 }

@@ -10,9 +10,9 @@
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "linear-spring";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "`F = k d`, a linear spring.";
 /// Its stiffness and its dashpot.
 pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
@@ -29,7 +29,7 @@ pub fn slope(overlap: f64, stiffness: f64) -> f64 {
     if overlap > 0.0 { stiffness } else { 0.0 }
 }
 
-/// Overlap at which the spring bears a force.
+/// Overlap at which the force has a given value.
 pub fn overlap(force: f64, stiffness: f64) -> f64 {
     force / stiffness
 }

@@ -10,9 +10,9 @@
 use super::Halt;
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "coulomb";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "No slip at all within `|F_t| ≤ ν f`.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];

@@ -23,8 +23,7 @@ use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, Lead
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
-/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
-/// entry to the first.
+/// A choice precedes the numbers that have a meaning under it. Values are therefore set in [`crate::Params`] from the last entry to the first.
 pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         key: "hydrodynamics",
@@ -138,7 +137,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &SIZE_RATIO,
-            // Two species have put theirs.
+            // Two species set theirs.
             default: Some(|p| p.size_ratio),
             get: |p| p.size_ratio,
             put: |p, value| p.size_ratio = value,
@@ -323,7 +322,7 @@ pub static PARAMETERS: [Parameter; 27] = [
             whole: true,
             default: Some(|_| 0.0),
             get: |p| p.start.as_ref().map_or(0.0, |start| start.number() as f64),
-            // A layer is not made from its number.
+            // A start layer cannot be restored from its number.
             put: |_, _| (),
             ..NEEDED
         }),
@@ -379,10 +378,10 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
 ];
 
-/// Time step unless said otherwise, in strain.
+/// Default time step, in strain.
 const DEFAULT_TIME_STEP: f64 = 0.01;
 
-/// What most choices have in common.
+/// Common values of choices.
 const CHOICE: Parameter = Parameter {
     key: "",
     symbol: "",
@@ -395,7 +394,7 @@ const CHOICE: Parameter = Parameter {
     form: Form::Number(NEEDED),
 };
 
-/// What most numbers have in common: one must be written.
+/// Common values of numbers, which are required.
 const NEEDED: Number = Number {
     quantity: &SPHERES,
     whole: false,
@@ -406,14 +405,14 @@ const NEEDED: Number = Number {
     is_of_laws: false,
 };
 
-/// What most numbers of contact laws have in common: 0 where they have no meaning.
+/// Common values of numbers of contact laws: 0 where they have no meaning.
 const OF_LAWS: Number = Number {
     without: Some(0.0),
     is_of_laws: true,
     ..NEEDED
 };
 
-/// What a parameter has of its quantity.
+/// Fields of a parameter from its quantity.
 const fn number(quantity: &'static Quantity) -> Parameter {
     Parameter {
         key: quantity.key,

@@ -1,8 +1,6 @@
-//! Samples: what the layer bears in a step.
+//! Sampling of the stress in a step.
 //!
-//! Contacts that will only close within a step bear a force at its first stage already, so that the viscosity there is too high by about
-//! the step: 3 % at 0.025. Where rigid contacts bear forces the middle of the step is sampled, whose forces are those that hold the
-//! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
+//! Contacts that close within a step already have a force at its first stage, so that the viscosity there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the step is sampled, whose forces hold the initial gaps over the whole step and so are their mean. Other layers are sampled at the first stage.
 
 use super::step::is_inexact;
 use super::{Sample, Simulation};
@@ -14,9 +12,9 @@ use crate::stress::{ContactCounts, Stress};
 /// What a step records.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepRecord {
-    /// The strain at which it begins.
+    /// Strain at its start.
     pub(super) strain: f64,
-    /// The sample, once there is one.
+    /// The sample, once taken.
     pub(super) sample: Option<Sample>,
     /// The smallest gap at its start, in a.
     pub(super) gap: f64,
@@ -25,7 +23,7 @@ pub(super) struct StepRecord {
 }
 
 impl StepRecord {
-    /// Nothing yet.
+    /// An empty record.
     pub(super) fn at(strain: f64) -> Self {
         Self {
             strain,
@@ -59,7 +57,7 @@ impl<S: Started> Simulation<S> {
         stress.along(self.params.direction)
     }
 
-    /// Notes what a stage says of the step under way, until that is sampled: at its first stage the smallest gap.
+    /// Records a stage of the current step before its sample: at the first stage the smallest gap.
     pub(super) fn begin_sample(&self, jammed: bool, record: &mut StepRecord) {
         if record.sample.is_some() {
             return;
@@ -70,7 +68,7 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Takes the sample of the step under way at the stage solved last, unless it has one.
+    /// Samples the current step at the stage solved last, unless it has a sample.
     pub(super) fn take_sample(
         &mut self,
         stage: &Stage,

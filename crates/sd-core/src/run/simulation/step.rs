@@ -1,4 +1,4 @@
-//! A step of a run: in one piece, or in halves where spheres would come too near on the way.
+//! A step of a run: undivided, or in halves where spheres would come too close.
 
 use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
@@ -10,38 +10,38 @@ use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};
 
-/// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
+/// Maximum number of bisections of a step in which a gap of rigid contacts becomes too small.
 const MAX_HALVINGS: u32 = 6;
-/// The same where friction is inexact in one of its stages, or no motion is admissible.
+/// The same if friction is inexact in one of its stages, or no motion is admissible.
 const MAX_HALVINGS_IN_DOUBT: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.95;
 /// Friction counts as inexact above this share of the largest force.
 const INEXACT_FRICTION: f64 = 1e-3;
 
-/// What came of an attempt at a step.
+/// Outcome of an attempt at a step.
 enum Attempt {
-    /// The state has moved.
+    /// The step was made.
     Moved,
-    /// The state has moved, but in a stage friction is inexact, or no motion is admissible.
+    /// The step was made, but in a stage friction is inexact, or no motion is admissible.
     Doubtful,
-    /// A gap is too low; the state has not moved.
+    /// A gap is too low; the state is unchanged.
     LowGap {
         /// Whether a stage has no admissible motion.
         jammed: bool,
     },
 }
 
-/// What becomes of the layer in a step.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Advance {
-    /// It has moved.
+    /// The layer has moved.
     Moved,
-    /// It stays where it was: there is no motion that the contacts admit.
+    /// The layer is unchanged: no motion is admissible.
     Blocked,
 }
 
-/// Why an attempt at a step ends early: a gap that is too low is an outcome, all else an error.
+/// Reason for an early end of an attempt: a gap that is too low is an outcome, anything else an error.
 enum Stop {
     LowGap,
     Failed(Error),
@@ -61,7 +61,7 @@ impl From<Error> for Stop {
 struct Part {
     time: f64,
     dt: f64,
-    /// How many times the step was halved.
+    /// Number of bisections of the step.
     halvings: u32,
 }
 
@@ -83,12 +83,9 @@ impl Part {
 
 impl<S: Started> Simulation<S> {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
-    /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
+    /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without contact forces and under the paper's procedure.
     ///
-    /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
-    /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
-    /// So is a step of rigid contacts whose friction is inexact, or for which a stage has no admissible motion, down to a quarter; what is
-    /// left then is accepted and counted where the gaps hold. Where they do not, the layer stays where it is, and has jammed.
+    /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts falls below h within a step or at its end, or that soft spheres overlap excessively. Such a step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid contacts with inexact friction, or with a stage without admissible motion, down to a quarter; then the result is accepted and counted if the gaps hold. Otherwise the layer stays unchanged, and has jammed.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -96,7 +93,7 @@ impl<S: Started> Simulation<S> {
         S::step(self)
     }
 
-    /// [`Simulation::step`], compiled with its caller.
+    /// [`Simulation::step`], inlined into its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         let shear_control = self.shear_control;
         self.impose(self.steps);
@@ -155,8 +152,7 @@ impl<S: Started> Simulation<S> {
         Ok(sample)
     }
 
-    /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
-    /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
+    /// Whether contacts jam the layer: whether loaded, non-sliding contacts constrain as many motions as spheres with at least two contacts have (Maxwell counting). Such a network carries any load, and does not flow with stiffer contacts either.
     fn is_held(&self) -> bool {
         let halted = S::TANGENTS * self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
@@ -207,8 +203,7 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// Moves the state of a soft layer over one step: in one piece, or where spheres would come to overlap by too much on the way or at its
-    /// end, which only the next step would find, in two, four and so on.
+    /// Moves the state of a soft layer over one step: undivided, or in two, four and more parts where spheres would overlap too much within it or at its end, which only the next step would detect.
     fn advance_soft(
         &mut self,
         stepper: &mut Stepper<S>,
@@ -250,11 +245,9 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Moves the state of a rigid layer over a part of the step; in two halves where a gap falls too low on the way or at the end, or
-    /// where the motion is doubtful.
+    /// Moves the state of a rigid layer over a part of the step; in two halves if a gap becomes too small within it or at its end, or if the motion is doubtful.
     ///
-    /// Where a gap is still too low in the smallest part, the layer moves with the velocities of its first stage, whose contact problem
-    /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
+    /// If a gap is still too small in the smallest part, the layer moves with the velocities of its first stage, whose contact problem constrains the gaps at the end of exactly this motion. Without such a motion, the layer stays unchanged.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint<S>,
@@ -363,7 +356,7 @@ impl<S: Started> Simulation<S> {
         velocities.extend_from_slice(method.mean());
         let spheres = S::by_sphere_mut(velocities).iter_mut();
         for (u, &x) in spheres.zip(&self.state.centres) {
-            // The centre has moved by u dt already; its mean position lies half a step back.
+            // The centre has already moved by u dt; its mean position is half a step back.
             let mean = x - S::translation(u) * (0.5 * dt);
             let flow = S::join(&background.velocity_at(&mean), &background.spin());
             for k in 0..S::MODES {

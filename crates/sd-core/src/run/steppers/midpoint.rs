@@ -6,11 +6,9 @@
 //! x ← x + τ v2
 //! ```
 //!
-//! Contacts close and open within a step, where a method of higher order gains nothing: the velocities jump. What counts is that gaps stay
-//! where they are, and two spheres that move by v2 along the line of centres of the step's middle keep theirs up to O(τ³). Forces at the
-//! middle are those that hold the layer over the step, and so their mean over it; a contact that closes within the step bears its share.
+//! Contacts close and open within a step, where velocities jump and a method of higher order has no advantage. The gaps must be preserved, and two spheres that move by v2 relative to the line of centres at the step's middle keep their gap up to O(τ³). Forces at the middle hold the layer over the whole step, and so are their mean over it, including contacts that close within the step.
 //!
-//! A layer in which no contact bears a force moves as smoothly as the fluid does, by Runge-Kutta of order four.
+//! A layer without contact forces moves smoothly, and is integrated by Runge-Kutta of order four.
 
 use super::runge_kutta::RungeKutta;
 use super::state::{Stage, State};
@@ -20,7 +18,7 @@ use crate::space::Space;
 /// Workspace of the integrator.
 #[derive(Default, Debug)]
 pub(crate) struct Midpoint<S: Space> {
-    /// Where the step began.
+    /// State at the start of the step.
     start: State<S>,
     centres: Vec<S::Vector>,
     /// Velocities of both stages, sphere by sphere, background included.
@@ -30,11 +28,10 @@ pub(crate) struct Midpoint<S: Space> {
 }
 
 impl<S: Space> Midpoint<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
-    /// there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and returns whether contacts have forces there.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
         state: &mut State<S>,
@@ -74,7 +71,7 @@ impl<S: Space> Midpoint<S> {
     /// A step with the velocities of the first stage alone: of order one.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn first_stage_alone<E>(
         &mut self,
         state: &mut State<S>,
@@ -87,7 +84,7 @@ impl<S: Space> Midpoint<S> {
         Ok(())
     }
 
-    /// Takes the last step back.
+    /// Undoes the last step.
     pub(crate) fn undo(&self, state: &mut State<S>) {
         state.copy_from(&self.start);
     }

@@ -1,4 +1,4 @@
-//! Two stages per step for forces that depend on the gaps: second order in time, and stable however stiff they are.
+//! Two stages per step for forces that depend on the gaps: second order in time, and stable at any stiffness.
 //!
 //! ```text
 //! v1 = v(x; forces look ahead by γτ v1)
@@ -7,9 +7,7 @@
 //! ```
 //!
 //! The Rosenbrock W-method ROS2 (Verwer et al., SIAM J. Sci. Comput. 20, 1456 (1999)), written for the sum v2 of its second stage and
-//! twice its first, with the slope of the contact forces along the line of centres as its approximate Jacobian: of order two whatever
-//! that slope is, as long as it is the same in both stages up to O(τ), and L-stable in it. A pair whose gap relaxes under a stiff
-//! spring is at its rest after one step. Where a contact opens or closes within a step the error of that step is O(τ²).
+//! twice its first, with the slope of the contact forces along the line of centres as its approximate Jacobian: of order two for any slope that is the same in both stages up to O(τ), and L-stable in it. A gap that relaxes under a stiff spring reaches equilibrium in one step. Where a contact opens or closes within a step the error of that step is O(τ²).
 
 use super::state::{Stage, State};
 use crate::contact::laws::Phase;
@@ -28,7 +26,7 @@ impl<S: Space> Rosenbrock<S> {
     /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres; `stage.span` is γτ.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub fn step<E>(
         &mut self,
         state: &mut State<S>,

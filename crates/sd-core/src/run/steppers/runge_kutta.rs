@@ -29,7 +29,7 @@ impl<S: Space> RungeKutta<S> {
     /// Centres move continuously (they are not wrapped into a cell within the step).
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub fn step<E>(
         &mut self,
         state: &mut State<S>,
@@ -45,7 +45,7 @@ impl<S: Space> RungeKutta<S> {
             self.centres.clear();
             let moved = state.centres.iter().zip(S::by_sphere(&self.velocities));
             self.centres.extend(moved.map(|(&x, u)| {
-                // The first stage is at the start itself, whatever the velocities still hold.
+                // The first stage is at the start itself, so old velocities are ignored.
                 if number == 0 {
                     x
                 } else {

@@ -1,14 +1,14 @@
-//! What the report says of points that are not as precise as was asked, not steady, or softer than their contacts are meant to be.
+//! Notes on points that lack the requested precision, are not steady, or have too soft contacts.
 
 use crate::axes::Axis;
 use crate::format::significant;
 use crate::report::points::{Point, Report};
 use crate::statistics::{Decision, Precision, Verdict};
 
-/// Points named one by one at most.
+/// Maximum number of points named.
 const SHOWN: usize = 12;
 
-/// The notes, a line each; none where there is nothing to say.
+/// The notes, one line each.
 pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
     let ruled: Vec<(&Point, (Precision, Decision))> = report
         .points
@@ -22,7 +22,7 @@ pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
             verdicts.filter(|known| *known == verdict).count()
         };
         lines.push(format!(
-            "precision: {} of {} points have what was asked for, {} are under way",
+            "precision: reached at {} of {} points, {} in progress",
             number(Verdict::Reached),
             ruled.len(),
             number(Verdict::Open)
@@ -51,7 +51,7 @@ pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
     lines
 }
 
-/// Why a point does not have the precision that is asked for, if it never will.
+/// Why a point will not reach the requested precision, if so.
 fn missed(point: &Point, (rule, decision): (Precision, Decision)) -> Option<String> {
     let percent = |part: f64| significant(100.0 * part, 2);
     match decision.verdict {
@@ -69,13 +69,13 @@ fn missed(point: &Point, (rule, decision): (Precision, Decision)) -> Option<Stri
             ))
         }
         Verdict::TooFewRuns => Some(format!(
-            "fewer than two of its first {} runs could be averaged: it gets no more",
+            "fewer than two of its first {} runs could be averaged, so no more are computed",
             rule.at_least
         )),
     }
 }
 
-/// Points by name with what there is to say about them.
+/// Points by name, each with its note.
 fn list<'p>(
     report: &Report,
     points: impl Iterator<Item = (&'p Point, String)>,
@@ -87,14 +87,14 @@ fn list<'p>(
     let more = lines.len().saturating_sub(SHOWN);
     if more > 0 {
         lines.truncate(SHOWN);
-        lines.push(format!("and {more} more points of which the same is true"));
+        lines.push(format!("and {more} more such points"));
     }
     lines
 }
 
-/// A point by the axes that tell it from the others.
+/// Name of a point, from the axes that distinguish it.
 fn name(report: &Report, point: &Point, columns: &[&'static Axis]) -> String {
-    // Where the stress is imposed the rate is a result.
+    // Under imposed stress the rate is a result.
     let is_result = |axis: &Axis| axis.is_shear_rate() && point.params.shear_stress.is_some();
     let named = columns.iter().filter(|axis| !is_result(axis));
     let words = named.map(|axis| {

@@ -104,7 +104,7 @@ fn the_live_page_follows_its_store() {
         "{said}"
     );
     spoil(at, "UPDATE cases SET state = 'jammed' WHERE id = 1");
-    // Until it has asked again.
+    // Until the next poll.
     let said = page.value(
         "(async () => { const words = document.getElementById('summary');
          for (let n = 0; n < 1200 && !words.textContent.startsWith('11 of 12'); n++) await new Promise(done => setTimeout(done, 50));

@@ -1,11 +1,11 @@
-//! The phase map of the page: what marks its cells, one map for each value of a third axis, and the numbers behind each plot.
+//! The phase map of the page: marks of its cells, one map per value of a third axis, and the numbers of each plot.
 
 use super::chromium::{Browser, WINDOWS};
 use super::views::seen_by;
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 
-/// A user of the phase map: what marks each cell, and what is told of it.
+/// A user of the phase map: mark and tooltip of each cell.
 const MAPPER: &str = r"
 pick('view', 'map');
 seen.dark = matchMedia('(prefers-color-scheme: dark)').matches;

@@ -1,4 +1,4 @@
-//! What the page shows: each view by its elements and, as the picture it is saved as, by its pixels.
+//! The views of the page, by their elements and, as saved pictures, by their pixels.
 
 use super::chromium::{Browser, DEFAULT, Page, WINDOWS, Window};
 use super::{CAMPAIGN, COMPUTED, page_of};
@@ -6,7 +6,7 @@ use crate::harness::{fail, folder, json, spoil, sweep};
 use serde_json::Value;
 use sweep::format::Uncertain;
 
-/// What every user of the page may need.
+/// Helpers for every user of the page.
 const COMMON: &str = r"
 const seen = {}, $ = id => document.getElementById(id);
 const until = async test => { for (let n = 0; n < 1200; n++) { if (test()) return; await new Promise(done => setTimeout(done, 50)); } throw new Error('waited for ' + test); };
@@ -27,7 +27,7 @@ const colours = async address => {
 };
 ";
 
-/// What a user sees on a page.
+/// The visible content of a page.
 pub(super) fn seen_by(page: &mut Page<'_>, user: &str) -> Value {
     page.value(&format!(
         "(async () => {{ {COMMON} {user}; return seen; }})()"
@@ -57,8 +57,8 @@ seen.wide = is_wide();
 ";
 
 #[test]
-fn page_draws_hovers_and_plays_and_asks_nobody() {
-    let Some(mut browser) = Browser::start("page_draws_hovers_and_plays_and_asks_nobody") else {
+fn page_draws_hovers_and_plays_without_requests() {
+    let Some(mut browser) = Browser::start("page_draws_hovers_and_plays_without_requests") else {
         return;
     };
     let folder = COMPUTED.folder();
@@ -141,7 +141,7 @@ const pictures = ['', 'pressure', 'contacts', 'spin'].map(kind => { pick('paint'
 seen.pictures = new Set(pictures).size; seen.meaning = $('meaning').textContent;
 ";
 
-/// Lets a user look at everything, in every window; the page may ask for these addresses and no other.
+/// Shows everything to a user, in every window; the page may request only these addresses.
 pub(crate) fn look_at_everything(
     browser: &mut Browser,
     address: &str,
@@ -293,7 +293,7 @@ fn many_curves_repeat_no_colour() {
         colours.sort();
         colours.dedup();
         assert_eq!(colours.len(), 11, "{colours:?}");
-        // Of 33 histograms so many are shown at first as can be told apart; the others can be switched on.
+        // Of 33 histograms as many are shown at first as can be distinguished; the others can be switched on.
         let seen = seen_by(
             &mut page,
             "pick('view', 'histogram'); seen.first = all('.bars'); seen.remark = $('remark').textContent;

@@ -5,7 +5,7 @@ use crate::harness::{folder, json, refused, sweep};
 use std::path::Path;
 
 #[test]
-fn show_tells_the_story_of_a_run_by_number_and_by_key() {
+fn show_prints_a_run_by_number_and_by_key() {
     let folder = SMALL.folder();
     let at = folder.path();
     let text = sweep(at, &["show", "s.sqlite", "5"]);

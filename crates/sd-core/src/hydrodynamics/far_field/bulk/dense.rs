@@ -19,7 +19,7 @@ use crate::space::cell::Cell;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Columns of the wave sum that are multiplied out at once.
+/// Columns of the wave sum that are multiplied together.
 const BATCH: usize = 256;
 
 /// The grand mobility of spheres, planned for a cell's sides, radii and tolerance.
@@ -29,11 +29,11 @@ pub(crate) struct DenseMobility {
     sizes: Vec<FiniteSize>,
     /// The periodic sums; `None` in unbounded fluid.
     splitting: Option<Splitting>,
-    /// Amplitudes of one batch of waves, `[11N × BATCH]`, and what they are multiplied with.
+    /// Amplitudes of one batch of waves, `[11N × BATCH]`, and their weighted counterparts.
     waves: [Matrix; 2],
 }
 
-/// How periodic sums are cut in two.
+/// Splitting of the periodic sums.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Splitting {
     /// α, in 1/a.
@@ -49,7 +49,7 @@ impl Splitting {
     pub(super) fn new(alpha: f64, volume: f64, radii: &[f64], tolerance: f64) -> Self {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let size = FiniteSize::new(largest);
-        // Signs cancel in sums: remainders stay well below what magnitudes add up to, test `operator_is_the_dense_mobility`.
+        // Terms of opposite signs cancel, so remainders stay well below the sum of magnitudes; test `operator_is_the_dense_mobility`.
         let limit = 2.0 * tolerance * planar_self(largest)[0];
         let magnitude = |c: &Coupling| {
             let numbers = [
@@ -108,7 +108,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// That of a cell; `None` of unbounded fluid.
+    /// The sides and shifts of a cell; `None` for unbounded fluid.
     pub(super) fn of(cell: &Cell<Bulk>) -> Option<Self> {
         match *cell {
             Cell::Unbounded => None,
@@ -144,7 +144,7 @@ impl DenseMobility {
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance.
     pub(crate) fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
-        // An image costs as much as four half-waves.
+        // The cost of an image equals that of four half-waves.
         let balanced = cell.content().map_or(0.0, |volume| {
             let mut best = (f64::INFINITY, 0.0);
             for step in 0..60 {
@@ -226,7 +226,7 @@ impl DenseMobility {
         Ok(())
     }
 
-    /// Adds the real sums, and what each sphere has alone less the wave part's own image.
+    /// Adds the real sums, and the self mobility of each sphere minus its own image in the wave part.
     fn add_images(
         &self,
         splitting: &Splitting,

@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Lines of the grid transformed at once.
+/// Lines of the grid transformed together.
 const LINES: usize = 8;
 
 /// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
@@ -36,7 +36,7 @@ pub(super) struct Grid {
     kernel: Vec<f64>,
     /// `P + iQ`, then `u + iv`, three components a point; the first coordinate runs fastest.
     values: Vec<[Complex64; 3]>,
-    /// Where the lines begin that are transformed along an axis.
+    /// Starts of the lines that are transformed along an axis.
     starts: Vec<usize>,
     /// Lines being transformed.
     lines: Vec<Complex64>,
@@ -75,7 +75,7 @@ impl Grid {
         grid
     }
 
-    /// Makes room for the points of the axes, and for transforms that need so much scratch.
+    /// Allocates the points of the axes and the scratch of the transforms.
     fn make_room(&mut self, scratch: usize) {
         let points = self.axes.iter().map(|axis| axis.points).product();
         let longest = self.axes.iter().map(|axis| axis.points).max().unwrap_or(0);
@@ -86,10 +86,10 @@ impl Grid {
         self.scratch.resize(scratch, zero);
     }
 
-    /// Takes the offsets and the centres of the next applications.
+    /// Sets the offsets and the centres for the next applications.
     pub(super) fn update(&mut self, offsets: [f64; 2], centres: &[Vector3<f64>]) {
         let old = std::mem::replace(&mut self.lattice.offsets, offsets);
-        // The plan depends on the cell alone, not on those before it: a run that is resumed has the same bits.
+        // The plan depends only on the cell, not on earlier ones, so a resumed run has the same bits.
         let is_crossed = offsets[1] != 0.0;
         if is_crossed != (old[1] != 0.0) {
             let lengths = lengths(&self.lattice.sides, is_crossed);
@@ -125,7 +125,7 @@ impl Grid {
         );
     }
 
-    /// Calls `visit` with the place of every kept wave vector, that of its opposite, and the wave vector; one of each such pair.
+    /// Calls `visit` with the index of every kept wave vector, that of its opposite, and the wave vector, once per pair.
     fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
         let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
         let Lattice {
@@ -189,7 +189,7 @@ impl Grid {
         );
     }
 
-    /// Derivatives of the lattice coordinates: row c holds what `∂_c` has of `∂_X, ∂_Y, ∂_Z`.
+    /// Derivatives of the lattice coordinates: row c holds the components of `∂_c` along `∂_X, ∂_Y, ∂_Z`.
     fn slopes(&self) -> [[f64; 3]; 3] {
         let [x, y, z] = [0, 1, 2].map(|k| self.lattice.sides[k].recip());
         let [offset, cross_offset] = self.lattice.offsets;
@@ -235,7 +235,7 @@ impl Grid {
                     let by_slope = by[0].map(|weight| weight * vy * vz);
                     let row = &mut self.values[row..row + counts[0]];
                     let (beyond, before) = row.split_at_mut(along.first);
-                    // Up to the edge of the grid, and beyond it from the other edge on.
+                    // Up to the edge of the grid, then wrapped to the other edge.
                     let edge = before.len().min(WIDTH);
                     for (from, points) in [(0, before), (edge, beyond)] {
                         let window = along.values[from..].iter().zip(&along.slopes[from..]);

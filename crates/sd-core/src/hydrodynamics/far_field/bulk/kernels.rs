@@ -91,7 +91,7 @@ pub(super) fn finite_size(
 
 /// Velocity modes of sphere i from force modes of sphere j in unbounded fluid, for the unit vector from j to i.
 ///
-/// Signs as in [`unbounded::pair_mobility`], which this is in the plane; radii and distance in a.
+/// Signs as in [`unbounded::pair_mobility`], with which it agrees in the plane; radii and distance in a.
 #[inline(always)]
 pub(crate) fn pair_mobility(distance: f64, radius_i: f64, radius_j: f64) -> Coupling {
     let couplings = couplings(&RadialChain::distance(distance * distance));
