@@ -1,1 +1,1 @@
-"""Makes and checks what is published in results/published. Start it with scripts/published; __main__.py is the place to read first."""
+"""Makes and checks results/published; started by scripts/published, from __main__.py."""

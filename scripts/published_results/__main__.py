@@ -1,72 +1,96 @@
 """Makes and checks results/published.
 
-    scripts/published [NAME...]    runs what is missing of these campaigns (default: all) and writes their reports and figures, then
-                                   the tables; hours on two cores for all; safe to interrupt and to give again
-    scripts/published --tables     only what is made of several files, and the tables of results/published/README.md
-    scripts/published --check      writes nothing; fails where a table, an effect or a figure is not what its CSV files give, or a
-                                   sentence quotes a number that no table has; names the results that another physics made
+    scripts/published [NAME...]    runs what is missing of these campaigns (default: all) and writes
+                                   their reports and figures, then does what --tables does; hours on
+                                   two cores for all; may be interrupted and repeated
+    scripts/published --tables     writes what is made of several files, and every table and quoted
+                                   number of the pages; names the sentences to read again: those whose
+                                   numbers changed, and those whose claims no longer hold
+    scripts/published --check      writes nothing; lists stale campaigns and those not made yet; fails
+                                   where --tables would write or name anything
 
-SWEEP=/path/to/sweep scripts/published NAME takes a program built before, so that building does not change it half-way.
+SWEEP=/path/to/sweep scripts/published NAME takes a program built before, so that building does not
+change it half-way.
 """
 
 import argparse
+import re
 import sys
 
 import pandas as pd
 
-from . import campaigns, figures, jamming, quotes, reports, tables, thickening
-from .place import RESULTS, Wrong, physics_of_the_program
+from . import campaigns, figures, jamming, reports, tables, thickening, values
+from .place import RESULTS, ROOT, Wrong
 
-PAGE = RESULTS / "README.md"
-# The only table that no file gives.
-BY_HAND = ["| File | Made by | With | Physics |"]
+
+def derived():
+    """The files that are made of other files, if those are there, with their tables."""
+    if (RESULTS / thickening.RUNS[0]).exists():
+        yield RESULTS / thickening.EFFECTS, thickening.effects(thickening.read())
+    if (RESULTS / jamming.PLATEAUS).exists():
+        yield RESULTS / jamming.FITS, jamming.read()
+
+
+def pages():
+    """Every page that may have tables, quoted numbers or claims: its path and text, the text as it
+    should be, and the sentences to read again."""
+    quoted = values.Values()
+    for path in [*sorted(RESULTS.glob("*.md")), ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        text = path.read_text(encoding="utf-8")
+        wanted, again = quoted.written(tables.with_tables(text))
+        yield path, text, wanted, [f"{path.relative_to(ROOT)}: {sentence}" for sentence in again]
 
 
 def write_tables():
-    # Effects and fits come first, since tables and figures show them.
-    (RESULTS / thickening.EFFECTS).write_text(thickening.as_csv(thickening.effects(thickening.read())), encoding="utf-8")
-    jamming.make()
+    for path, table in derived():
+        # The last digits depend on the order of sums.
+        table.to_csv(path, index=False, lineterminator="\n", float_format="%.10g")
     figures.make()
-    PAGE.write_text(tables.with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for path, text, wanted, again in pages():
+        if wanted != text:
+            path.write_text(wanted, encoding="utf-8")
+        print("".join(f"read again: {sentence}\n" for sentence in again), end="")
+
+
+def lines_of_the_first_screen():
+    """Lines of the table in README.md that quickstart.txt does not have."""
+    blocks = re.findall(r"```text\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    shown = [line for block in blocks if "viscosity" in block for line in block.splitlines()]
+    printed = (RESULTS / "quickstart.txt").read_text(encoding="utf-8").splitlines()
+    there = {line.rstrip() for line in printed}
+    return [line for line in shown if line.rstrip() not in there and not line.startswith(("─", "═"))]
 
 
 def faults():
     """What is not as it should be."""
-    there, made = pd.read_csv(RESULTS / thickening.EFFECTS), thickening.effects(thickening.read())
-    try:
-        pd.testing.assert_frame_equal(there, made, check_dtype=False, rtol=1e-9)
-    except AssertionError as error:
-        yield f"{thickening.EFFECTS} is not what the runs give: {error}"
-    if jamming.is_outdated():
-        yield f"{jamming.FITS} is not what {jamming.PLATEAUS} gives"
+    for path, table in derived():
+        try:
+            pd.testing.assert_frame_equal(pd.read_csv(path), table, check_dtype=False, rtol=1e-6)
+        except (AssertionError, FileNotFoundError) as error:
+            yield f"{path.name} is not what its sources give: {error}"
     for name in figures.outdated():
         yield f"{name} shows other numbers than its files have"
-    page = PAGE.read_text(encoding="utf-8")
-    for line, wanted in zip(page.splitlines(), tables.with_tables(page).splitlines()):
-        if line != wanted:
-            yield f"README.md has\n  {line}\nwhere its files give\n  {wanted}"
-    for heading in tables.by_hand(page):
-        if heading not in BY_HAND:
-            yield f"README.md: a table without a marker before it: {heading}"
+    for path, text, wanted, again in pages():
+        lines = zip(text.splitlines(), wanted.splitlines())
+        tables_that_differ = (pair for pair in lines if pair[0] != pair[1] and "|" in pair[0][:1] + pair[1][:1])
+        for line, new in [*tables_that_differ][:1]:
+            yield f"{path.relative_to(ROOT)} has first\n  {line}\nwhere its files give\n  {new}"
+        yield from again
     for file in reports.files_of_no_result():
-        yield f"{file}: of no result in a list of README.md"
-    yield from quotes.wrong()
+        yield f"{file}: no page and no campaign names it"
+    for line in lines_of_the_first_screen():
+        yield f"README.md: {line!r} is not in results/published/quickstart.txt"
 
 
 def check():
-    present = physics_of_the_program()
-    for name in campaigns.CAMPAIGNS:
-        if not reports.is_made(name):
-            print(f"{name}: not made yet")
-            continue
-        report = reports.Report(name)
-        if report.physics != [present]:
-            print(f"{name}: stale, made by physics {' and '.join(map(str, report.physics))}, while the program has {present}")
+    for name, how, _, state in reports.states():
+        if state != "current":
+            print(f"{name}: {state}; {how.strip('`')} makes it")
     found = list(faults())
     for fault in found:
         print(fault, file=sys.stderr)
     if found:
-        print("scripts/published --tables makes tables and figures anew", file=sys.stderr)
+        print("scripts/published --tables writes tables, figures and quoted numbers", file=sys.stderr)
     return 1 if found else 0
 
 

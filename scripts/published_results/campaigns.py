@@ -1,8 +1,8 @@
-"""The campaigns of results/published, and what is drawn of each."""
+"""The campaigns of results/published and their figures."""
 
 import shutil
 
-from . import lattices, pairs
+from . import lattices
 from .place import RESULTS, sweep
 
 
@@ -27,7 +27,7 @@ def _of_laws():
 
 # In the order of the list in the README.
 CAMPAIGNS = {
-    # What is asked of their runs, and the figure, are made with the tables.
+    # Their effects and the figure are made with the tables.
     "cause-of-thickening": [],
     "cause-of-thickening-full": [],
     "figure-06": [figure("--kind", "approach-velocity")],
@@ -36,7 +36,7 @@ CAMPAIGNS = {
     "figure-11": [figure("--where", f"contact={contact}", suffix=f"-{contact}") for contact in ["rigid", "procedure"]],
     "figure-12": [
         *(figure("--where", f"area_fraction={c}", suffix=f"-{c}") for c in ["0.693", "0.75"]),
-        # Spikes of moments near jamming make the means.
+        # Short peaks near jamming dominate the means.
         figure("--where", "area_fraction=0.8", "--quantity", "viscosity_median", suffix="-0.8"),
     ],
     "figure-13": [figure()],
@@ -68,15 +68,16 @@ CAMPAIGNS = {
 }
 # Runs of the same cases are shared.
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
-# Campaigns of which every run by itself is published too.
-OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "time-step"]
+# Campaigns of which single runs are published too.
+OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full"]
 # Campaigns whose network of frictional contacts is published too, in a file NAME-network.csv.
 OF_NETWORKS = ["figure-14", "flow-curve"]
 NETWORK = ["viscosity", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
-# Fits of the model of Wyart and Cates by suffix: what is chosen of a campaign. Parameters are in NAME-fit.json, residuals in NAME-fit.csv.
+# Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
+# in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {
     "figure-14": {"-fit": ["area_fraction=0.57..0.75"]},
-    # From where the repulsion no longer counts; the first range of it and friction 1.
+    # From the stress above which the repulsion has no effect.
     "published-2d": {
         "-fit": ["friction=1", "repulsion_length=0.0441", "stiffness=5348", "lubrication_regularisation=0.001", "spheres=200", "shear_stress=0.03..inf"]
     },
@@ -95,7 +96,7 @@ NAMES = [*CAMPAIGNS, "figure-08", "lattices"]
 
 
 def _fit(campaign, name, wanted):
-    """Fits the model of Wyart and Cates; where no parameters describe the points, which the program says, there is no such file."""
+    """Fits the model of Wyart and Cates; writes no file if the program finds no parameters."""
     where = [word for value in wanted for word in ["--where", value]]
     files = [RESULTS / f"{name}.{ending}" for ending in ["svg", "csv", "json"]]
     for file in files:
@@ -107,7 +108,7 @@ def _fit(campaign, name, wanted):
 
 
 def make(name):
-    """Runs what is missing of a campaign, and writes its report, its CSV files and its figures."""
+    """Completes a campaign, and writes its report, CSV files and figures."""
     if name == "figure-08":
         for suffix, options in PASSING.items():
             file = RESULTS / f"figure-08-{suffix}"
@@ -118,7 +119,7 @@ def make(name):
         return
     campaign = f"sweeps/{name}.toml"
     reuse = ["--reuse", f"results/{REUSES[name]}.sqlite"] if name in REUSES else []
-    # Failed runs are results of their own, shown in the report.
+    # Failed runs are results too, shown in the report.
     report = RESULTS / f"{name}.txt.new"
     sweep("run", campaign, "--quiet", *reuse, output=report, may_fail=[1])
     shutil.move(report, RESULTS / f"{name}.txt")
@@ -131,5 +132,3 @@ def make(name):
         sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}-network.csv", "--columns", ",".join(NETWORK))
     for suffix, wanted in FITS.get(name, {}).items():
         _fit(campaign, f"{name}{suffix}", wanted)
-    if name == "time-step":
-        (RESULTS / "time-step-pairs.md").write_text(pairs.page(RESULTS / "time-step-runs.csv"), encoding="utf-8")

@@ -1,8 +1,8 @@
-"""What is asked of the campaigns `cause-of-thickening`: sums and differences of the rises of their models.
+"""The questions of the campaigns `cause-of-thickening`: sums and differences of rises.
 
-A question is a sum over models: pairs of a weight and a model. What is asked of a model is one of three viscosities: the whole one (ALL),
-stresslets alone as eq. (20) of the paper has it (STRESSLETS), or the ratio of the first to the second (RATIO), which is what the contact
-stress makes.
+A question is a sum over pairs of a weight and a model. It is about one of three viscosities: the whole
+one (ALL), stresslets alone as in eq. (20) of the paper (STRESSLETS), or the ratio of the first to the
+second (RATIO), which is the contribution of the contact stress.
 """
 
 import math
@@ -18,7 +18,7 @@ FULL = "stokesian-dynamics"
 
 @dataclass(frozen=True)
 class Model:
-    """A model at one place of the design: Ball-Melrose unless said otherwise."""
+    """A model of the design, with Ball-Melrose hydrodynamics by default."""
 
     stiffness: float
     # Whether friction sticks: coulomb on rigid contacts, stick-slide on springs.
@@ -37,7 +37,7 @@ class Model:
 
     @property
     def words(self):
-        hydrodynamics = {"ball-melrose": "", LUBRICATION: ", lubrication alone", FULL: ", full"}[self.hydrodynamics]
+        hydrodynamics = {"ball-melrose": "", LUBRICATION: ", lubrication only", FULL: ", full Stokesian Dynamics"}[self.hydrodynamics]
         return f"{normal(self.stiffness)}, {self.tangential}{hydrodynamics}"
 
 
@@ -67,13 +67,8 @@ def mean(sums):
     return [(weight / len(sums), model) for terms in sums for weight, model in terms]
 
 
-def difference(one, other):
-    """One sum less another."""
-    return one + [(-weight, model) for weight, model in other]
-
-
 def sticking(stiffness):
-    """What friction that sticks makes, under Ball-Melrose."""
+    """The effect of sticking friction, with Ball-Melrose hydrodynamics."""
     return less(Model(stiffness, True), Model(stiffness, False))
 
 
@@ -88,56 +83,36 @@ def rises():
 
 
 def steps():
-    """From the paper's reading of its model to the model of the field, one choice after the other: these add up."""
+    """From the paper's model to the soft-sphere model, one choice after the other: these add up."""
     paper, field = Model(RIGID, False), Model(1e4, True, LUBRICATION)
     yield Question("step", "the paper: rigid, roll-slip, stresslets alone", alone(paper), STRESSLETS)
-    yield Question("step", "+ contact stress counted", alone(paper), RATIO)
-    yield Question("step", "+ springs of k = 1e5", less(Model(1e5, False), paper))
-    yield Question("step", "+ friction that sticks", sticking(1e5))
-    yield Question("step", "+ softer, k = 1e4", less(Model(1e4, True), Model(1e5, True)))
-    yield Question("step", "+ lubrication alone", less(field, Model(1e4, True)))
-    yield Question("step", "= the field's model", alone(field))
+    yield Question("step", "× contact stress included", alone(paper), RATIO)
+    yield Question("step", "× springs of k = 1e5", less(Model(1e5, False), paper))
+    yield Question("step", "× sticking friction", sticking(1e5))
+    yield Question("step", "× softer springs, k = 1e4", less(Model(1e4, True), Model(1e5, True)))
+    yield Question("step", "× lubrication only", less(field, Model(1e4, True)))
+    yield Question("step", "= soft-sphere model", alone(field))
 
 
 def main_effects():
-    """What each choice makes, averaged over the others."""
+    """The effect of each choice, averaged over the others."""
     seven = [Model(stiffness, False) for stiffness in NORMALS] + [Model(stiffness, True) for stiffness in SPRINGS]
     three = [Model(RIGID, False), Model(1e4, False), Model(1e4, True)]
 
     def softer(stiffness):
         return mean([less(Model(stiffness, sticks), Model(1e5, sticks)) for sticks in [False, True]])
 
-    yield Question("main", "contact stress counted", mean([alone(model) for model in seven]), RATIO)
-    yield Question("main", "friction that sticks", mean([sticking(stiffness) for stiffness in SPRINGS]))
+    yield Question("main", "contact stress included", mean([alone(model) for model in seven]), RATIO)
+    yield Question("main", "sticking friction", mean([sticking(stiffness) for stiffness in SPRINGS]))
     for sticks, word in [(False, "roll-slip"), (True, "sticking")]:
         choice = f"springs of k = 1e5 in place of rigid contacts ({word})"
         yield Question("main", choice, less(Model(1e5, sticks), Model(RIGID, sticks)))
     yield Question("main", "k = 1e4 in place of 1e5", softer(1e4))
     yield Question("main", "k = 1e3 in place of 1e5", softer(1e3))
-    for hydrodynamics, word in [(LUBRICATION, "lubrication alone"), (FULL, "full")]:
+    for hydrodynamics, word in [(LUBRICATION, "lubrication only"), (FULL, "full Stokesian Dynamics")]:
         under = mean([less(model.under(hydrodynamics), model) for model in three])
         yield Question("main", f"{word} in place of Ball-Melrose", under)
 
 
-def pairs():
-    """What a choice makes where another is made as well, or how much more it makes there."""
-    for stiffness in NORMALS:
-        model = Model(stiffness, False)
-        yield Question("pair", f"contact stress counted, {model.words}", alone(model), RATIO)
-    for stiffness in NORMALS:
-        yield Question("pair", f"friction that sticks, {normal(stiffness)}", sticking(stiffness))
-    yield Question("pair", "friction that sticks, on stresslets alone (k = 1e5)", sticking(1e5), STRESSLETS)
-    more = difference(sticking(1e5), sticking(1e3))
-    yield Question("pair", "friction that sticks, more at k = 1e5 than at 1e3", more)
-    for hydrodynamics, word in [(LUBRICATION, "lubrication alone"), (FULL, "full")]:
-        rigid, soft, sticky = (
-            Model(stiffness, sticks, hydrodynamics) for stiffness, sticks in [(RIGID, False), (1e4, False), (1e4, True)]
-        )
-        more = difference(less(sticky, soft), sticking(1e4))
-        yield Question("pair", f"friction that sticks, more under {word} than Ball-Melrose (k = 1e4)", more)
-        more = difference(less(soft, rigid), less(Model(1e4, False), Model(RIGID, False)))
-        yield Question("pair", f"k = 1e4 in place of rigid, more under {word} than Ball-Melrose (roll-slip)", more)
-
-
 def questions():
-    return [*rises(), *steps(), *main_effects(), *pairs()]
+    return [*rises(), *steps(), *main_effects()]

@@ -1,4 +1,4 @@
-"""The figures that are not drawn by `sweep`. Each names in its description the digest of what it shows."""
+"""The figures that `sweep` does not draw. The description of each has the digest of its data."""
 
 import hashlib
 import math
@@ -26,26 +26,26 @@ STYLE = {
 }
 COLOURS = ["#000000", "#e69f00", "#d55e00", "#0072b2", "#56b4e9", "#009e73"]
 MARKERS = ["o", "s", "^", "v", "D", "P"]
-# From the paper's reading of its model to soft layers that stick.
+# From the paper's model to soft layers with sticking friction.
 MODELS = {
     "rigid, roll-slip, stresslets alone": "the paper: rigid, roll-slip, stresslets alone",
-    "rigid, roll-slip": "contact stress counted",
-    "rigid, coulomb": "friction that sticks: rigid",
-    "k = 1e5, stick-slide": "the same on springs, k = 1e5",
+    "rigid, roll-slip": "contact stress included",
+    "rigid, coulomb": "sticking friction: rigid",
+    "k = 1e5, stick-slide": "sticking friction: springs, k = 1e5",
     "k = 1e4, stick-slide": "k = 1e4",
     "k = 1e3, stick-slide": "k = 1e3",
 }
 
 
 def digest(files, folder=RESULTS):
-    """What the description of a figure says of its files."""
+    """The description of a figure of these files."""
     content = b"".join((folder / file).read_bytes() for file in files)
     return f"{', '.join(files)}: sha256 {hashlib.sha256(content).hexdigest()}"
 
 
 def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=True, wide=3):
-    """Panels of the same axes, at most `wide` side by side, each drawn by a function of its axes; one legend above them. `share` says which of
-    them have the same range in y: all, or with "col" those above each other."""
+    """Panels, at most `wide` side by side, each drawn by a function of its axes, with one legend.
+    All have the same range in y, or with `share="col"` those of a column."""
     wide = min(wide, len(panels))
     high = math.ceil(len(panels) / wide)
     with plt.rc_context(STYLE):
@@ -68,7 +68,7 @@ def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=T
 
 
 def thickening():
-    """Rises against c, a panel for each friction."""
+    """Rises of the viscosity against c, a panel for each friction."""
     effects = pd.read_csv(RESULTS / EFFECTS)
     effects = effects[effects["kind"] == "rise"]
 
@@ -77,24 +77,26 @@ def thickening():
             points = panel[panel["choice"] == choice]
             if len(points):
                 style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 1, "capsize": 2, "label": label}
-                ax.errorbar(points["area_fraction"], points["rise"], points["rise_ci95"], **style)
+                ax.errorbar(points["area_fraction"], points["factor"], points["factor_ci95"], **style)
+        ax.set_yticks([1, 2, 4, 8, 16], ["1", "2", "4", "8", "16"])
+        ax.yaxis.minorticks_off()
 
     panels = {f"ν = {friction:g}": panel for friction, panel in effects.groupby("friction")}
-    _write("cause-of-thickening.svg", [EFFECTS], panels, draw, "area fraction c", "ln(η above / η below the transition)")
+    _write("cause-of-thickening.svg", [EFFECTS], panels, draw, "area fraction c", "η above / η below the transition", "log", "linear")
 
 
 def beside():
-    """What was published, and what the same model gives here, in published units; a panel for each area fraction that both have."""
+    """The published table and ours in its units, a panel for each area fraction."""
     files = ["published-2d.csv", "published-2d.reference.csv"]
     ours, theirs = (pd.read_csv(RESULTS / file) for file in files)
     units = ours.apply(lambda row: PublishedUnits(row["area_fraction"], row["size_ratio"], row["large_fraction"]), axis=1)
-    # No rate where the stress did not make the layer flow.
+    # Layers that do not flow have no rate.
     ours["published_viscosity"] = [unit.viscosity(eta) for unit, eta in zip(units, ours["viscosity"])]
     ours["published_stress"] = [
         6 * math.pi * unit.shear_stress(eta, rate) for unit, eta, rate in zip(units, ours["viscosity"], ours["shear_rate"])
     ]
     usual = ours.query("spheres == 200 and stiffness == 5348 and repulsion_length == 0.0441 and lubrication_regularisation == 0.001")
-    # The parameters that the published text states for like layers, and those that were fitted to the table.
+    # Parameters published for similar layers, and those that were fitted to the table.
     lines = {
         "published": theirs,
         "ours, ν = 1": usual.query("friction == 1 and repulsion == 1"),
@@ -137,8 +139,8 @@ def of_lattices():
 
 
 def plateaus():
-    """Viscosity against volume fraction, a panel for each friction; what is fitted to springs as lines, where that jams dashed, and where
-    published fits do dotted."""
+    """Viscosity against volume fraction, a panel for each friction: fits as lines, their jamming
+    fractions dashed, published ones dotted."""
     points, fits = (pd.read_csv(RESULTS / file) for file in [jamming.PLATEAUS, jamming.FITS])
     lines = {
         "lubrication, k = 1e4": "hydrodynamics == 'lubrication' and stiffness == 1e4",
@@ -165,12 +167,12 @@ def plateaus():
 
 
 def _network(name, along, x, groups):
-    """The viscosity over its lowest value beside the growth of the largest frictional cluster, a row of panels for each group of points."""
+    """The viscosity over its lowest value and the largest frictional cluster, a row a group."""
     file = f"{name}-network.csv"
     points = pd.read_csv(RESULTS / file).dropna(subset=["viscosity", "largest_cluster"])
     fractions = sorted(points["area_fraction"].unique())
     colours = dict(zip(fractions, plt.colormaps["viridis"](np.linspace(0, 0.9, len(fractions)))))
-    # The plateaus of rates 0 and infinity stand beside the others.
+    # Rates 0 and infinity are drawn left and right of the others.
     finite = points[along][(points[along] > 0) & np.isfinite(points[along])]
     ends = {0.0: finite.min() / 10, math.inf: finite.max() * 10}
     words_of_ends = dict(zip(ends.values(), ["0", "∞"]))
@@ -195,7 +197,7 @@ def _network(name, along, x, groups):
 
 
 def network_of_flow_curve():
-    """Against the imposed stress, for both laws that stick."""
+    """Against the imposed stress, for both laws of sticking friction."""
     laws = {"springs, ": "contact == 'linear-spring'", "rigid, ": "contact == 'rigid'"}
     _network("flow-curve", "shear_stress", "shear stress σ* (F_crit/a²)", laws)
 
@@ -216,7 +218,7 @@ FIGURES = {
 
 
 def _made():
-    """The figures of files that were made, with these files."""
+    """The figures whose files exist, with these files."""
     return {name: found for name, found in FIGURES.items() if all((RESULTS / file).exists() for file in found[1])}
 
 
@@ -226,7 +228,7 @@ def make():
 
 
 def outdated():
-    """Figures that show other numbers than the files have now."""
+    """Figures whose files have changed since they were drawn."""
 
     def shows(name, files):
         return (RESULTS / name).exists() and digest(files) in (RESULTS / name).read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Where viscosities of freely sheared suspensions diverge: η = α (1 − φ/φ_J)⁻² fitted to the plateaus of every model.
+"""The jamming fraction of each model: η = α (1 − φ/φ_J)⁻² fitted to the plateaus of suspensions.
 
-Fitted are logarithms, each point weighted by its own standard error and by 1 % besides, as the form is no law. Intervals are of 95 %, of
-Student's distribution.
+The logarithms are fitted. The weight of a point is from its standard error and an additional 1 %, since
+the form is empirical. Intervals are of 95 %, of Student's distribution.
 """
 
 import numpy as np
@@ -13,9 +13,9 @@ from .place import RESULTS
 
 PLATEAUS, FITS = "suspension-plateaus.csv", "suspension-plateaus-jamming.csv"
 MODEL = ["hydrodynamics", "contact", "stiffness", "friction"]
-# Error of a viscosity that is granted besides that of its mean, relative.
+# Relative error of a viscosity in addition to that of its mean.
 FLOOR = 0.01
-# Volume fractions without which nothing is left to tell how well the form describes them.
+# Fewest volume fractions; with fewer, no residual shows how well the form fits.
 LEAST = 3
 # Of lubrication and springs: Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014).
 PUBLISHED = {0.0: 0.66, 1.0: 0.58}
@@ -56,21 +56,3 @@ def fits(plateaus):
 
 def read(folder=RESULTS):
     return pd.DataFrame(fits(pd.read_csv(folder / PLATEAUS)))
-
-
-def make():
-    """The file of the fits, if there are plateaus to fit."""
-    if (RESULTS / PLATEAUS).exists():
-        # The last digits depend on the order of sums.
-        read().to_csv(RESULTS / FITS, index=False, lineterminator="\n", float_format="%.10g")
-
-
-def is_outdated():
-    """Whether the file is not what the plateaus give."""
-    if not (RESULTS / PLATEAUS).exists():
-        return False
-    try:
-        pd.testing.assert_frame_equal(pd.read_csv(RESULTS / FITS), read(), check_dtype=False, rtol=1e-6)
-    except (AssertionError, FileNotFoundError):
-        return True
-    return False

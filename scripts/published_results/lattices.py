@@ -1,10 +1,10 @@
-"""Cubic lattices of equal spheres, an instant each by `sweep solve`: the drag on spheres held in a stream, and the viscosity against each of
-the two kinds of strain that a cubic lattice tells apart.
+"""Cubic lattices of equal spheres, solved by `sweep solve`: the drag on fixed spheres in a stream
+and the two independent viscosities.
 
-Beside them stand the far field alone, which has closed forms with one sphere a cell (H. Hasimoto, J. Fluid Mech. 5, 317 (1959); M. Zuzovsky,
-P. M. Adler & H. Brenner, Phys. Fluids 26, 1714 (1983)), the exact drag of simple cubic lattices (A. A. Zick & G. M. Homsy, J. Fluid Mech. 115,
-13 (1982), table 2), and the slopes of the viscosities against one over the gap, which are exact near contact (K. C. Nunan & J. B. Keller,
-J. Fluid Mech. 142, 269 (1984)).
+They are compared with closed forms of the far field (H. Hasimoto, J. Fluid Mech. 5, 317 (1959);
+M. Zuzovsky, P. M. Adler & H. Brenner, Phys. Fluids 26, 1714 (1983)), the exact drag of simple cubic
+lattices (A. A. Zick & G. M. Homsy, J. Fluid Mech. 115, 13 (1982), table 2), and exact slopes of the
+viscosities against one over the gap (K. C. Nunan & J. B. Keller, J. Fluid Mech. 142, 269 (1984)).
 """
 
 import json
@@ -17,7 +17,7 @@ import pandas as pd
 
 from .place import RESULTS, sweep
 
-# Half of the least width of a cell under full Stokesian Dynamics: the distance up to which pairs are looked for.
+# Largest distance of pairs in full Stokesian Dynamics: half the least width of a cell.
 REACH = 4.0
 FILE, NEAR_FILE = "lattices.csv", "lattices-near-contact.csv"
 
@@ -28,11 +28,11 @@ class Lattice:
     centres: list
     # Distance of next neighbours in this cell.
     neighbours: float
-    # Of the closed forms: the drag has 1 - hasimoto phi^(1/3) + phi, the viscosities have a and b.
+    # Coefficients of the closed forms, of the drag and of the viscosities.
     hasimoto: float
     a: float
     b: float
-    # Slope of the viscosity against one over the gap, under strain along the axes and across them; None where it is logarithmic.
+    # Slopes of the viscosities, strain along and across the axes; None if logarithmic.
     slopes: tuple
 
 
@@ -49,7 +49,7 @@ LATTICES = {
         (3 * math.pi / (8 * math.sqrt(2)), 3 * math.pi / (4 * math.sqrt(2))),
     ),
 }
-# Of Zick and Homsy, simple cubic, over that of a sphere by itself; the last is at contact, pi/6.
+# Of Zick and Homsy, simple cubic, over that of an isolated sphere; the last is at contact, pi/6.
 EXACT_DRAG = {0.027: 2.008, 0.064: 2.810, 0.125: 4.292, 0.216: 7.442, 0.343: 15.4, 0.45: 28.1, 0.5235: 42.1}
 FRACTIONS = {"SC": list(EXACT_DRAG), "BCC": [0.027, 0.125, 0.216, 0.343, 0.45, 0.6], "FCC": [0.027, 0.125, 0.216, 0.343, 0.45, 0.6]}
 # Gaps between which a slope is taken, in radii.
@@ -70,11 +70,11 @@ def far_field(lattice, phi):
 
 
 def solved(lattice, width, hydrodynamics):
-    """Drag and viscosities of a lattice whose cubic cell has this side, in as many of these cells as the near field asks for."""
+    """Drag and viscosities of a lattice with this side of its cubic cell."""
     number = math.ceil(2 * REACH / width)
     corners = [[i, j, k] for i in range(number) for j in range(number) for k in range(number)]
     centres = [[(c + x) * width for c, x in zip(corner, centre)] for corner in corners for centre in lattice.centres]
-    # By the symmetry of the lattice both strains and the force act apart: one solution holds all three.
+    # By symmetry both strains and the force are independent: one solution has all three.
     along, across = 0.3, 0.5
     configuration = {
         "centres": centres,
@@ -110,7 +110,7 @@ def drags_and_viscosities():
 
 
 def slopes():
-    """A row for each slope near contact, under Ball-Melrose, which holds nothing else that grows there."""
+    """A row for each slope near contact, from Ball-Melrose hydrodynamics."""
     for name, lattice in LATTICES.items():
         near, nearer = (solved(lattice, (2 + gap) / lattice.neighbours, "ball-melrose")[1:] for gap in GAPS)
         for strain, one, other, exact in zip(["along the axes", "across the axes"], near, nearer, lattice.slopes):

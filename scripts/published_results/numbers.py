@@ -1,4 +1,4 @@
-"""Numbers as they are written in tables: the same digits as the program's own reports have."""
+"""Numbers as they are written in tables, with the digits of the program's reports."""
 
 import math
 
@@ -6,14 +6,14 @@ import numpy as np
 
 
 def plain(number):
-    """All digits of a number, and no more."""
+    """A number with all its digits."""
     if math.isinf(number):
         return "inf" if number > 0 else "-inf"
     return np.format_float_positional(number, trim="-")
 
 
 def with_exponent(number, digits=None):
-    """As 1.5e-7, with so many digits after the point, or all that it has."""
+    """As 1.5e-7, with this number of digits after the point, or all."""
     if digits is None:
         text = np.format_float_scientific(number, trim="-", exp_digits=1)
     else:
@@ -23,7 +23,7 @@ def with_exponent(number, digits=None):
 
 
 def significant(number, digits):
-    """A number to so many significant digits, with an exponent where that is shorter."""
+    """A number to this number of significant digits, with an exponent if that is shorter."""
     if math.isnan(number):
         return "–"
     if math.isinf(number):
@@ -37,7 +37,7 @@ def significant(number, digits):
 
 
 def short(number, digits):
-    """A number in as few digits as it has, and at most so many."""
+    """A number with as few digits as it has, and at most this number."""
     rounded = significant(number, digits)
     if math.isnan(number):
         return rounded
@@ -63,9 +63,3 @@ def interval(value, half):
     decimals = max(0, 1 - first)
     text = f"{value:.{decimals}f} ± {half:.{decimals}f}"
     return f"({text})e{shift}" if shift else text
-
-
-def change(one, other):
-    """How much more the first number is, in per cent."""
-    percent = 100 * (one / other - 1)
-    return f"{percent:+.{1 if abs(percent) < 9.95 else 0}f} %"

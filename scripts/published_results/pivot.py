@@ -1,4 +1,4 @@
-"""A table of a CSV file: which of its rows stand where, and what is shown of each."""
+"""A table from a CSV file: its rows, its columns and the contents of its cells."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 import pandas as pd
 from scipy.stats import t as student
 
-from .numbers import change, interval, plain, short, significant
+from .numbers import interval, plain, short, significant
 from .place import Wrong
 from .units import PublishedUnits
 
-# Share by which a value may differ from the one that has a label.
+# Relative difference between a value and its label.
 NEAR = 0.15
 COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts", "points"]
-# Numbers of others in our files, which keep the digits that they gave.
+# Published numbers in our files, which keep their digits.
 OF_OTHERS = ["drag_exact", "phi_j_published"]
 # Ending of what is shown with one standard error.
 OF_ERROR = "_se"
@@ -56,7 +56,7 @@ SYMBOLS = {
     "viscosity_across_axes_far_field": "far field alone",
     "slope_exact": "exact",
     "published_stress": "6π σ'",
-    "rise": "ln(η above / η below)",
+    "factor": "η above / η below",
 }
 
 
@@ -84,7 +84,7 @@ def is_number(text):
 
 
 def word(value):
-    """A value of the file for people."""
+    """A value of the file as it is shown."""
     if not is_number(value):
         return value or "–"
     return "∞" if math.isinf(float(value)) else short(float(value), 4)
@@ -96,7 +96,7 @@ def same(one, other):
 
 
 def ordered(values):
-    """Numbers by their size, words as they were met first."""
+    """Numbers by size, words in the order of the file."""
     values = list(dict.fromkeys(values))
     return sorted(values, key=float) if all(map(is_number, values)) else values
 
@@ -131,7 +131,7 @@ class Shown:
         return scale * number(row, self.quantity), scale * number(row, f"{self.quantity}_ci95")
 
     def as_written(self, row):
-        """A number of others with its digits."""
+        """A published number with its digits."""
         column = self.quantity.removesuffix(OF_ERROR)
         error = row.get(self.quantity) if self.quantity.endswith(OF_ERROR) else ""
         return f"{row[column]} ± {error}" if error else row[column]
@@ -161,22 +161,37 @@ def _pairs(text, separator):
     return pairs
 
 
+def chosen(file, wanted, columns):
+    """The rows of a file that have a wanted value in each column; `columns` must exist too."""
+    if not file.exists():
+        raise Wrong(f"there is no {file.name}")
+    data = pd.read_csv(file, dtype=str, keep_default_na=False)
+    for column in [*columns, *(column for column, _ in wanted)]:
+        if column not in data:
+            raise Wrong(f"{file.name} has no column {column}")
+    for column, values in wanted:
+        for value in values:
+            if not data[column].map(lambda there: same(there, value)).any():
+                raise Wrong(f"no row of {file.name} has {column} = {value}")
+        data = data[data[column].map(lambda there: any(same(there, value) for value in values))]
+    return [row.to_dict() for _, row in data.iterrows()]
+
+
 @dataclass
 class Pivot:
     """How a table is made."""
 
     rows: list = field(default_factory=list)
     columns: str | None = None
-    # What the values of `columns` are called, where that is not its own name.
+    # Another name for `columns`.
     called: str | None = None
     labels: list = field(default_factory=list)
     cells: list = field(default_factory=list)
     wanted: list = field(default_factory=list)
-    change: list | None = None
 
     @classmethod
     def parse(cls, parts):
-        """As a marker says it, part by part."""
+        """From the parts of a comment."""
         pivot = cls()
         for part in parts:
             key, colon, text = part.strip().partition(": ")
@@ -192,8 +207,6 @@ class Pivot:
                     pivot.cells = [Shown.parse(cell.strip()) for cell in text.split(", ")]
                 case "where":
                     pivot.wanted = [(name, values.split("|")) for name, values in _pairs(text, "=")]
-                case "change":
-                    pivot.change = _pairs(text, " over ")[0]
                 case "labels":
                     pivot.labels = [(float(value), label) for value, label in _pairs(text, "=")]
                 case _:
@@ -212,31 +225,19 @@ class Pivot:
             raise Wrong(f"{self.columns} = {value} has no label")
         return label
 
-    def _chosen(self, file):
-        """The rows that are wanted."""
-        data = pd.read_csv(file, dtype=str, keep_default_na=False)
-        named = [*self.rows, *([self.columns] if self.columns else []), *(column for column, _ in self.wanted)]
-        for column in named + [column for shown in self.cells for column in shown.columns()]:
-            if column not in data:
-                raise Wrong(f"{file.name} has no column {column}")
-        for column, values in self.wanted:
-            for value in values:
-                if not data[column].map(lambda there: same(there, value)).any():
-                    raise Wrong(f"no row has {column} = {value}")
-            data = data[data[column].map(lambda there: any(same(there, value) for value in values))]
-        return [row.to_dict() for _, row in data.iterrows()]
-
     def table(self, file):
         """The lines of the table of a file."""
         cells, keys, places = {}, [], []
-        for row in self._chosen(file):
+        named = [*self.rows, *([self.columns] if self.columns else [])]
+        shown = [column for shown in self.cells for column in shown.columns()]
+        for row in chosen(file, self.wanted, named + shown):
             key, place = tuple(row[column] for column in self.rows), self._place(row)
             if (key, place) in cells:
                 raise Wrong(f"several rows of {file.name} share a cell")
             cells[key, place] = row
             keys.append(key)
             places.append(place)
-        # By the first column of a row, then by the next; sorting keeps what is equal in its place.
+        # By the first column of a row, then by the next.
         keys = list(dict.fromkeys(keys))
         for at in reversed(range(len(self.rows))):
             rank = {value: rank for rank, value in enumerate(ordered(key[at] for key in keys))}
@@ -249,14 +250,8 @@ class Pivot:
             for shown in self.cells:
                 write = shown.as_written if are_of_others else shown.cell
                 line += [write(cells[key, place]) if (key, place) in cells else "" for place in places]
-                if self.change:
-                    line.append(self._change(shown, {place: cells[key, place] for place in places if (key, place) in cells}))
             lines.append(line)
         return lines
-
-    def _change(self, shown, row):
-        found = [shown.value(row[place])[0] for wanted in self.change for place in row if same(place, wanted)]
-        return change(*found) if len(found) == 2 and not any(map(math.isnan, found)) else ""
 
     def _headings(self, places):
         line = [symbol(column) for column in self.rows]
@@ -269,7 +264,4 @@ class Pivot:
                     line.append(shown.heading())
                 else:
                     line.append(place if len(self.cells) == 1 else f"{shown.heading()}, {place}")
-            if self.change:
-                one, other = self.change
-                line.append(f"{shown.heading()}, {word(one)} over {word(other)}")
         return line

@@ -10,7 +10,7 @@ RESULTS = ROOT / "results" / "published"
 
 
 class Wrong(Exception):
-    """Something that the user has to mend: what, where and how."""
+    """An error that the user can correct: what, where and how."""
 
 
 def sweep(*arguments, output=None, may_fail=()):

@@ -1,55 +1,48 @@
-"""What reports say of themselves: what their runs took, and which programs made them.
+"""What reports say about themselves: the CPU time of their runs, and which programs made them.
 
-A result is stale when its report names another physics than the program has. Builds are digests of the program file, and differ after
-every compilation: they are shown, and say nothing about the numbers.
+A result is stale when its report names another physics than the program has.
 """
 
 import re
 
-from .campaigns import CAMPAIGNS
+from .campaigns import CAMPAIGNS, NAMES
 from .place import RESULTS, Wrong, physics_of_the_program
 
 _TIME = re.compile(r"^computed in (.*?) of (?:processor|CPU) time", re.MULTILINE)
-_MADE_BY = re.compile(r"\(physics (\d+), build ([0-9a-f]+)\)")
+_PHYSICS = re.compile(r"\bphysics (\d+)")
+# Pages that scripts measure.
+PAGES = {"hard.md": "scripts/hard", "performance.md": "scripts/bench"}
 
 
-def is_made(name):
-    """Whether a campaign has its report."""
-    return (RESULTS / f"{name}.txt").exists()
+def _state(text, present):
+    physics = {int(number) for number in _PHYSICS.findall(text)}
+    if not physics:
+        raise Wrong(f"{text[:40]!r}... names no physics")
+    return "current" if physics == {present} else "stale"
 
 
-class Report:
-    """A file NAME.txt."""
-
-    def __init__(self, name):
-        text = (RESULTS / f"{name}.txt").read_text(encoding="utf-8")
-        time, made_by = _TIME.search(text), _MADE_BY.findall(text)
-        if not time or not made_by:
-            raise Wrong(f"{name}.txt does not say what its runs took and which physics made them")
-        self.time = time[1]
-        self.physics = sorted({int(physics) for physics, _ in made_by})
-        self.builds = list(dict.fromkeys(build for _, build in made_by))
-
-    def cells(self, present):
-        """Physics and builds for a table."""
-        stale = ", stale" if self.physics != [present] else ""
-        return " and ".join(map(str, self.physics)) + stale, ", ".join(f"`{build[:7]}`" for build in self.builds)
-
-
-def table_of_campaigns():
-    """The campaigns, what their runs took, and what made them."""
+def states():
+    """A row for each campaign and measured page: its name, how it is made, its CPU time if known,
+    and whether it is current, stale or not made yet."""
     present = physics_of_the_program()
-    lines = [["campaign", "made by", "processor time", "physics", "build"]]
     for name in CAMPAIGNS:
-        if is_made(name):
-            report = Report(name)
-            lines.append([name, f"`scripts/published {name}`", report.time, *report.cells(present)])
-    return lines
+        how = f"`scripts/published {name}`"
+        report = RESULTS / f"{name}.txt"
+        if not report.exists():
+            yield name, how, "", "not made yet"
+            continue
+        text = report.read_text(encoding="utf-8")
+        time = _TIME.search(text)
+        if not time:
+            raise Wrong(f"{name}.txt does not say what CPU time its runs took")
+        yield name, how, time[1], _state(text, present)
+    for name, script in PAGES.items():
+        yield name, f"`{script}`", "", _state((RESULTS / name).read_text(encoding="utf-8"), present)
 
 
 def files_of_no_result():
-    """Files of results/published that neither a campaign nor the page itself accounts for."""
-    page = (RESULTS / "README.md").read_text(encoding="utf-8")
-    listed = [line.split("|")[1].strip(" `") for line in page.splitlines() if line.startswith("|")]
-    names = ["README.md", *CAMPAIGNS, *listed]
-    return [file.name for file in sorted(RESULTS.iterdir()) if not any(file.name.startswith(name) for name in names if name)]
+    """Files of results/published that belong neither to a campaign nor to a page."""
+    pages = "".join(page.read_text(encoding="utf-8") for page in RESULTS.glob("*.md"))
+    campaigns = tuple(f"{name}{end}" for name in NAMES for end in "-.")
+    files = (file.name for file in sorted(RESULTS.iterdir()) if file.suffix != ".md")
+    return [name for name in files if not name.startswith(campaigns) and name not in pages]

@@ -1,23 +1,22 @@
 """Tables of the published results, made from their CSV files.
 
-A table of results/published/README.md stands between two comments, of which the first says how it is made:
+A table stands between two comments, of which the first says how it is made:
 
-    <!-- table: figure-13 | rows: shear_rate | columns: hydrodynamics | cells: viscosity, viscosity_stresslet | where: friction=0.3 -->
+    <!-- table: figure-13 | rows: shear_rate | columns: hydrodynamics | cells: viscosity | where: friction=0.3 -->
     <!-- end -->
 
-- `rows`: columns of the file that name a row; `columns`: the one whose values stand side by side, if there is one.
-- `cells`: what is shown, with half its 95 % interval if the file has one. `NAME (OTHER)` puts the other number into brackets, `NAME %` is
-  a share in per cent. Besides the columns of the file there are `NAME_se` (± one standard error in place of the interval) and
-  `published_viscosity` (in the units of published soft-sphere simulations, as `sweep convert` has it).
+- `rows`: the columns of the file that name a row; `columns`: the one whose values head the columns.
+- `cells`: numbers, with half their 95 % intervals if the file has those. `NAME (OTHER)` adds another
+  number in brackets, `NAME %` is in per cent, `NAME_se` has one standard error in place of the interval,
+  and `published_viscosity` is in the units of published soft-sphere simulations.
 - `where`: only rows with these values, `friction=0.3|1`.
-- `change`: `inf over 0` adds how much more, in per cent, each of `cells` is at one value of `columns` than at another.
-- `labels`: `0.00348=0.1` shows values of `columns` near the first number under the second; `columns: shear_stress as published_stress`
-  then calls them by another name.
+- `labels`: `0.00348=0.1` shows values of `columns` near the first number as the second;
+  `columns: shear_stress as published_stress` then gives them another name.
 
-Numbers of others stand in NAME.reference.csv, and keep the digits that they gave. Instead of a CSV file a table can be pairs of spheres
-as `sweep pair` tells of them (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), fits side by side as `sweep fit` gives them
-(`<!-- table: flow-curve-rigid-fit.json -->`), or the list of the campaigns, with what each took and what made it, as NAME.txt has them
-(`<!-- table: campaigns -->`). A table of files that were not made yet is left out.
+Published numbers of others are in NAME.reference.csv and keep their digits. Other tables are those of
+`sweep pair` (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), of `sweep fit`
+(`<!-- table: flow-curve-rigid-fit.json -->`) and of the campaigns (`<!-- table: campaigns -->`). A table
+of files that do not exist yet is left out.
 """
 
 from . import fits, passing, reports
@@ -36,9 +35,9 @@ def markdown(lines):
 
 
 def _lines(parts, folder):
-    """The lines of a table; None where a file of it was not made yet."""
+    """The lines of a table; None if one of its files does not exist."""
     if parts[0] == "campaigns":
-        return reports.table_of_campaigns()
+        return [["campaign", "made by", "CPU time", "state"], *map(list, reports.states())]
     files = parts[0].split(", ")
     pivot = None
     if not files[0].endswith((".txt", ".json")):
@@ -51,7 +50,7 @@ def _lines(parts, folder):
 
 
 def with_tables(page, folder=RESULTS):
-    """A page with every table between markers made anew."""
+    """A page with every table rewritten."""
     made, lines = [], iter(page.splitlines())
     for line in lines:
         made.append(line)
@@ -65,13 +64,3 @@ def with_tables(page, folder=RESULTS):
         if END not in lines:
             raise Wrong(f"{line}\nhas no {END}")
     return "\n".join(made) + "\n"
-
-
-def by_hand(page):
-    """Headings of tables without a marker before them."""
-    lines = page.splitlines()
-    return [
-        line
-        for before, line in zip(["", *lines], lines)
-        if line.startswith("|") and not before.startswith(("|", BEGIN))
-    ]

@@ -1,13 +1,13 @@
-"""How much of the thickening of a layer each choice of its model makes: from the runs of the campaigns `cause-of-thickening` and, with full
-Stokesian Dynamics, `cause-of-thickening-full`.
+"""How much of the thickening of a layer each choice of its model causes: from the runs of
+`cause-of-thickening` and, with full Stokesian Dynamics, `cause-of-thickening-full`.
 
-The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, where the critical load no longer counts, less that at
-Γ = 0.01, where hardly any contact bears it, so that neither friction nor its law does anything there. Rises are sums of means over runs,
-and so is what a choice makes of them: the rise with it less the rise without it, all else the same. A main effect is the mean of that over
-the other choices, a pair is how much more one choice makes where another is made as well.
+The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, far above the
+friction transition, less that at Γ = 0.01, where hardly any contact is frictional, so that friction has
+no effect. Rises are sums of means over runs, and so is the effect of a choice: the rise with it less the
+rise without it, all else equal. A main effect is the mean of that over the other choices.
 
-Intervals are of 95 %, of Student's distribution with the degrees of freedom of Welch and Satterthwaite (B. L. Welch, Biometrika 34, 28
-(1947)).
+Intervals are of 95 %, of Student's distribution with the degrees of freedom of Welch and Satterthwaite
+(B. L. Welch, Biometrika 34, 28 (1947)).
 """
 
 from dataclasses import replace
@@ -20,19 +20,19 @@ from .design import ALL, FULL, RATIO, STRESSLETS, questions
 from .place import RESULTS
 
 BELOW, ABOVE = 0.01, 10.0
-# Area fractions from here on are near jamming, where moments of a run make its mean: there medians in time stand for means.
+# From this area fraction on short peaks dominate means in time, and medians replace them.
 NEAR_JAMMING = 0.775
-CAMPAIGNS = ["cause-of-thickening", "cause-of-thickening-full"]
+RUNS = ["cause-of-thickening-runs.csv", "cause-of-thickening-full-runs.csv"]
 EFFECTS = "cause-of-thickening-effects.csv"
 
 
 def read(folder=RESULTS):
     """The runs of both campaigns, with the logarithms of their viscosities."""
-    return with_logarithms(pd.concat([pd.read_csv(folder / f"{name}-runs.csv") for name in CAMPAIGNS]))
+    return with_logarithms(pd.concat([pd.read_csv(folder / name) for name in RUNS]))
 
 
 def with_logarithms(runs):
-    """ln of each viscosity, of runs that went to their end and whose numbers are not doubtful."""
+    """ln of each viscosity, of runs that reached their end without doubtful numbers."""
     near = runs["area_fraction"] > NEAR_JAMMING
     counts = (runs["state"] == "done") & runs["doubts"].isna()
     viscosity, stresslet = (
@@ -43,8 +43,8 @@ def with_logarithms(runs):
 
 
 def runs_of(runs, model, rate, c, friction):
-    """The runs of a model at c, ν and Γ. Below the transition friction does not count, and was not varied. Of cells of several sizes it is
-    the one of the design."""
+    """The runs of a model at c, ν and Γ, with the number of spheres of the design. Below the
+    transition, where friction has no effect, it was not varied."""
     chosen = (
         (runs["hydrodynamics"] == model.hydrodynamics)
         & (runs["tangential"] == model.tangential)
@@ -57,7 +57,7 @@ def runs_of(runs, model, rate, c, friction):
 
 
 def sum_of_means(terms):
-    """A weighted sum of means with half its interval; None where one of them has fewer than two values."""
+    """A weighted sum of means and half its interval; None if a mean has fewer than two values."""
     if any(len(values) < 2 for _, values in terms):
         return None
     parts = [weight**2 * np.var(values, ddof=1) / len(values) for weight, values in terms]
@@ -67,7 +67,7 @@ def sum_of_means(terms):
 
 
 def rise(runs, question, c, friction):
-    """What is known of a question at a place of the design: a row of the table, or None."""
+    """The answer to a question at c and ν: a row of the table, or None."""
     # Models may occur more than once in a sum, and may share their runs below.
     weights = {}
     for weight, model in question.sum:
@@ -89,19 +89,17 @@ def rise(runs, question, c, friction):
         "area_fraction": c,
         "rise": known[0],
         "rise_ci95": known[1],
-        # Runs that it was taken from, and those that jammed or failed instead.
+        # The rise as a factor, with its interval to first order.
+        "factor": np.exp(known[0]),
+        "factor_ci95": np.exp(known[0]) * known[1],
+        # Runs that are averaged, and those that jammed or failed.
         "seeds": sum(len(values) for _, values in terms),
         "lost": lost,
     }
 
 
 def effects(runs):
-    """All that is asked, at every place at which there are runs for it."""
+    """The answers to all questions, where there are runs."""
     places = runs[["friction", "area_fraction"]].drop_duplicates().sort_values(["friction", "area_fraction"])
     rows = [rise(runs, question, c, friction) for question in questions() for friction, c in places.itertuples(index=False)]
     return pd.DataFrame([row for row in rows if row])
-
-
-def as_csv(table):
-    # The last digits depend on the order of sums.
-    return table.to_csv(index=False, lineterminator="\n", float_format="%.10g")

@@ -1,4 +1,5 @@
-"""The units of published soft-sphere simulations, as `sweep convert` has them (crates/sd-core/src/model/published_units.rs)."""
+"""The units of published soft-sphere simulations, as in `sweep convert`
+(crates/sd-core/src/model/published_units.rs)."""
 
 import math
 

@@ -1,6 +1,6 @@
 import pytest
 
-from published_results.numbers import change, interval, short, significant
+from published_results.numbers import interval, short, significant
 
 
 @pytest.mark.parametrize(
@@ -29,8 +29,3 @@ def test_short_numbers_have_no_more_digits_than_they_need(number, text):
 )
 def test_intervals_have_two_digits(value, half, text):
     assert interval(value, half) == text
-
-
-def test_a_change_is_told_in_per_cent_with_its_sign():
-    assert change(1.4, 1.0) == "+40 %"
-    assert change(0.99, 1.0) == "-1.0 %"

@@ -50,12 +50,11 @@ def known():
     [
         ("rigid, roll-slip", 2.0),
         ("rigid, roll-slip, stresslets alone", 1.0),
-        ("contact stress counted", 2.0),
-        ("friction that sticks", 3.0),
+        ("contact stress included", 2.0),
+        ("sticking friction", 3.0),
         ("k = 1e4 in place of 1e5", 0.8),
         ("k = 1e3 in place of 1e5", 0.5),
-        ("friction that sticks, more at k = 1e5 than at 1e3", 1.0),
-        ("+ softer, k = 1e4", 0.8),
+        ("× softer springs, k = 1e4", 0.8),
     ],
 )
 def test_what_a_choice_makes_is_found_where_it_is_known(known, choice, factor):
@@ -64,8 +63,8 @@ def test_what_a_choice_makes_is_found_where_it_is_known(known, choice, factor):
 
 def test_runs_are_counted(known):
     # Runs below cancel from the friction law: the interval is that of the runs above.
-    assert known.loc["friction that sticks, k = 1e4", "seeds"] == 6
-    assert known.loc["friction that sticks, k = 1e4", "lost"] == 1
+    assert known.loc["× sticking friction", "seeds"] == 6
+    assert known.loc["k = 1e4, roll-slip", "lost"] == 1
     assert known.loc["k = 1e4, stick-slide", "seeds"] == 6
     # What there are no runs for is not told.
     assert "rigid, coulomb" not in known.index

@@ -37,7 +37,7 @@ mod tests;
 use super::Status;
 use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use problem::{Forces, Problem, States, System, Violation};
+use problem::{Forces, Problem, RoundoffThresholds, States, System, Violation};
 
 /// What came of a contact problem.
 #[derive(Debug, Clone, Copy)]
@@ -58,6 +58,8 @@ pub(crate) struct ProblemSolver<S: Space = Layer> {
     pub(crate) forces: Forces,
     /// Forces to start from; of each row whether friction was active, and whether it had been deactivated.
     start: Forces,
+    /// Forces before the last step of Newton's method.
+    previous: Forces,
     active: Vec<(bool, bool)>,
     /// Of the proximal point method: the problem with softer contacts, the forces about which they
     /// are soft, the problem with bounds that are held.
@@ -73,6 +75,7 @@ impl<S: Space> ProblemSolver<S> {
         self.active.reserve(2 * S::TANGENTS * candidates);
         self.forces.reserve(candidates);
         self.start.reserve(candidates);
+        self.previous.reserve(candidates);
         self.softer.reserve(candidates);
         self.about.reserve(candidates);
         self.held.reserve(candidates);
@@ -90,6 +93,10 @@ impl<S: Space> ProblemSolver<S> {
     ) -> Outcome {
         self.start.copy_from(&self.forces);
         self.keep_activation(problem);
+        if S::TANGENTS > 1 && system.read_motion(problem, &mut self.forces) {
+            // The motion before says along which directions contacts slip.
+            self.update_states(problem, system, RoundoffThresholds::NONE, false);
+        }
         let (converged, systems) = self.newton(problem, system, activation, &mut refine);
         if converged {
             return self.accept(problem, system, systems);

@@ -1,9 +1,10 @@
-//! Every command of the documentation, run as it is written.
+//! Every command of the documentation, run as it is written; links, anchors and the pages of the book.
 //!
-//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own that holds the campaign
-//! files shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed (`python:MODULE` for a module of
-//! Python), and named as skipped elsewhere. `cargo run --release --` stands for the program under test; what else is asked of
-//! cargo is what runs this test, and only checked for naming tests, examples and benches that exist.
+//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own,
+//! with campaigns shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed
+//! (`python:MODULE` for a module of Python), and named as skipped elsewhere. `cargo run --release --`
+//! is the program under test; other commands of cargo are not run, and only checked for naming tests,
+//! examples and benches that exist.
 
 use crate::harness::root;
 use std::fmt::Write as _;
@@ -83,13 +84,17 @@ fn checkout() -> tempfile::TempDir {
     }
     std::os::unix::fs::symlink(root().join("crates"), at.join("crates")).unwrap();
     let quickstart = std::fs::read_to_string(root().join("sweeps/quickstart.toml")).unwrap();
-    let short = quickstart
-        .replace("strain = 4.0", "strain = 0.3")
-        .replace("discard = 1.0", "discard = 0.0")
-        .replace("seeds = 8 ", "seeds = 2 ");
+    let short = shortened(&quickstart);
     assert_ne!(short, quickstart);
     std::fs::write(at.join("sweeps/quickstart.toml"), short).unwrap();
     directory
+}
+
+/// A campaign as the tutorial has them, with shorter runs; also where a command writes its file.
+fn shortened(text: &str) -> String {
+    text.replace("strain = 4.0", "strain = 0.3")
+        .replace("discard = 1.0", "discard = 0.0")
+        .replace("seeds = 8 ", "seeds = 2 ")
 }
 
 /// Runs all commands of one file; panics on the first that fails.
@@ -101,7 +106,7 @@ fn run(file: &str) {
         let needs = info.strip_prefix("needs=").unwrap_or_default();
         match needs.split(',').find(|p| !p.is_empty() && !is_there(p)) {
             Some(missing) => eprintln!("skipped in {file}, no {missing}:\n{text}"),
-            None => script.push_str(&text),
+            None => script.push_str(&shortened(&text)),
         }
     }
     let mut path = directory.path().join("bin").into_os_string();
@@ -201,22 +206,148 @@ fn every_campaign_is_one() {
     }
 }
 
+/// Whether a file's name ends in a dot and this.
+fn has_extension(name: &str, extension: &str) -> bool {
+    Path::new(name)
+        .extension()
+        .is_some_and(|found| found == extension)
+}
+
+/// Pages whose links are checked: those of the documentation, and the others that a reader meets.
+fn linked_files() -> Vec<String> {
+    let mut all = files();
+    all.extend(["CHANGELOG.md", "python/README.md", "tests/data/README.md"].map(str::to_owned));
+    let published = std::fs::read_dir(root().join("results/published")).unwrap();
+    let names = published.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let pages = names.filter(|name| has_extension(name, "md"));
+    all.extend(pages.map(|name| format!("results/published/{name}")));
+    all
+}
+
+/// The anchors of a page: its headings in lower case, with `-` for spaces and without punctuation.
+fn anchors(markdown: &str) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    let mut in_fence = false;
+    for line in markdown.lines() {
+        in_fence ^= line.starts_with("```");
+        let heading = line.trim_start_matches('#');
+        if in_fence || heading == line || !heading.starts_with(' ') {
+            continue;
+        }
+        let kept = heading.trim().to_lowercase();
+        let kept = kept.replace(|c: char| !(c.is_alphanumeric() || " -_".contains(c)), "");
+        let anchor = kept.replace(' ', "-");
+        let before = all.iter().filter(|other| **other == anchor).count();
+        all.push(if before == 0 {
+            anchor
+        } else {
+            format!("{anchor}-{before}")
+        });
+    }
+    all
+}
+
+/// What the links and pictures of a page lead to, but for addresses of the web.
+fn targets(markdown: &str) -> Vec<String> {
+    let mut prose = String::new();
+    let mut in_fence = false;
+    for line in markdown.lines() {
+        in_fence ^= line.trim_start().starts_with("```");
+        if !in_fence {
+            prose.push_str(line);
+            prose.push(' ');
+        }
+    }
+    let links = prose.split("](").skip(1);
+    let all = links.chain(prose.split("src=\"").skip(1));
+    all.map(|link| link.split([')', ' ', '"']).next().unwrap_or_default())
+        .filter(|target| !target.contains("://"))
+        .map(str::to_owned)
+        .collect()
+}
+
 #[test]
 fn every_link_leads_somewhere() {
     let mut broken = String::new();
-    for file in files() {
+    for file in linked_files() {
         let markdown = std::fs::read_to_string(root().join(&file)).unwrap();
         let folder = root().join(&file).parent().unwrap().to_owned();
-        let links = markdown.split("](").skip(1);
-        for link in links.chain(markdown.split("src=\"").skip(1)) {
-            let target = link.split([')', '#', ' ', '"']).next().unwrap_or_default();
-            let outside = target.contains("://") || target.is_empty();
-            if !outside && !folder.join(target).exists() {
+        for target in targets(&markdown) {
+            let (path, anchor) = target.split_once('#').unwrap_or((&target, ""));
+            let there = if path.is_empty() {
+                root().join(&file)
+            } else {
+                folder.join(path)
+            };
+            let is_page = has_extension(path, "md") || path.is_empty();
+            let found = there.exists()
+                && (anchor.is_empty()
+                    || !is_page
+                    || anchors(&std::fs::read_to_string(&there).unwrap())
+                        .contains(&anchor.to_owned()));
+            if !found {
                 writeln!(broken, "{file}: {target}").unwrap();
             }
         }
     }
     assert!(broken.is_empty(), "{broken}");
+}
+
+#[test]
+fn the_book_has_every_page_once() {
+    let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
+    let mut listed = targets(&summary);
+    listed.sort();
+    let pages = files().into_iter();
+    let pages = pages.filter_map(|file| file.strip_prefix("docs/").map(str::to_owned));
+    let pages: Vec<String> = pages.filter(|page| page != "SUMMARY.md").collect();
+    assert_eq!(listed, pages);
+}
+
+#[test]
+fn pages_named_in_sources_exist() {
+    let mut missing = String::new();
+    let mut folders: Vec<std::path::PathBuf> = ["crates", "python", "sweeps", "scripts"]
+        .map(|name| root().join(name))
+        .into();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.extend((!path.ends_with("target")).then_some(path));
+                continue;
+            }
+            // Pictures and the like name no pages.
+            let text = std::fs::read_to_string(&path).unwrap_or_default();
+            for named in text.split("docs/").skip(1) {
+                let end = named.find(|c: char| !(c.is_alphanumeric() || "-_.".contains(c)));
+                let name = named[..end.unwrap_or(named.len())].trim_end_matches('.');
+                if has_extension(name, "md") && !root().join("docs").join(name).exists() {
+                    writeln!(missing, "{}: docs/{name}", path.display()).unwrap();
+                }
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing}");
+}
+
+#[test]
+fn tests_named_on_the_page_of_validation_exist() {
+    let page = std::fs::read_to_string(root().join("docs/validation.md")).unwrap();
+    let mut found = 0;
+    for row in page
+        .lines()
+        .filter(|line| line.starts_with('|') && line.contains(".rs`"))
+    {
+        let mut words = row.split('`').skip(1).step_by(2);
+        let file = words.find(|word| has_extension(word, "rs")).unwrap();
+        let source = std::fs::read_to_string(root().join("crates").join(file)).unwrap();
+        for name in words {
+            assert!(source.contains(&format!("fn {name}(")), "{file}: {name}");
+            found += 1;
+        }
+    }
+    assert!(found > 20, "{found} tests are named");
 }
 
 #[test]

@@ -21,6 +21,7 @@ mod harness;
 mod precision;
 mod progress;
 mod published;
+mod reference;
 mod report;
 mod scripts;
 mod segments;

@@ -356,17 +356,31 @@ impl Forces {
         }
     }
 
-    /// Violation of the conditions by these forces, whose slack and slip are known.
-    pub(crate) fn violation<S: Space>(
+    /// Halves the step from other forces to these, whose slack and slip are known.
+    pub(crate) fn halve_step(&mut self, from: &Self) {
+        for (values, from) in [
+            (&mut self.normal, &from.normal),
+            (&mut self.tangential, &from.tangential),
+            (&mut self.slack, &from.slack),
+            (&mut self.slip, &from.slip),
+        ] {
+            for (x, x_from) in values.iter_mut().zip(from) {
+                *x = 0.5 * (*x + x_from);
+            }
+        }
+    }
+
+    /// Reads off forces, whose slack and slip are known, what they violate: of each candidate
+    /// `min(G f, w)`, of each friction `|t − the nearest to t + z/G within ρ|`.
+    fn violations<S: Space>(
         &self,
         problem: &Problem<S>,
         system: &impl System<S>,
-    ) -> Violation {
-        let (mut residual, mut error, mut most) = (0.0_f64, 0.0_f64, f64::MIN_POSITIVE);
-        let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
+        mut normal: impl FnMut(usize, f64),
+        mut friction: impl FnMut(f64),
+    ) {
         for (k, &f) in self.normal.iter().enumerate() {
-            residual = worse(residual, (system.mobility(k) * f).min(self.slack[k]).abs());
-            most = most.max(f);
+            normal(k, (system.mobility(k) * f).min(self.slack[k]));
         }
         let slips = S::by_slip(&self.tangential)
             .iter()
@@ -383,8 +397,45 @@ impl Forces {
             for k in 0..S::TANGENTS {
                 missing[k] = t[k] - missing[k];
             }
-            error = worse(error, S::length(&missing));
+            friction(S::length(&missing));
         }
+    }
+
+    /// Sum of the squares of what these forces violate, whose slack and slip are known.
+    pub(crate) fn square_violation<S: Space>(
+        &self,
+        problem: &Problem<S>,
+        system: &impl System<S>,
+    ) -> f64 {
+        let (mut normal, mut friction) = (0.0, 0.0);
+        self.violations(
+            problem,
+            system,
+            |k, missing| normal += (missing / system.mobility(k)).powi(2),
+            |missing| friction += missing * missing,
+        );
+        normal + friction
+    }
+
+    /// Violation of the conditions by these forces, whose slack and slip are known.
+    pub(crate) fn violation<S: Space>(
+        &self,
+        problem: &Problem<S>,
+        system: &impl System<S>,
+    ) -> Violation {
+        let (mut residual, mut error) = (0.0_f64, 0.0_f64);
+        let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
+        self.violations(
+            problem,
+            system,
+            |_, missing| residual = worse(residual, missing.abs()),
+            |missing| error = worse(error, missing),
+        );
+        let most = self
+            .normal
+            .iter()
+            .copied()
+            .fold(f64::MIN_POSITIVE, f64::max);
         Violation {
             residual,
             friction_error: error / most,
@@ -425,6 +476,15 @@ pub(crate) struct RoundoffThresholds {
     pub(crate) exact: bool,
 }
 
+impl RoundoffThresholds {
+    /// Nothing is rounding.
+    pub(crate) const NONE: Self = Self {
+        force: 0.0,
+        velocity: 0.0,
+        exact: false,
+    };
+}
+
 /// The linear algebra behind a problem: how forces of contacts move contacts.
 pub(crate) trait System<S: Space = Layer> {
     /// Forces (of either sign) of an active set, with their slack and slip.
@@ -438,6 +498,11 @@ pub(crate) trait System<S: Space = Layer> {
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds>;
+
+    /// Slack and slip of the motion of the solution before, where there is one; whether there is.
+    fn read_motion(&self, _problem: &Problem<S>, _forces: &mut Forces) -> bool {
+        false
+    }
 
     /// Slack and slip of given forces.
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces);

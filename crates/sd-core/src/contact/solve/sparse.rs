@@ -35,6 +35,8 @@ use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
 const LEAST_COMPLIANCE: f64 = 1e-6;
+/// The stiffness of contacts that have none.
+const STIFF: f64 = 1.0 / LEAST_COMPLIANCE;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual. With 1e-3 layers of 1000 take a fifth more linear systems, with 1e-5 an eighth more iterations.
@@ -71,6 +73,8 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     velocities: Vec<f64>,
     /// v_N, `[3N]`, where tangential rows read it.
     frictionless: Vec<f64>,
+    /// Whether these are a solution's.
+    has_motion: bool,
     /// F and F_N, `[3N]` each.
     applied: [Vec<f64>; 2],
     /// Number of each candidate's pair in the pattern.
@@ -115,6 +119,7 @@ impl<S: Fluid> SparseSystem<S> {
     pub(crate) fn forget(&mut self) {
         self.velocities.clear();
         self.frictionless.clear();
+        self.has_motion = false;
     }
 
     /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
@@ -218,8 +223,14 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             self.stiffness.len()
         };
-        let fits = self.is_factored && self.factored.len() == rows;
-        if !fits || self.factored[..] != self.stiffness[..rows] {
+        let mut fits = self.is_factored && self.factored.len() == rows;
+        for (at, (&old, &new)) in self.factored.iter().zip(&self.stiffness).enumerate() {
+            // A slide that turns, or slips faster, changes little.
+            let slides = at >= problem.normal.len()
+                && linear.states.slide(at - problem.normal.len()).is_some();
+            fits &= old == new || slides && old > 0.0 && new > 0.0 && old < STIFF && new < STIFF;
+        }
+        if !fits {
             self.assemble((problem, linear.states), pattern, rows);
             // Where it fails there is none.
             if std::mem::take(&mut self.is_factored) {
@@ -301,6 +312,11 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         exchange(self.system);
         (self.system.open, self.system.none) = (open, none);
         self.read(problem, forces);
+    }
+
+    fn read_motion(&self, problem: &Problem<S>, forces: &mut Forces) -> bool {
+        self.read(problem, forces);
+        self.system.has_motion
     }
 
     fn mobility(&self, _: usize) -> f64 {
@@ -426,6 +442,7 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         if !left.is_finite() {
             return None;
         }
+        system.has_motion = true;
         self.read(problem, forces);
         Some(RoundoffThresholds {
             force: left.max(1e-13 * largest(&forces.normal)),
