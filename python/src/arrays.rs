@@ -15,7 +15,8 @@ const NUMBERS: &str = "float64, or whole numbers and narrower floats, which are 
 /// The supported versions of numpy, as in `pyproject.toml`.
 const NUMPY: std::ops::Range<(u32, u32)> = (1, 24)..(3, 0);
 
-/// Checks that a supported numpy is installed. All functions with arrays call this first: otherwise the calls would panic.
+/// Checks that a supported numpy is installed. All functions with arrays call this first: otherwise
+/// the calls would panic.
 ///
 /// # Errors
 /// `ImportError` with what is wrong with it.
@@ -39,7 +40,8 @@ pub(crate) fn need_numpy(py: Python<'_>) -> PyResult<()> {
         .copied()
 }
 
-/// Looks for numpy and its interface for compiled programs. Gives its version if that is another than those that are needed.
+/// Looks for numpy and its interface for compiled programs. Gives its version if that is another
+/// than those that are needed.
 fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     let version: String = py.import("numpy")?.getattr("__version__")?.extract()?;
     let mut numbers = version.split('.').map(|part| part.parse().unwrap_or(0));

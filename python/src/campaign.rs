@@ -33,13 +33,16 @@ const INTERRUPT: i32 = 2;
 /// name : str
 ///     a-z, 0-9 and -; also the name of the store.
 /// protocol : dict, optional
-///     What `[protocol]` of a campaign file has: `strain`, `discard`, `sample_every`, `checkpoint_every`, `time_step`.
+///     What `[protocol]` of a campaign file has: `strain`, `discard`, `sample_every`,
+///     `checkpoint_every`, `time_step`.
 /// grid : list of dict, optional
-///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords: ``friction=[0.1, 0.5], seeds=4, ...``
+///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords:
+///     ``friction=[0.1, 0.5], seeds=4, ...``
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Campaign(sweep::campaign::Campaign);
 
-/// The parameters of the run of a dictionary, read like the grid of a campaign file, and its other values.
+/// The parameters of the run of a dictionary, read like the grid of a campaign file, and its other
+/// values.
 pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Params, Table)> {
     let mut grid = values::table(params)?;
     let besides = grid.iter().filter(|(key, _)| Axis::of_key(key).is_none());
@@ -62,7 +65,8 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         && step > 0.0
         && step <= 1.0
     {
-        // Lengths that any time step divides; nothing of them concerns a layer that is sheared by hand.
+        // Lengths that any time step divides; nothing of them concerns a layer that is sheared by
+        // hand.
         for key in ["strain", "sample_every", "checkpoint_every"] {
             protocol.insert(key.into(), step.into());
         }
@@ -166,7 +170,8 @@ impl Campaign {
         self.0.cases.len()
     }
 
-    /// Its plan: axes, number of runs, time on this machine, disk, memory. Writes nothing; takes a second or two.
+    /// Its plan: axes, number of runs, time on this machine, disk, memory. Writes nothing; takes a
+    /// second or two.
     ///
     /// Parameters
     /// ----------
@@ -192,8 +197,8 @@ impl Campaign {
 
     /// Compute its open runs. Finished runs in the store are not computed again.
     ///
-    /// Ctrl-C checkpoints after the current steps; the same call continues with the same bits. The command line, or another notebook, may
-    /// compute or read the same store at the same time.
+    /// Ctrl-C checkpoints after the current steps; the same call continues with the same bits. The
+    /// command line, or another notebook, may compute or read the same store at the same time.
     ///
     /// Parameters
     /// ----------
@@ -202,17 +207,20 @@ impl Campaign {
     /// workers : int, optional
     ///     Runs computed in parallel; by default the cores of the machine.
     /// progress : bool or callable
-    ///     True shows a bar, in a notebook or a terminal; a callable is called with the fraction done, 0 to 1, and a text.
+    ///     True shows a bar, in a notebook or a terminal; a callable is called with the fraction
+    ///     done, 0 to 1, and a text.
     /// retry_failed : bool
     ///     Compute failed runs again.
     /// trajectory : bool
     ///     Keep a frame at every sampled strain, for `Store.frames`.
     /// time_limit : float or str, optional
-    ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call continues.
+    ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call
+    ///     continues.
     /// max_wall_time : float or str, optional
     ///     Computing time after which a single run ends as failed; 50 times its estimate.
     /// priority : str or list of str, optional
-    ///     Points to compute first, as `sweep run --priority`: "shear_rate", "-friction", "shear_rate=inf,10".
+    ///     Points to compute first, as `sweep run --priority`: "shear_rate", "-friction",
+    ///     "shear_rate=inf,10".
     /// reuse : str, path or list of them, optional
     ///     Stores of other campaigns, whose runs with the same parameters and seeds are reused.
     ///
@@ -368,7 +376,8 @@ fn files(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PathBuf>>
     }
 }
 
-/// Computes a campaign in separate threads, while this one checks for Ctrl-C and updates the bar. Prints notes for the user.
+/// Computes a campaign in separate threads, while this one checks for Ctrl-C and updates the bar.
+/// Prints notes for the user.
 fn compute(
     py: Python<'_>,
     campaign: &sweep::campaign::Campaign,

@@ -23,8 +23,10 @@ create_exception!(
     "The store failed: its disk is full, it is locked, gone or damaged. What was finished is safe in it."
 );
 
-/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a missing file, [`StoreError`] for errors of the store, [`SimulationError`] for all others. It has the attributes `key`, `value`, `allowed` and `suggestion`, each `None` where
-/// the error is about no key.
+/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a missing file,
+/// [`StoreError`] for errors of the store, [`SimulationError`] for all others. It has the
+/// attributes `key`, `value`, `allowed` and `suggestion`, each `None` where the error is about no
+/// key.
 pub(crate) fn raise(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let words = words(&error);

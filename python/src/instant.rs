@@ -46,10 +46,12 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
     .map_err(|error: sd_core::Error| raise(error))
 }
 
-/// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate are 1.
+/// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate
+/// are 1.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Solution {
-    /// Velocities minus the background flow at the own centre: array [N, 2], of a suspension [N, 3].
+    /// Velocities minus the background flow at the own centre: array [N, 2], of a suspension [N,
+    /// 3].
     #[pyo3(get)]
     velocity_disturbance: Py<PyArray2<f64>>,
     /// Angular velocities minus that of the background: array [N], of a suspension [N, 3].
@@ -114,8 +116,10 @@ impl Solution {
         values::answer(py, &self.stress)
     }
 
-    /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
-    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state. In a suspension vectors have three components, and so have forces and velocities perpendicular to the line of centres.
+    /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal
+    /// [2], normal_force, tangential_force, normal_velocity, slip_velocity, rolling_force,
+    /// rolling_velocity, state. In a suspension vectors have three components, and so have forces
+    /// and velocities perpendicular to the line of centres.
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut records = Records::default();
@@ -175,13 +179,14 @@ impl Solution {
 
 /// Solve one instant of one configuration: velocities, stresslets and contact forces.
 ///
-/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of integers and of narrower floats are converted; strides are arbitrary.
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of
+/// integers and of narrower floats are converted; strides are arbitrary.
 ///
 /// Parameters
 /// ----------
 /// centres : array [N, 2]
-///     Of a suspension [N, 3], as are `forces` and `torques`; `cell` then has three sides, and `background` is written as for
-///     `sweep solve`.
+///     Of a suspension [N, 3], as are `forces` and `torques`; `cell` then has three sides, and
+///     `background` is written as for `sweep solve`.
 /// radii : array [N], optional
 ///     1 each.
 /// cell : (float, float), optional
@@ -189,15 +194,17 @@ impl Solution {
 /// offset : float, optional
 ///     Offset of the cell above, with `cell`; 0.
 /// hydrodynamics : str
-///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as `lubrication`.
+///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as
+///     `lubrication`.
 /// background : dict, optional
-///     {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5}, simple shear, is the default.
+///     {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5}, simple shear,
+///     is the default.
 /// forces : array [N, 2], optional
 /// torques : array [N], optional
 ///     External ones; 0.
 /// contact : dict, optional
-///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness", "friction", "critical_load" and "time_span" of
-///     rigid contacts; "laws" with these and "laws".
+///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness",
+///     "friction", "critical_load" and "time_span" of rigid contacts; "laws" with these and "laws".
 /// **more
 ///     Further keys of a file of `sweep solve`.
 ///

@@ -1,6 +1,7 @@
 //! The physics and the campaigns of this repository for Python.
 //!
-//! `sd_core` and `sweep` do all computations; this crate converts arguments from Python, and results and errors to Python. Everything specific to numpy, Arrow or keywords of Python is here.
+//! `sd_core` and `sweep` do all computations; this crate converts arguments from Python, and
+//! results and errors to Python. Everything specific to numpy, Arrow or keywords of Python is here.
 //! ```text
 //! errors      errors of the program as exceptions, with the same messages
 //! values      keywords as values of the campaign file's form, and back

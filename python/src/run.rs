@@ -24,7 +24,9 @@ use toml::Table;
 
 /// Base of `Layer` and `Suspension`: rough spheres under shear, step by step.
 ///
-/// All values are those at the current strain. Units: mean radius a, viscosity mu and shear rate are 1. A run may be used by several threads: each step is made by one of them, while the others continue.
+/// All values are those at the current strain. Units: mean radius a, viscosity mu and shear rate
+/// are 1. A run may be used by several threads: each step is made by one of them, while the others
+/// continue.
 #[pyclass(frozen, subclass, module = "sheared_layers")]
 pub(crate) struct Run {
     params: Params,
@@ -49,10 +51,11 @@ pub(crate) struct Run {
 /// Parameters
 /// ----------
 /// params : dict
-///     Keys of a `[[grid]]` of a campaign file, one value each: `area_fraction`, `roughness`, `friction`, `shear_rate`, `spheres`,
-///     `hydrodynamics`, `contact`, `time_step`, ...
+///     Keys of a `[[grid]]` of a campaign file, one value each: `area_fraction`, `roughness`,
+///     `friction`, `shear_rate`, `spheres`, `hydrodynamics`, `contact`, `time_step`, ...
 /// seed : int
-///     Seed of the start layer. The same parameters and seed give the same bits as a run of a campaign.
+///     Seed of the start layer. The same parameters and seed give the same bits as a run of a
+///     campaign.
 #[pyclass(frozen, extends = Run, module = "sheared_layers")]
 pub(crate) struct Layer;
 
@@ -152,7 +155,8 @@ impl Run {
         })
     }
 
-    /// The run, for as long as the guard lives. Never acquire it while attached to the interpreter: another thread may hold it.
+    /// The run, for as long as the guard lives. Never acquire it while attached to the interpreter:
+    /// another thread may hold it.
     fn run(&self) -> MutexGuard<'_, Box<dyn Steps>> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -281,13 +285,15 @@ impl Run {
         of_numbers(py, radii)
     }
 
-    /// Centres: array [N, 2], of a suspension [N, 3], the run's own and never copied. It changes with every step and cannot be written to.
+    /// Centres: array [N, 2], of a suspension [N, 3], the run's own and never copied. It changes
+    /// with every step and cannot be written to.
     #[getter]
     fn positions(&self, py: Python<'_>) -> Py<PyAny> {
         self.positions.clone_ref(py)
     }
 
-    /// Orientations in radians: array [N]; of a suspension quaternions, the real part first: array [N, 4]. The run's own, as `positions` is.
+    /// Orientations in radians: array [N]; of a suspension quaternions, the real part first: array
+    /// [N, 4]. The run's own, as `positions` is.
     #[getter]
     fn orientations(&self, py: Python<'_>) -> Py<PyAny> {
         self.orientations.clone_ref(py)
@@ -307,8 +313,8 @@ impl Run {
     /// Returns
     /// -------
     /// dict
-    ///     Measurements: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by cause such as
-    ///     `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
+    ///     Measurements: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by
+    ///     cause such as `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.one_step(py)?;
         dict_of(py, &sample)
@@ -362,14 +368,16 @@ impl Run {
         Ok(samples)
     }
 
-    /// Measurements of the next step, as from `step`: at the present positions, or with loaded rigid contacts half a step ahead. The computation is reused for that step.
+    /// Measurements of the next step, as from `step`: at the present positions, or with loaded
+    /// rigid contacts half a step ahead. The computation is reused for that step.
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = py.detach(|| self.run().sample(&self.params, &self.tables));
         dict_of(py, &sample.map_err(raise)?)
     }
 
-    /// The present pairs in contact: structured array with i, j, normal [2], gap, normal_force, tangential_force, state
-    /// ("frictionless", "rolling", "slipping"); normal and tangential_force of a suspension are vectors [3].
+    /// The present pairs in contact: structured array with i, j, normal [2], gap, normal_force,
+    /// tangential_force, state ("frictionless", "rolling", "slipping"); normal and tangential_force
+    /// of a suspension are vectors [3].
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (records, [of_normal, .., across]) = py.detach(|| {

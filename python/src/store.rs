@@ -20,12 +20,14 @@ use sweep::trajectory::{contact_table, sphere_table};
 
 /// The store of a campaign.
 ///
-/// Every call reads the present contents, while the command line or another notebook may write to the store.
+/// Every call reads the present contents, while the command line or another notebook may write to
+/// the store.
 ///
 /// Parameters
 /// ----------
 /// path : str or path
-///     The store; or a campaign file, whose name ends with .toml, for its runs in its default store.
+///     The store; or a campaign file, whose name ends with .toml, for its runs in its default
+///     store.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Store(StoreSource);
 
@@ -115,7 +117,8 @@ impl Store {
         values::answer(py, &counts)
     }
 
-    /// The points of the campaign, averaged over seeds: the table of `sweep report --parquet`, one row per point.
+    /// The points of the campaign, averaged over seeds: the table of `sweep report --parquet`, one
+    /// row per point.
     ///
     /// Parameters
     /// ----------
@@ -145,7 +148,8 @@ impl Store {
         Table::of(sample_table(&samples).map_err(raise)?)
     }
 
-    /// The spheres of a run at its kept strains, one row per sphere and strain. ``run(trajectory=True)`` keeps frames.
+    /// The spheres of a run at its kept strains, one row per sphere and strain.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
@@ -176,8 +180,9 @@ impl Store {
         Table::of(contact_table(&with_steps(&kept)))
     }
 
-    /// Structure of the layers: pair distributions, contacts, clusters, percolation, rigid clusters, fabric, averaged over the kept frames
-    /// after the discarded strain and over runs. ``run(trajectory=True)`` keeps frames.
+    /// Structure of the layers: pair distributions, contacts, clusters, percolation, rigid
+    /// clusters, fabric, averaged over the kept frames after the discarded strain and over runs.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
@@ -205,7 +210,8 @@ impl Store {
         values::answer(py, &found["points"])
     }
 
-    /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an oscillation.
+    /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an
+    /// oscillation.
     ///
     /// Parameters
     /// ----------
@@ -215,7 +221,8 @@ impl Store {
     /// Returns
     /// -------
     /// list of dict
-    ///     One entry per point, as in `points` of `sweep segments --json`: its list ``segments`` has one dict each.
+    ///     One entry per point, as in `points` of `sweep segments --json`: its list ``segments``
+    ///     has one dict each.
     #[pyo3(signature = (*, r#where=None))]
     fn segments<'py>(
         &self,
@@ -227,7 +234,8 @@ impl Store {
         values::answer(py, &found["points"])
     }
 
-    /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does. ``run(trajectory=True)`` keeps frames.
+    /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
@@ -276,7 +284,8 @@ impl Store {
     /// Parameters
     /// ----------
     /// kind : str
-    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram" and others of `sweep report`.
+    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram"
+    ///     and others of `sweep report`.
     /// quantity : str, optional
     ///     Of kind "viscosity": "viscosity", "viscosity_stresslet" or "viscosity_median".
     /// along : str, optional

@@ -23,8 +23,8 @@ const SHOWN: usize = 15;
 
 /// A table, which pandas, polars and pyarrow read without copies.
 ///
-/// ``pandas.DataFrame.from_arrow(table)``, ``polars.DataFrame(table)``, ``pyarrow.table(table)``; ``table["viscosity"]`` is a column as an
-/// array of numpy.
+/// ``pandas.DataFrame.from_arrow(table)``, ``polars.DataFrame(table)``, ``pyarrow.table(table)``;
+/// ``table["viscosity"]`` is a column as an array of numpy.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Table(RecordBatch);
 
@@ -109,7 +109,8 @@ impl Table {
         self.about(py, "meaning")
     }
 
-    /// A column as an array: float64 with nan for missing values; int64, or float64 with missing values; object for text.
+    /// A column as an array: float64 with nan for missing values; int64, or float64 with missing
+    /// values; object for text.
     fn __getitem__<'py>(
         &self,
         py: Python<'py>,

@@ -26,9 +26,9 @@ pub(crate) const LOOK: Duration = Duration::from_millis(50);
 /// Returns
 /// -------
 /// dict
-///     For each of XA, YA, YB, XC, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the shape of `separation`, and the function of
-///     the sphere's own motion (11) and of the other's (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in
-///     (20/3) pi mu a1^3.
+///     For each of XA, YA, YB, XC, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the
+///     shape of `separation`, and the function of the sphere's own motion (11) and of the other's
+///     (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in (20/3) pi mu a1^3.
 #[pyfunction]
 pub(crate) fn scalars<'py>(
     py: Python<'py>,
@@ -95,7 +95,9 @@ impl Passed {
 
 /// Move two spheres past each other.
 ///
-/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and (start, -offset), critical load 0, until x1 - x2 = 2 start. Lengths in radii of the first sphere.
+/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and
+/// (start, -offset), critical load 0, until x1 - x2 = 2 start. Lengths in radii of the first
+/// sphere.
 ///
 /// Parameters
 /// ----------

@@ -92,7 +92,8 @@ pub(crate) fn texts(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String
 /// Allowed types of an argument, for messages.
 const ALLOWED: &str = "a number, a text, a list or an array of them, or a dict";
 
-/// A value of Python as one of a campaign file; `None` for `None`, an absent key. `name` is the argument.
+/// A value of Python as one of a campaign file; `None` for `None`, an absent key. `name` is the
+/// argument.
 pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     if given.is_none() {
         return Ok(None);

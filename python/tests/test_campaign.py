@@ -127,7 +127,8 @@ def is_at_work(campaign, path):
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bits(tmp_path):
-    # Every step is sampled: a shorter run is determined by the samples of a longer one, counters included.
+    # Every step is sampled: a shorter run is determined by the samples of a longer one, counters
+    # included.
     protocol = {**PROTOCOL, "sample_every": PARAMS["time_step"]}
     long = sl.Campaign("long", protocol={**protocol, "strain": 20.0}, seeds=2, **PARAMS)
     short = sl.Campaign("long", protocol=protocol, seeds=2, **PARAMS)

@@ -23,7 +23,8 @@ def test_a_layer_is_the_run_of_a_campaign(store, params):
     samples = store.samples(runs["key"][case])
     layer = sl.Layer({**params, "shear_rate": np.inf}, seed=2)
     mine = layer.shear(0.4, every=4)
-    # The columns after those of a sample belong to the contact network, which a campaign observes on request.
+    # The columns after those of a sample belong to the contact network, which a campaign observes
+    # on request.
     columns = ["step", *mine[0]]
     assert samples.columns[: len(columns)] == columns
     assert samples.columns[len(columns)] == "coordination"
@@ -192,5 +193,6 @@ def test_other_threads_go_on_while_a_step_is_computed(params):
     while thread.is_alive():
         counted += 1
     thread.join()
-    # A step takes tens of milliseconds: this thread would not run at all if the lock of the interpreter were held.
+    # A step takes tens of milliseconds: this thread would not run at all if the lock of the
+    # interpreter were held.
     assert counted > 1000

@@ -1,11 +1,14 @@
-//! Where the time of a run goes: shares of the parts of its right-hand sides, under either hydrodynamics.
+//! Where the time of a run goes: shares of the parts of its right-hand sides, under either
+//! hydrodynamics.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench profile [-- N...]          below 100 spheres, where all matrices are full
 //! ```
 //!
-//! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by steps of 0.005, put together here from
-//! the library's own parts, in computing time of its thread. Library calls are split by repeating their pieces outside the measured time, so the library needs no instrumentation.
+//! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by
+//! steps of 0.005, put together here from the library's own parts, in computing time of its thread.
+//! Library calls are split by repeating their pieces outside the measured time, so the library
+//! needs no instrumentation.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 

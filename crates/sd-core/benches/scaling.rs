@@ -1,4 +1,5 @@
-//! Cost of a right-hand side over the number of spheres, as the tables of `results/published/performance.md`.
+//! Cost of a right-hand side over the number of spheres, as the tables of
+//! `results/published/performance.md`.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench scaling -- full [N...]             beside faer's bare Cholesky of a matrix of dimension 6N
@@ -6,9 +7,11 @@
 //! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
 //! ```
 //!
-//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their ratios hold on a busy machine as well, each contact problem
-//! started from its own solution. A step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
-//! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller layer.
+//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their
+//! ratios hold on a busy machine as well, each contact problem started from its own solution. A
+//! step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
+//! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller
+//! layer.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -50,7 +53,8 @@ fn rounds<const K: usize>(mut measure: impl FnMut() -> [f64; K]) -> Vec<[f64; K]
     all
 }
 
-/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and whether all contact problems were solved.
+/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and
+/// whether all contact problems were solved.
 fn parts(
     snapshot: &Snapshot,
     area_fraction: f64,

@@ -1,10 +1,14 @@
 //! Runs every contact law where contact problems are hardest, and counts the outcomes.
 //!
-//! Dense layers with strong friction, at Γ = 10 so that friction sets in with a jump at some of the contacts: a strain each, in
-//! steps of 0.01. With such a jump a consistent active set need not exist: contacts above the critical load without friction, and below it with friction, are counted in the samples of unjammed steps. There is one table for each law, and under
-//! all of them a list of the runs that failed, took too long or had stages that did not converge, with the options that run each of them again.
+//! Dense layers with strong friction, at Γ = 10 so that friction sets in with a jump at some of the
+//! contacts: a strain each, in steps of 0.01. With such a jump a consistent active set need not
+//! exist: contacts above the critical load without friction, and below it with friction, are
+//! counted in the samples of unjammed steps. There is one table for each law, and under all of them
+//! a list of the runs that failed, took too long or had stages that did not converge, with the
+//! options that run each of them again.
 //!
-//! `cargo run --release -p sd-core --example hard -- --spheres 50 --seeds 1`; `scripts/hard` runs all and keeps the tables.
+//! `cargo run --release -p sd-core --example hard -- --spheres 50 --seeds 1`; `scripts/hard` runs
+//! all and keeps the tables.
 #![expect(clippy::print_stdout, reason = "examples print their results")]
 
 #[path = "../benches/layers/clock.rs"]

@@ -6,7 +6,8 @@
 use sd_core::pair::{PairScenario, pass};
 use sd_core::{Error, NearFields};
 
-/// Four passages: contact permanently separates the paths and suppresses the rotation; friction restores it.
+/// Four passages: contact permanently separates the paths and suppresses the rotation; friction
+/// restores it.
 pub(crate) fn main() -> Result<(), Error> {
     let cases = [
         None,

@@ -1,4 +1,5 @@
-//! Shears a suspension and prints its viscosity: `suspension [spheres] [volume fraction] [law] [strain]`.
+//! Shears a suspension and prints its viscosity:
+//! `suspension [spheres] [volume fraction] [law] [strain]`.
 
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder, NearFields, NormalLaw, Params,

@@ -1,10 +1,13 @@
 //! Stokesian Dynamics of sheared layers and suspensions of rough, frictional spheres.
 //!
-//! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under the shear flow
-//! `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the paper"; its equations are cited as (n).
+//! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under
+//! the shear flow `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the
+//! paper"; its equations are cited as (n).
 //!
-//! A suspension fills a triply periodic cell instead, under the same flow. Both share one code, generic in the [`Space`]: [`Layer`], the
-//! default, or [`Bulk`]. Equations below are those of the layer, for a suspension, tensors and tangent planes are three-dimensional: friction is then a vector, its bound a disc.
+//! A suspension fills a triply periodic cell instead, under the same flow. Both share one code,
+//! generic in the [`Space`]: [`Layer`], the default, or [`Bulk`]. Equations below are those of the
+//! layer, for a suspension, tensors and tangent planes are three-dimensional: friction is then a
+//! vector, its bound a disc.
 //!
 //! # Units and symbols
 //! Mean radius a, viscosity μ and shear rate are 1. x is the flow, y the gradient, z the vorticity.
@@ -65,13 +68,16 @@
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
 //!                 pair: two spheres alone; verify: known results, recomputed
 //! ```
-//! A right-hand side calls them in this order: pairs in range (`space`), their near field and the far field of all
-//! (`hydrodynamics`), contact forces and velocities (`contact`, `stage`), viscosity (`stress`), the next stage (`run::steppers`).
+//! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
+//! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
+//! viscosity (`stress`), the next stage (`run::steppers`).
 //!
-//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`] and a seed.
+//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`]
+//! and a seed.
 //!
 //! # Example
-//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` moves two spheres past each other.
+//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` moves two
+//! spheres past each other.
 //! ```
 //! use sd_core::{ContactScheme, Hydrodynamics, Layer, NearFields, Params, Simulation};
 //!

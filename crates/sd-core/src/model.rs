@@ -1,6 +1,7 @@
 //! The parameters and choices of a run, declared once in [`PARAMETERS`].
 //!
-//! Reading, checking and printing of parameters, here and in the programs that use this crate, follow from that table.
+//! Reading, checking and printing of parameters, here and in the programs that use this crate,
+//! follow from that table.
 
 mod contact_laws;
 mod hydrodynamics;
@@ -57,8 +58,8 @@ impl ContactScheme {
     }
 }
 
-/// Parameters of one run without its seed; their ranges are in [`PARAMETERS`]. Lengths in a, times in inverse shear rates, forces in
-/// mu·a²·rate.
+/// Parameters of one run without its seed; their ranges are in [`PARAMETERS`]. Lengths in a, times
+/// in inverse shear rates, forces in mu·a²·rate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Params {
@@ -73,7 +74,8 @@ pub struct Params {
     pub roughness: f64,
     /// Friction coefficient ν.
     pub friction: f64,
-    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does. 0 where the stress is imposed.
+    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does.
+    /// 0 where the stress is imposed.
     #[serde(with = "infinite")]
     pub shear_rate: f64,
     /// Radius of the large spheres over that of the small; 1 is monodisperse.
@@ -82,7 +84,8 @@ pub struct Params {
     /// Number of large spheres over all spheres; without meaning at size ratio 1.
     #[serde(default = "half")]
     pub large_fraction: f64,
-    /// Sizes other than one or two; the size ratio and the share of large spheres are then without meaning.
+    /// Sizes other than one or two; the size ratio and the share of large spheres are then without
+    /// meaning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sizes: Option<Sizes>,
     /// Hydrodynamics.
@@ -127,7 +130,8 @@ fn half() -> f64 {
 impl Params {
     /// Most spheres of a layer or configuration.
     pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
-    /// Layers with more spheres than this are large: their active sets are updated after less exact linear solves, and start layers are numbered row by row.
+    /// Layers with more spheres than this are large: their active sets are updated after less exact
+    /// linear solves, and start layers are numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;
 
     /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.
@@ -155,7 +159,9 @@ impl Params {
         self.friction != 0.0 && (self.shear_stress.is_some() || self.shear_rate != 0.0)
     }
 
-    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0. Under imposed stress it is determined at every stage, and this value is meaningless.
+    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite
+    /// at Γ = 0. Under imposed stress it is determined at every stage, and this value is
+    /// meaningless.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
@@ -184,8 +190,9 @@ impl Params {
 
     /// Brings the parameters to a canonical form, in which equal physics has equal numbers.
     ///
-    /// Values without effect under the other choices get a fixed value, zeros lose their sign, springs of
-    /// infinite stiffness are rigid contacts and tangential springs on rigid contacts are Coulomb's law.
+    /// Values without effect under the other choices get a fixed value, zeros lose their sign,
+    /// springs of infinite stiffness are rigid contacts and tangential springs on rigid contacts
+    /// are Coulomb's law.
     pub fn settle(&mut self) {
         parameters::settle(self);
     }

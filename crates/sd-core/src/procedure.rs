@@ -1,6 +1,7 @@
 //! The paper's steps 1 to 6 of section II A.
 //!
-//! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The list is kept between steps.
+//! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The
+//!    list is kept between steps.
 //! 2. One simultaneous solve for the normal forces that stop all listed pairs, (12)-(13).
 //! 3. Pairs whose force would pull are dropped from the list.
 //! 4. to 6. Friction from the motion under the remaining normal forces, added after:
@@ -10,7 +11,9 @@
 //! f ≤ F_crit: F_t = 0;   |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was computed, and pairs enter below h by up to a step's motion: gaps drift. This error of the scheme is kept for comparison.
+//! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was
+//! computed, and pairs enter below h by up to a step's motion: gaps drift. This error of the scheme
+//! is kept for comparison.
 
 use crate::contact::solve::dense::DenseSystem;
 use crate::contact::solve::problem::{self, Forces, Problem, States, System};
@@ -104,7 +107,8 @@ impl<S: Fluid> ProcedureSolver<S> {
 
     /// Solves one stage by steps 2 to 6.
     ///
-    /// Pairs with a tensile force are removed from the list (step 3), and so are pairs out of lubrication range.
+    /// Pairs with a tensile force are removed from the list (step 3), and so are pairs out of
+    /// lubrication range.
     ///
     /// # Arguments
     /// - `listed`: pairs in contact; `contacts`: the same, with the forces found.
@@ -162,7 +166,8 @@ impl<S: Fluid> ProcedureSolver<S> {
         })
     }
 
-    /// Step 2: forces of either sign that stop all pairs, without friction; returns the largest remaining velocity.
+    /// Step 2: forces of either sign that stop all pairs, without friction; returns the largest
+    /// remaining velocity.
     fn halt_all(&mut self) -> f64 {
         self.states.closed.clear();
         self.states.closed.resize(self.problem.normal.len(), true);

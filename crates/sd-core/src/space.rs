@@ -62,7 +62,8 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
     /// Simple shear `u∞ = y x̂` in the sense of `direction`, 1 or −1.
     fn simple_shear(direction: f64) -> Self;
 
-    /// The same flow with an additional cross shear, `u∞ = rate y ẑ`, in a suspension; a layer has no vorticity direction.
+    /// The same flow with an additional cross shear, `u∞ = rate y ẑ`, in a suspension; a layer has
+    /// no vorticity direction.
     #[must_use]
     fn with_cross_shear(self, _rate: f64) -> Self {
         self
@@ -195,7 +196,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Length of a vector by its components along directions.
     fn length(components: &Self::PerTangent<f64>) -> f64;
 
-    /// The nearest vector whose length is within a bound, 0 or more, by components along directions.
+    /// The nearest vector whose length is within a bound, 0 or more, by components along
+    /// directions.
     fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
 
     /// The same for each component of a slip.

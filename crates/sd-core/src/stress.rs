@@ -6,15 +6,21 @@
 //! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
 //!
-//! Under cross shear at the rate γ̇_z the left-hand side has the additional term V Σ_yz γ̇_z/rate; η remains that of the primary shear.
+//! Under cross shear at the rate γ̇_z the left-hand side has the additional term V Σ_yz γ̇_z/rate;
+//! η remains that of the primary shear.
 //!
-//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces: each sphere feels the
-//! force at its end of the line of centres. Both n and t lie in the plane, so that contacts have no zz; that of stresslets is
-//! −(S_xx + S_yy), since they are traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of Jeffrey, Morris &
-//! Brady, Phys. Fluids A 5, 2317 (1993), and is omitted: Π includes only contacts and repulsion.
+//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the
+//! contact forces: each sphere feels the force at its end of the line of centres. Both n and t lie
+//! in the plane, so that contacts have no zz; that of stresslets is −(S_xx + S_yy), since they are
+//! traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of
+//! Jeffrey, Morris & Brady, Phys. Fluids A 5, 2317 (1993), and is omitted: Π includes only contacts
+//! and repulsion.
 //!
-//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and tangential contact forces; repulsion. Adhesion is
-//! a part of the normal contact force: f − F_A. Rolling friction is a couple on the two spheres: it has no first moment of force, and its antisymmetric parts on the two spheres cancel, so that it affects the stress only through the motion.
+//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and
+//! tangential contact forces; repulsion. Adhesion is a part of the normal contact force: f − F_A.
+//! Rolling friction is a couple on the two spheres: it has no first moment of force, and its
+//! antisymmetric parts on the two spheres cancel, so that it affects the stress only through the
+//! motion.
 
 use crate::contact::{Contact, ContactState};
 use crate::hydrodynamics::resistance::Fluid;
@@ -110,7 +116,8 @@ impl<S: Fluid> StressWork<S> {
         work + strained
     }
 
-    /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell whose sides have the product `content`.
+    /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell whose
+    /// sides have the product `content`.
     pub fn stress(
         &mut self,
         stage: &StageSolver<S>,

@@ -1,6 +1,8 @@
 //! After the first steps a run allocates nothing, unless it makes a new pattern of sparse matrices.
 //!
-//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The first steps are left out: before friction acts, some products that size the workspace of the matrix multiplication have not been called.
+//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The
+//! first steps are left out: before friction acts, some products that size the workspace of the
+//! matrix multiplication have not been called.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -74,7 +76,8 @@ fn other_laws() -> Vec<ContactLaws> {
         rigid(TangentialLaw::StickRotate),
         spring(TangentialLaw::RollSlip),
         spring(TangentialLaw::Coulomb),
-        // Clusters that neither slip nor roll carry large loads: softer springs would let them overlap.
+        // Clusters that neither slip nor roll carry large loads: softer springs would let them
+        // overlap.
         ContactLaws::linear_spring(1e6, TangentialLaw::StickRotate, 0.01),
         spring(TangentialLaw::StickSlide),
         ContactLaws {
@@ -130,8 +133,8 @@ fn other_laws_allocate_nothing() {
     }
 }
 
-/// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where it makes a new pattern of near pairs, or
-/// has more pairs or contacts than any before.
+/// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where
+/// it makes a new pattern of near pairs, or has more pairs or contacts than any before.
 fn check_pairwise<S: Started>(params: &Params) {
     let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < 60 {

@@ -1,4 +1,5 @@
-//! Three dimensions: agreement with numbers computed independently of this program (`tests/data/README.md`), symmetries, limits.
+//! Three dimensions: agreement with numbers computed independently of this program
+//! (`tests/data/README.md`), symmetries, limits.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -187,7 +188,8 @@ fn lattice_of_side(name: &str, side: f64) -> (Cell<sd_core::Bulk>, Vec<Vector3<f
 
 #[test]
 fn lattices_near_contact_have_their_exact_slopes() {
-    // Viscosity against one over the gap: strain along the axes (alpha) and E_xy (beta); 0 where it is logarithmic.
+    // Viscosity against one over the gap: strain along the axes (alpha) and E_xy (beta); 0 where it
+    // is logarithmic.
     for (name, side, alpha, beta) in [
         ("SC", 1.0, 3.0 * PI / 8.0, 0.0),
         ("BCC", 2.0 / 3.0_f64.sqrt(), 0.0, 3.0_f64.sqrt() * PI / 4.0),
@@ -231,7 +233,8 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         let (cell, centres) = lattice(name, phi);
         let volume = cell.content().unwrap();
         let mut configuration = sheared(centres, cell, Hydrodynamics::StokesianDynamics);
-        // By the symmetry of the lattice both strains and the force decouple: one solution contains all three.
+        // By the symmetry of the lattice both strains and the force decouple: one solution contains
+        // all three.
         let (axes, diagonal) = (0.5, 0.3);
         configuration.background.rate_of_strain = TracelessTensor {
             xx: diagonal,

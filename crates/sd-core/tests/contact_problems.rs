@@ -1,4 +1,5 @@
-//! Recorded steps of every contact law, flowing and near jamming, each solved from the state before it.
+//! Recorded steps of every contact law, flowing and near jamming, each solved from the state before
+//! it.
 //!
 //! Their origin is described in `tests/data/README.md` at the repository's top.
 

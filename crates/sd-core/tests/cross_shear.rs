@@ -199,7 +199,8 @@ fn a_step_is_the_instant_of_its_configuration_and_flow() {
 
 #[test]
 fn half_the_time_step_changes_a_run_hardly_more_than_without_cross_shear() {
-    // The remaining error is from the end of the lubrication range, which pairs cross within a step.
+    // The remaining error is from the end of the lubrication range, which pairs cross within a
+    // step.
     let change = |segments: &[Segment]| {
         let [coarse, fine] = [0.02, 0.01].map(|time_step| {
             let params = Params {
@@ -222,7 +223,8 @@ fn half_the_time_step_changes_a_run_hardly_more_than_without_cross_shear() {
     assert!(without < 1e-4, "{without:.1e}");
 }
 
-/// The position of the cell boundary has no effect: images move exactly with the flow, contacts across the boundary included.
+/// The position of the cell boundary has no effect: images move exactly with the flow, contacts
+/// across the boundary included.
 #[test]
 fn a_run_does_not_depend_on_where_the_cell_is_cut() {
     for params in [suspension, springs] {

@@ -107,7 +107,9 @@ fn stress_is_viscosity_times_rate_under_every_law() {
         }
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
-        // For every stage, not only sampled ones: the deviation from the balance counts as a residual. Spheres under stick-rotate come close to jamming, and their gaps hold only to the tolerance of the solver.
+        // For every stage, not only sampled ones: the deviation from the balance counts as a
+        // residual. Spheres under stick-rotate come close to jamming, and their gaps hold only to
+        // the tolerance of the solver.
         let welds = contact.laws().tangential == TangentialLaw::StickRotate;
         let limit = if welds { Quality::RESIDUAL_LIMIT } else { 1e-9 };
         assert!(counters.worst_residual < limit, "{contact:?}");
@@ -144,7 +146,8 @@ fn without_friction_the_path_is_that_of_the_imposed_rate() {
 #[test]
 fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     use FrictionOnset::Reduced;
-    // Rigid contacts are sampled in the middle of the step, where the rate is not quite that of its first stage.
+    // Rigid contacts are sampled in the middle of the step, where the rate is not quite that of its
+    // first stage.
     for (contact, close) in [
         (rigid(TangentialLaw::Coulomb, Reduced), 1e-6),
         (soft(TangentialLaw::Coulomb, Reduced, 0.0), 1e-7),
@@ -179,7 +182,8 @@ fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     }
 }
 
-/// Viscosity of the layer at the start of a soft step, at the rate of the sample, solved as a single instant.
+/// Viscosity of the layer at the start of a soft step, at the rate of the sample, solved as a
+/// single instant.
 fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
     let configuration: Configuration = Configuration {
         centres: snapshot
@@ -266,7 +270,8 @@ fn reversed_shear_is_the_mirror_image() {
     for (x, y) in a.orientations.iter().zip(&b.orientations) {
         assert!((x + y).abs() < 1e-6);
     }
-    // After the reversal its contacts open: the layer flows more easily than before and than under continued shear.
+    // After the reversal its contacts open: the layer flows more easily than before and than under
+    // continued shear.
     let (back, _) = run(&from(layer(1.0), -1.0), 1, 40);
     assert!(back[0].viscosity < on[0].viscosity);
     assert!(back.iter().all(|sample| sample.viscosity > 1.0));
@@ -312,7 +317,8 @@ fn estimate(params: &Params) -> (f64, f64) {
     (mean, squares / (n * (n - 1.0)))
 }
 
-/// Below, in and above the thickening, which is smooth at this area fraction: at most 3 standard errors between the viscosity at a stress and that at the resulting rate.
+/// Below, in and above the thickening, which is smooth at this area fraction: at most 3 standard
+/// errors between the viscosity at a stress and that at the resulting rate.
 fn curves_agree(contact: ContactScheme) {
     let mut viscosities = Vec::new();
     for stress in [0.03, 0.3, 30.0] {

@@ -1,4 +1,5 @@
-//! Interrupted runs, resumed from their snapshots, in layers and suspensions, under every contact law, have the bits of uninterrupted ones.
+//! Interrupted runs, resumed from their snapshots, in layers and suspensions, under every contact
+//! law, have the bits of uninterrupted ones.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -69,7 +70,8 @@ fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     params
 }
 
-/// A start for runs with these parameters: sheared until spheres touch, under springs and lubrication, which is cheapest.
+/// A start for runs with these parameters: sheared until spheres touch, under springs and
+/// lubrication, which is cheapest.
 fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
     let springs = ContactLaws {
         stiffness_unit: StiffnessUnit::Flow,

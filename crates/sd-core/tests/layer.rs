@@ -126,7 +126,8 @@ fn one_sphere_in_a_large_cell_gives_the_dilute_limit() {
             (sample.viscosity - 1.0) / area_fraction
         };
         assert!((excess(1e-4) - 5.0 / 3.0).abs() < 1e-5);
-        // Images in the layer matter at order c^(3/2): eight times less at a quarter of the cell's density.
+        // Images in the layer matter at order c^(3/2): eight times less at a quarter of the cell's
+        // density.
         let deviation = |c| (excess(c) - 5.0 / 3.0).abs();
         if hydrodynamics == Hydrodynamics::StokesianDynamics {
             let ratio = deviation(0.02) / deviation(0.005);
@@ -340,8 +341,8 @@ fn without_contacts_five_strains_are_reversible() {
 
 #[test]
 fn order_in_time_is_four() {
-    // Three spheres that stay within each other's lubrication range: where a pair enters or leaves it, its term jumps by
-    // about 1e-4 of the drag, which no integrator follows at fourth order.
+    // Three spheres that stay within each other's lubrication range: where a pair enters or leaves
+    // it, its term jumps by about 1e-4 of the drag, which no integrator follows at fourth order.
     let start = start::Start {
         radii: vec![1.0; 3],
         centres: vec![

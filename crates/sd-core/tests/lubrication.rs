@@ -1,4 +1,5 @@
-//! Leading-order lubrication: against a published code, by identities, and with every law of contact.
+//! Leading-order lubrication: against a published code, by identities, and with every law of
+//! contact.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -97,7 +98,8 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
         let viscosity =
             instant.stress.unwrap().viscosity / case["viscosity"].as_f64().unwrap() - 1.0;
         assert!(viscosity.abs() < 0.005, "viscosity: {viscosity:.4}");
-        // With the exact pair functions the forces differ clearly, so the agreement is specific to the model.
+        // With the exact pair functions the forces differ clearly, so the agreement is specific to
+        // the model.
         let exact = Configuration {
             hydrodynamics: Hydrodynamics::BallMelrose,
             // The exact functions need gaps.
@@ -153,7 +155,8 @@ fn resistance_is_symmetric_and_positive_definite_where_spheres_overlap() {
             let v = (0..270).map(|k| (seed * f64::from(k)).sin()).collect();
             (v, Vector3::new(seed.cos(), seed.sin(), 0.5))
         };
-        // v'R w of motions and strains common to all spheres, as forces on v and stresslets on the strain.
+        // v'R w of motions and strains common to all spheres, as forces on v and stresslets on the
+        // strain.
         let form = |(v, e): &(Vec<f64>, Vector3<f64>), (w, strain): &(Vec<f64>, Vector3<f64>)| {
             let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
             resistance.apply(w, strain, &mut work, &mut forces, &mut stresslets);

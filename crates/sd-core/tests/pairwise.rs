@@ -1,4 +1,5 @@
-//! Layers with the resistance stored pair by pair against the same layers with the full factor of `R_FU`.
+//! Layers with the resistance stored pair by pair against the same layers with the full factor of
+//! `R_FU`.
 
 #![expect(
     clippy::panic,
@@ -134,8 +135,8 @@ fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
-/// Compares velocities, forces and states; `limits`: of velocities and of forces, each over the largest. Returns how many contacts have
-/// friction.
+/// Compares velocities, forces and states; `limits`: of velocities and of forces, each over the
+/// largest. Returns how many contacts have friction.
 fn compare(
     found: &StageSolver,
     expected: &StageSolver,
@@ -178,7 +179,8 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
         (0.75, 0.3, 40, 0.2, 1e-6),
         (0.75, 0.3, 40, 40.0, 1e-6),
         (0.75, 0.0, 40, 0.2, 1e-6),
-        // Near jamming forces of 10³ meet the compliance that only the factored layer has: 1e-7 of the velocities, amplified.
+        // Near jamming forces of 10³ meet the compliance that only the factored layer has: 1e-7 of
+        // the velocities, amplified.
         (0.8, 1.0, 60, 0.2, 1e-5),
     ] {
         let layer = sheared(&params(PAIRWISE, area_fraction, friction), steps);
@@ -202,7 +204,8 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
     }
 }
 
-/// All compatible laws, with either onset; some with a repulsion, rolling friction or adhesion, and the repulsion alone.
+/// All compatible laws, with either onset; some with a repulsion, rolling friction or adhesion, and
+/// the repulsion alone.
 fn all_laws() -> Vec<ContactLaws> {
     let mut all = Vec::new();
     for (normal, stiffness) in [
@@ -272,7 +275,8 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
 
 #[test]
 fn every_law_does_so_under_lubrication() {
-    // Friction has several valid solutions in dense layers, and the methods may find different ones: at 0.74 this happens for one of these laws.
+    // Friction has several valid solutions in dense layers, and the methods may find different
+    // ones: at 0.74 this happens for one of these laws.
     laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::DEFAULT), 0.68);
 }
 

@@ -1,6 +1,10 @@
-//! Instants and short runs of every contact law against those of an earlier program with separate solvers per law.
+//! Instants and short runs of every contact law against those of an earlier program with separate
+//! solvers per law.
 //!
-//! The records and their origin are described in `tests/data/README.md` at the repository's top. If friction sets in with a jump at a finite critical load, several active sets can be consistent, and the two programs may find different ones. Such instants are counted, and solved again from the recorded forces: the recorded solution must then be found.
+//! The records and their origin are described in `tests/data/README.md` at the repository's top. If
+//! friction sets in with a jump at a finite critical load, several active sets can be consistent,
+//! and the two programs may find different ones. Such instants are counted, and solved again from
+//! the recorded forces: the recorded solution must then be found.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
@@ -297,7 +301,8 @@ fn check(law: &str) -> (Tally, Vec<String>) {
         let mut other = false;
         for method in record.methods() {
             tally.instants += 1;
-            // The far field is iterated to a relative residual of 1e-7 over all spheres: single velocities are less exact.
+            // The far field is iterated to a relative residual of 1e-7 over all spheres: single
+            // velocities are less exact.
             let limit = if method == Method::Iterated {
                 10.0 * LIMIT
             } else {
@@ -345,7 +350,8 @@ fn check(law: &str) -> (Tally, Vec<String>) {
             tally.runs += 1;
             let error = (found.0 / recorded.0 - 1.0).abs();
             if error > LIMIT {
-                // At a stage within the step friction may act on other contacts, which is not recorded.
+                // At a stage within the step friction may act on other contacts, which is not
+                // recorded.
                 println!("{what}, step {step}: viscosity {error:.1e}, {other}");
                 tally.other_runs += 1;
                 break;

@@ -176,7 +176,8 @@ fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
     solved.stress.unwrap().viscosity
 }
 
-/// Contact stresses in the last step before a reversal and in the first after it, and the snapshot between.
+/// Contact stresses in the last step before a reversal and in the first after it, and the snapshot
+/// between.
 fn reversed(params: &Params, seed: u64) -> ([f64; 2], Sample, Snapshot) {
     let mut run = begin(params, seed);
     let before = *steps(&mut run, count(1.5, params.time_step))
@@ -204,7 +205,8 @@ fn reversal() -> [Segment; 2] {
 
 #[test]
 fn contacts_bear_next_to_nothing_at_the_first_instant_after_a_reversal() {
-    // Pairs that were pressed together by others along the extension axis are now compressed by the flow: 4 % of the contact stress remains.
+    // Pairs that were pressed together by others along the extension axis are now compressed by the
+    // flow: 4 % of the contact stress remains.
     let (mut before, mut after) = (0.0, 0.0);
     for seed in 1..=8 {
         let ([loaded, unloaded], ..) = reversed(&layer(&reversal()), seed);
@@ -227,7 +229,8 @@ fn contacts_bear_next_to_nothing_at_the_first_instant_after_a_reversal() {
         );
         if unloaded == 0.0 {
             open += 1;
-            // The hydrodynamic stress is linear in the flow: without contacts the viscosity is the same in both directions.
+            // The hydrodynamic stress is linear in the flow: without contacts the viscosity is the
+            // same in both directions.
             let alone = without_contacts(&snapshot, &params);
             assert!((first.viscosity / alone - 1.0).abs() < 1e-9);
         }

@@ -34,7 +34,8 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     }
 }
 
-/// Viscosity of the start of seed 1 in simple shear, with radii changed by a relative amount that grows from sphere to sphere.
+/// Viscosity of the start of seed 1 in simple shear, with radii changed by a relative amount that
+/// grows from sphere to sphere.
 fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
     let start = S::start(params, 1).unwrap();
     let radii = start.radii.iter().enumerate();
@@ -56,7 +57,8 @@ fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f
 
 #[test]
 fn many_sizes_go_over_into_a_few_as_they_come_together() {
-    // Three sizes have tables of their own; as many sizes as spheres, each within 1e-9 of these, have one table of all size ratios.
+    // Three sizes have tables of their own; as many sizes as spheres, each within 1e-9 of these,
+    // have one table of all size ratios.
     let sizes = "1:0.4 1.3:0.3 1.9:0.3";
     let tables = NearFields::default();
     let check = |params: &Params| {

@@ -1,4 +1,5 @@
-//! The functions that the command line and the Python package share: they work on a campaign and its store, without arguments or output.
+//! The functions that the command line and the Python package share: they work on a campaign and
+//! its store, without arguments or output.
 
 mod error;
 mod explain;
@@ -87,10 +88,12 @@ pub fn begin(
     })
 }
 
-/// Computes the open cases of a campaign in its store, which must hold that campaign to the end. Returns the number of cases by state.
+/// Computes the open cases of a campaign in its store, which must hold that campaign to the end.
+/// Returns the number of cases by state.
 ///
 /// # Errors
-/// Those of [`compute_campaign`], and a store that now holds another version of the campaign or is no longer at its path.
+/// Those of [`compute_campaign`], and a store that now holds another version of the campaign or is
+/// no longer at its path.
 pub fn complete(
     store: &mut Store,
     campaign: &Campaign,

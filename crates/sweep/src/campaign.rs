@@ -58,7 +58,8 @@ impl Campaign {
         })
     }
 
-    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where relative paths in it begin.
+    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where
+    /// relative paths in it begin.
     ///
     /// # Errors
     /// All its faults, the first in front.
@@ -204,7 +205,8 @@ fn lay_out(
     for (span, entries) in tables {
         let grid = Grid::read(entries, span.clone(), protocol, Some(folder), problems);
         total = total.saturating_add(grid.len());
-        // Checked before the next grid is read: a short count of seeds in the file can take much memory.
+        // Checked before the next grid is read: a short count of seeds in the file can take much
+        // memory.
         if total > CASE_LIMIT {
             problems.push(
                 Problem::at(

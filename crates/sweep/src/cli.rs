@@ -115,7 +115,8 @@ pub struct Cli {
     /// Print no progress and no notes on standard error
     #[arg(long, short, global = true, help_heading = "Global options")]
     quiet: bool,
-    /// Log events of cases on standard error; twice for more. `SWEEP_LOG` selects in detail, as in SWEEP_LOG=sweep=debug
+    /// Log events of cases on standard error; twice for more. `SWEEP_LOG` selects in detail, as in
+    /// SWEEP_LOG=sweep=debug
     #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     verbose: u8,
     /// Colour errors
@@ -201,7 +202,8 @@ fn note(quiet: bool, text: &str) {
 /// Any error; [`Error::exit_code`] is its exit code.
 pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
     cli.start_log();
-    // Reaching a limit on file sizes is an error like a full disk, instead of a signal that ends the process.
+    // Reaching a limit on file sizes is an error like a full disk, instead of a signal that ends
+    // the process.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let mut visible = Visible::new(out);
     let mut output = Output {
@@ -254,7 +256,8 @@ fn terminal_width() -> Option<u16> {
 }
 
 impl Cli {
-    /// Logs events to standard error at the chosen level, unless the calling program has a log of its own.
+    /// Logs events to standard error at the chosen level, unless the calling program has a log of
+    /// its own.
     fn start_log(&self) {
         use tracing_subscriber::filter::{LevelFilter, Targets};
         use tracing_subscriber::layer::SubscriberExt as _;

@@ -1,4 +1,6 @@
-//! Schedulers, which start the tasks of a campaign on other machines or on this one. Each is one file that writes a script, submits it, lists the remaining tasks, and cancels them. Schedulers do not decide which task computes which case.
+//! Schedulers, which start the tasks of a campaign on other machines or on this one. Each is one
+//! file that writes a script, submits it, lists the remaining tasks, and cancels them. Schedulers
+//! do not decide which task computes which case.
 
 mod local;
 pub(crate) mod shard;
@@ -67,7 +69,8 @@ impl Scheduler {
             .find(|scheduler| scheduler.name() == name)
     }
 
-    /// The scheduler that started this process as task number `task` and can restart it, and its name of the task.
+    /// The scheduler that started this process as task number `task` and can restart it, and its
+    /// name of the task.
     pub(crate) fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
         slurm::this_task(task).map(|name| (Self::Slurm(Slurm::default()), name))
     }
@@ -135,7 +138,8 @@ impl Scheduler {
         }
     }
 
-    /// Requests a restart of a task, after a signal with work left. `in_advance`: the signal was the one requested ahead of the time limit, which has no other sender.
+    /// Requests a restart of a task, after a signal with work left. `in_advance`: the signal was
+    /// the one requested ahead of the time limit, which has no other sender.
     pub(crate) fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
         match self {
             Self::Slurm(_) => slurm::start_again(task, in_advance),

@@ -1,6 +1,9 @@
-//! Costs of runs in CPU seconds, from runs measured on this machine with this build, or from a short run where no similar run was measured.
+//! Costs of runs in CPU seconds, from runs measured on this machine with this build, or from a
+//! short run where no similar run was measured.
 //!
-//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate [`step_cost`], which includes the scaling of methods with the number of spheres, is averaged with weights that fall as the fourth power of the distance in parameters.
+//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate
+//! [`step_cost`], which includes the scaling of methods with the number of spheres, is averaged
+//! with weights that fall as the fourth power of the distance in parameters.
 
 mod cache;
 mod pilot;
@@ -167,7 +170,8 @@ fn values(params: &Params) -> Vec<Option<Value>> {
         .collect()
 }
 
-/// Distance of two points in terms of cost; `None` where they differ in a choice. Below 1 costs are similar.
+/// Distance of two points in terms of cost; `None` where they differ in a choice. Below 1 costs are
+/// similar.
 fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     let mut squares = 0.0;
     for ((axis, a), b) in AXES.iter().zip(a).zip(b) {

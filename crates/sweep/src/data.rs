@@ -62,7 +62,8 @@ impl Cells {
         self.len() == 0
     }
 
-    /// Adds a cell. In a column of floats an integer is converted; a value of another kind or NaN leaves the cell empty.
+    /// Adds a cell. In a column of floats an integer is converted; a value of another kind or NaN
+    /// leaves the cell empty.
     pub fn push(&mut self, value: Option<Value>) {
         match self {
             Self::Word(cells) => cells.push(match value {
@@ -171,7 +172,8 @@ pub(crate) fn write_parquet(
     file.finish()
 }
 
-/// Writes a table as comma-separated values: a header row of names, then the rows; missing values are empty.
+/// Writes a table as comma-separated values: a header row of names, then the rows; missing values
+/// are empty.
 pub(crate) fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
     csv_rows::write(
         table.iter().map(|column| column.name.as_ref()),
@@ -191,7 +193,8 @@ fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = Strin
     (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
 }
 
-/// A table of samples, each with its step in the first column, whose other columns are these fields.
+/// A table of samples, each with its step in the first column, whose other columns are these
+/// fields.
 pub(crate) fn numbered(
     samples: &[(u64, Sample)],
     fields: impl Fn(&Sample) -> Vec<Field>,

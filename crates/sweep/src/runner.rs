@@ -1,4 +1,5 @@
-//! Computes the cases of a store in a bounded pool, one case per thread, until none is left or a signal stops it.
+//! Computes the cases of a store in a bounded pool, one case per thread, until none is left or a
+//! signal stops it.
 
 mod compute;
 mod error;
@@ -25,7 +26,8 @@ const TICK: Duration = Duration::from_millis(100);
 const LOOK: Duration = Duration::from_secs(2);
 /// Interval between heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// Estimated time of the short cases that are claimed together, and maximum delay before their results are stored.
+/// Estimated time of the short cases that are claimed together, and maximum delay before their
+/// results are stored.
 const MAX_RESULT_DELAY: Duration = Duration::from_secs(1);
 /// Scans of all cases take at most 1 over this of the time.
 const SCAN_SHARE: u32 = 50;
@@ -33,7 +35,8 @@ const SCAN_SHARE: u32 = 50;
 const WAIT_BEFORE_NOTE: Duration = Duration::from_secs(5);
 /// Interval between further notes.
 const WAIT_BETWEEN_NOTES: Duration = Duration::from_mins(5);
-/// Time that a step in progress may continue after a signal before it is abandoned for its last checkpoint.
+/// Time that a step in progress may continue after a signal before it is abandoned for its last
+/// checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
 /// An observer of a run, which publishes its store for instance.
@@ -49,7 +52,8 @@ pub trait RunObserver: Sync {
 pub struct Options<'o> {
     /// Cases computed in parallel, one thread each.
     pub workers: usize,
-    /// Number of threads, at least the number of cases: idle threads help to fill and to factor large matrices.
+    /// Number of threads, at least the number of cases: idle threads help to fill and to factor
+    /// large matrices.
     pub threads: usize,
     /// Computing time after which a case ends as failed; by default a multiple of its estimate.
     pub wall_limit: Option<Duration>,
@@ -81,7 +85,8 @@ struct Shared<'r> {
 
 /// Computes the open cases of a store: first the tables for its spheres, then all cases.
 ///
-/// Returns when no case is available, or after a signal. Failed cases are no error: they are in the store.
+/// Returns when no case is available, or after a signal. Failed cases are no error: they are in the
+/// store.
 ///
 /// # Errors
 /// An I/O or SQLite error, threads that cannot be started, sizes of spheres without a table.
@@ -190,7 +195,8 @@ impl<'r> Shared<'r> {
                     result
                 }
                 Ok(_) => {
-                    // A separate statement: the guard of a `match` would lock the store while this thread sleeps.
+                    // A separate statement: the guard of a `match` would lock the store while this
+                    // thread sleeps.
                     let left = self.store().has_open_cases();
                     match left {
                         Ok(true) => {
@@ -209,7 +215,8 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Computes claimed cases in order, stores their results together, and releases the remaining cases at a stop.
+    /// Computes claimed cases in order, stores their results together, and releases the remaining
+    /// cases at a stop.
     fn compute_batch(&self, worker: usize, claims: &[Claim]) -> Result<(), StoreError> {
         let mut ended = Vec::new();
         let mut since = Instant::now();
@@ -236,7 +243,8 @@ impl<'r> Shared<'r> {
         Ok(())
     }
 
-    /// Another process considered this one dead and now has the case. This is no error, as its result will be the same.
+    /// Another process considered this one dead and now has the case. This is no error, as its
+    /// result will be the same.
     fn unless_lost(&self, error: StoreError) -> Result<(), StoreError> {
         match error {
             StoreError::ClaimLost { .. } => {
@@ -260,7 +268,8 @@ impl<'r> Shared<'r> {
             if let Some(text) = told {
                 self.options.progress.note(&text);
             }
-            // A worker may hold the store while it waits for the lock of the file; due tasks are done after that.
+            // A worker may hold the store while it waits for the lock of the file; due tasks are
+            // done after that.
             if beaten.elapsed() >= HEARTBEAT
                 && let Ok(mut store) = self.store.try_lock()
             {
@@ -339,7 +348,8 @@ impl<'r> Shared<'r> {
         Ok(())
     }
 
-    /// Releases the cases of dead processes and updates the progress. The store must still hold the campaign of this process.
+    /// Releases the cases of dead processes and updates the progress. The store must still hold the
+    /// campaign of this process.
     fn look_around(&self) -> Result<(), StoreError> {
         let mut store = self.store();
         let freed = store.release_dead()?;
@@ -350,7 +360,8 @@ impl<'r> Shared<'r> {
         }
         store.check_campaign()?;
         self.options.progress.see(&store.work()?);
-        // While the store is locked no other case can end, so this count includes every case reported before.
+        // While the store is locked no other case can end, so this count includes every case
+        // reported before.
         self.options.progress.print_progress();
         Ok(())
     }

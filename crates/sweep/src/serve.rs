@@ -1,6 +1,8 @@
 //! The live page: a server that only reads the store.
 //!
-//! It has three read-only routes: the page, its data, and the movie of a run. Requests must name this machine as their host, so that no other site can read the store through a visitor's browser (DNS rebinding). A connection carries one request.
+//! It has three read-only routes: the page, its data, and the movie of a run. Requests must name
+//! this machine as their host, so that no other site can read the store through a visitor's browser
+//! (DNS rebinding). A connection carries one request.
 
 use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
@@ -113,7 +115,8 @@ pub(crate) fn serve(
     result
 }
 
-/// Answers one request per connection, up to the maximum number in parallel; the system queues the others.
+/// Answers one request per connection, up to the maximum number in parallel; the system queues the
+/// others.
 async fn accept(listener: TcpListener, routes: Router) {
     let places = Arc::new(Semaphore::new(CONNECTIONS));
     while let Ok(place) = Arc::clone(&places).acquire_owned().await {
@@ -166,7 +169,8 @@ fn is_local_host(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Checks that a request names this machine as its host; otherwise returns the reason for the refusal.
+/// Checks that a request names this machine as its host; otherwise returns the reason for the
+/// refusal.
 fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
     let mut hosts = request.headers().get_all(header::HOST).iter();
     let (Some(host), None) = (hosts.next(), hosts.next()) else {

@@ -46,7 +46,8 @@ pub(crate) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Quantile of sorted values, interpolated between neighbours (type 7 of Hyndman and Fan, the default of R and `NumPy`).
+/// Quantile of sorted values, interpolated between neighbours (type 7 of Hyndman and Fan, the
+/// default of R and `NumPy`).
 fn quantile(sorted: &[f64], probability: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let place = probability * last as f64;
@@ -111,7 +112,8 @@ pub(crate) fn student_95(freedom: f64) -> Option<f64> {
 }
 
 thread_local! {
-    /// Cache of quantiles, by the bits of degrees of freedom and probability, for thousands of points with equal numbers of runs.
+    /// Cache of quantiles, by the bits of degrees of freedom and probability, for thousands of
+    /// points with equal numbers of runs.
     static QUANTILES: RefCell<HashMap<(u64, u64), Option<f64>>> = RefCell::default();
 }
 
@@ -140,7 +142,8 @@ pub(crate) struct Averages {
     pub viscosity_stresslet: Option<Distribution>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Components and parts of the stress, and numbers of the contact network over the samples that have them, in the order of [`sampled::means`].
+    /// Components and parts of the stress, and numbers of the contact network over the samples that
+    /// have them, in the order of [`sampled::means`].
     pub(crate) means: [Option<f64>; MEANS],
     /// Dissipation.
     pub dissipation: Option<f64>,

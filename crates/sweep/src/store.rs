@@ -1,6 +1,9 @@
 //! The store: one `SQLite` file per campaign, which holds all state of the program.
 //!
-//! State changes are synced to the disk before they take effect; checkpoints survive a killed process, and all but the last few survive a power cut. Every change to a running case requires that this process still owns it. A run is a pure function of its case, so damaged or lost results are recomputed.
+//! State changes are synced to the disk before they take effect; checkpoints survive a killed
+//! process, and all but the last few survive a power cut. Every change to a running case requires
+//! that this process still owns it. A run is a pure function of its case, so damaged or lost
+//! results are recomputed.
 
 mod campaign;
 mod check;

@@ -1,6 +1,7 @@
 //! Frames of a run: their compact form in the store, and the files they are exported to.
 //!
-//! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are stored explicitly, not as differences of positions. A run never depends on a stored frame.
+//! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are
+//! stored explicitly, not as differences of positions. A run never depends on a stored frame.
 
 mod bonds;
 mod extxyz;
@@ -63,13 +64,15 @@ pub(crate) trait Kept: Space {
     /// The vector with these components.
     fn tangent_of(numbers: &[f64]) -> Self::Tangent;
 
-    /// The component of a force perpendicular to a line of centres: signed in a layer, else its magnitude.
+    /// The component of a force perpendicular to a line of centres: signed in a layer, else its
+    /// magnitude.
     fn amount(tangent: &Self::Tangent) -> f64;
 
     /// The angle in the plane of flow and gradient of a line that lay along the flow at strain 0.
     fn angle(orientation: &Self::Orientation) -> f64;
 
-    /// The vorticity component of the rotation between two orientations; in a suspension that by less than half a turn.
+    /// The vorticity component of the rotation between two orientations; in a suspension that by
+    /// less than half a turn.
     fn turned_by(from: &Self::Orientation, to: &Self::Orientation) -> f64;
 }
 

@@ -1,4 +1,5 @@
-//! Stokesian Dynamics of large layers: the far field is iterated on top of a sparse resistance that has its near part.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of a sparse resistance that
+//! has its near part.
 //!
 //! ```text
 //! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres, P a sparse approximation of M⁻¹
@@ -7,14 +8,23 @@
 //! δ = P y:         y + (M − P⁻¹) (q₀ + W y) + V c = 0,   W = P − P (0; R_P⁻¹ (P ·)_F)
 //! ```
 //!
-//! P is M₀⁻¹ and the inverse mobilities of near pairs ([`Resistance`] includes it in its terms); M₀⁻¹ alone would suffice, with twice as many iterations, and R_P is then that of Ball-Melrose hydrodynamics.
+//! P is M₀⁻¹ and the inverse mobilities of near pairs ([`Resistance`] includes it in its terms);
+//! M₀⁻¹ alone would suffice, with twice as many iterations, and R_P is then that of Ball-Melrose
+//! hydrodynamics.
 //!
-//! W is symmetric, positive semidefinite and at most P, and `z = W y` obeys `(W⁺ + M − P⁻¹) z + V c = −(M − P⁻¹) q₀`, `Vᵀ z = 0`,
-//! whose operator is at least M: positive definite. Conjugate gradients, preconditioned with W minus the part that would violate the constraint, need one product with M and one solve with R_P per iteration. Where M is far above P⁻¹, in long waves, the pair terms resist little and W nearly vanishes, so the number of iterations hardly depends on N.
+//! W is symmetric, positive semidefinite and at most P, and `z = W y` obeys
+//! `(W⁺ + M − P⁻¹) z + V c = −(M − P⁻¹) q₀`, `Vᵀ z = 0`, whose operator is at least M: positive
+//! definite. Conjugate gradients, preconditioned with W minus the part that would violate the
+//! constraint, need one product with M and one solve with R_P per iteration. Where M is far above
+//! P⁻¹, in long waves, the pair terms resist little and W nearly vanishes, so the number of
+//! iterations hardly depends on N.
 //!
-//! The far field does not resist a translation of the layer, but the pair terms resist it slightly, as their two parts are not of the same order of multipoles: `Vᵀ W V` is small, and the mean velocity balances the net force on the layer.
+//! The far field does not resist a translation of the layer, but the pair terms resist it slightly,
+//! as their two parts are not of the same order of multipoles: `Vᵀ W V` is small, and the mean
+//! velocity balances the net force on the layer.
 //!
-//! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r acts on the spheres like an additional background flow.
+//! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r acts on the
+//! spheres like an additional background flow.
 
 pub(crate) mod fixed_point;
 mod local;
@@ -32,7 +42,8 @@ pub(crate) use near_solver::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
-/// Tolerance of M over the requested relative residual; test `linear_motion_is_that_of_the_dense_far_field`.
+/// Tolerance of M over the requested relative residual; test
+/// `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
 /// Outcome of an iteration.
@@ -48,7 +59,8 @@ pub struct Convergence {
     pub converged: bool,
 }
 
-/// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is O(N).
+/// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is
+/// O(N).
 pub struct IterativeFarField<S: Fluid = Layer> {
     /// M.
     operator: S::Operator,
@@ -153,7 +165,8 @@ impl<S: Fluid> IterativeFarField<S> {
         })
     }
 
-    /// Sets a limit of the iterations of one solve without contacts other than [`IterativeFarField::MOST_ITERATIONS`].
+    /// Sets a limit of the iterations of one solve without contacts other than
+    /// [`IterativeFarField::MOST_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }
@@ -164,17 +177,21 @@ impl<S: Fluid> IterativeFarField<S> {
         self.split.forget();
     }
 
-    /// Rounds the last solution with contacts to single precision, as in [`IterativeFarField::found`], so that the next solve starts from the same numbers after a restart.
+    /// Rounds the last solution with contacts to single precision, as in
+    /// [`IterativeFarField::found`], so that the next solve starts from the same numbers after a
+    /// restart.
     pub(crate) fn round(&mut self) {
         self.split.round();
     }
 
-    /// Initial guess of the next solve with contacts, in single precision: force modes and translations, scaled; `[12N + 4]`.
+    /// Initial guess of the next solve with contacts, in single precision: force modes and
+    /// translations, scaled; `[12N + 4]`.
     pub(crate) fn found(&self) -> Vec<f32> {
         self.split.found()
     }
 
-    /// Sets the initial guess of the next solve with contacts to the value of [`IterativeFarField::found`]; zero if that is empty.
+    /// Sets the initial guess of the next solve with contacts to the value of
+    /// [`IterativeFarField::found`]; zero if that is empty.
     pub(crate) fn start_from(&mut self, found: &[f32]) {
         self.forget();
         self.split.start_from(found);
@@ -188,12 +205,15 @@ impl<S: Fluid> IterativeFarField<S> {
         self.operator.update(cell, centres)
     }
 
-    /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
+    /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the
+    /// first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by
+    ///   pair, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
-    /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should sum to zero, since their sum meets hardly any resistance.
+    /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`.
+    ///   External ones should sum to zero, since their sum meets hardly any resistance.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`].
@@ -294,7 +314,8 @@ impl<S: Fluid> IterativeFarField<S> {
         })
     }
 
-    /// Adds the far field, beyond P, to the result of [`Resistance::apply`] of `near` for the velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
+    /// Adds the far field, beyond P, to the result of [`Resistance::apply`] of `near` for the
+    /// velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
     pub fn correct(&self, forces: &mut [f64], stresslets: &mut [S::Strain]) {
         let (strains, velocities) = self.excess.split_at(self.excess.len() - forces.len());
         for (force, excess) in forces.iter_mut().zip(velocities) {

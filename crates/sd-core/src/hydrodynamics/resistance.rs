@@ -8,13 +8,17 @@
 //! ```
 //!
 //! Every pair term is positive semidefinite, so R is positive definite in all. Pairs count up to
-//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
-//! then exact under Stokesian Dynamics. Under lubrication they have terms up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
+//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count
+//! at any distance and are then exact under Stokesian Dynamics. Under lubrication they have terms
+//! up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere,
+//! `[3N]`.
 //!
-//! The same holds in a suspension, whose spheres have eleven modes; X^C is added to the pair terms. Vectors are then `[6N]`, `(U, Ω)` sphere
-//! by sphere, where this module writes `[3N]` for a layer. The differences are in [`fluid`]'s implementations for the two spaces.
+//! The same holds in a suspension, whose spheres have eleven modes; X^C is added to the pair terms.
+//! Vectors are then `[6N]`, `(U, Ω)` sphere by sphere, where this module writes `[3N]` for a layer.
+//! The differences are in [`fluid`]'s implementations for the two spaces.
 //!
-//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
+//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair
+//! by pair without a factor.
 
 mod bulk;
 mod dense;
@@ -71,7 +75,8 @@ pub struct Resistance<S: Fluid = Layer> {
     neighbours: NeighbourList<S>,
     /// Their terms.
     terms: Vec<S::Term>,
-    /// The far field of near pairs, included in their terms if the rest of the far field is iterated.
+    /// The far field of near pairs, included in their terms if the rest of the far field is
+    /// iterated.
     far_pairs: Option<FarPairs<S>>,
     form: Form<S>,
 }
@@ -82,7 +87,8 @@ impl<S: Fluid> Resistance<S> {
     /// Tables missing in `tables` are computed here, which takes seconds per size ratio.
     ///
     /// # Errors
-    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01 to 100.
+    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01
+    /// to 100.
     pub fn new(
         hydrodynamics: Hydrodynamics,
         cell: &Cell<S>,
@@ -122,9 +128,11 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
-    /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N), for many spheres.
+    /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor:
+    /// O(N), for many spheres.
     ///
-    /// Under Stokesian Dynamics it is the sum of Ball-Melrose and of the far field of near pairs; the rest of the far field is iterated.
+    /// Under Stokesian Dynamics it is the sum of Ball-Melrose and of the far field of near pairs;
+    /// the rest of the far field is iterated.
     ///
     /// `pattern_pairs`: ordered pairs of the near part's pattern of a resumed run; else empty.
     ///
@@ -193,13 +201,15 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
-    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may overlap by less than `deepest`, in a.
+    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may
+    /// overlap by less than `deepest`, in a.
     pub fn regularise(&mut self, lubrication_gap: f64, deepest: f64) {
         self.lubrication_gap = lubrication_gap;
         self.neighbours.allow_overlap(deepest);
     }
 
-    /// Assembles and factors at new positions. The cell's sides must be those of [`Resistance::new`]; its offset is free.
+    /// Assembles and factors at new positions. The cell's sides must be those of
+    /// [`Resistance::new`]; its offset is free.
     ///
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
@@ -208,7 +218,8 @@ impl<S: Fluid> Resistance<S> {
         self.factor()
     }
 
-    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`. [`Resistance::factor`] must follow.
+    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`.
+    /// [`Resistance::factor`] must follow.
     ///
     /// # Errors
     /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
@@ -237,7 +248,9 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along the line of centres, independent of the fluid. [`Resistance::apply`] and [`Resistance::background_forces`] ignore it.
+    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along
+    /// the line of centres, independent of the fluid. [`Resistance::apply`] and
+    /// [`Resistance::background_forces`] ignore it.
     pub fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         match &mut self.form {
             Form::Dense(dense) => dense.add_spring(pair, slope),
@@ -246,7 +259,8 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`]. Pairwise storage has no factor and is unchanged.
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every
+    /// [`Resistance::assemble`]. Pairwise storage has no factor and is unchanged.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
@@ -375,7 +389,8 @@ impl<S: Fluid> Resistance<S> {
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strain, forces);
     }
 
-    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of (20), for disturbances v `[3N]`.
+    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of
+    /// (20), for disturbances v `[3N]`.
     ///
     /// `work` is scratch.
     pub fn apply(

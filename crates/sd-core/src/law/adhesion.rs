@@ -5,9 +5,11 @@
 //! springs touch while g < h,   rigid asperities while g < 1.01 h
 //! ```
 //!
-//! along the line of centres. A pulled pair stays in contact until the pull reaches F_A. It then opens, and the attraction vanishes. The load for friction is f, so that adhesion adds to it: two spheres without other forces have f = F_A. Source: the force in contact of
-//! Pednekar, Chun & Morris, Soft Matter 13, 1773 (2017), and Singh et al., Phys. Rev. Lett. 122, 098004 (2019), whose van der Waals attraction
-//! is constant there, without its range.
+//! along the line of centres. A pulled pair stays in contact until the pull reaches F_A. It then
+//! opens, and the attraction vanishes. The load for friction is f, so that adhesion adds to it: two
+//! spheres without other forces have f = F_A. Source: the force in contact of Pednekar, Chun &
+//! Morris, Soft Matter 13, 1773 (2017), and Singh et al., Phys. Rev. Lett. 122, 098004 (2019),
+//! whose van der Waals attraction is constant there, without its range.
 
 use super::Quantity;
 use super::quantity::Range;
@@ -24,7 +26,8 @@ pub static ADHESION: Quantity = Quantity {
     logarithmic: false,
 };
 
-/// Separation up to which rigid asperities count as touching, over the roughness height: gaps are held at h up to the error of a step, which is 2e-3 of h at default steps.
+/// Separation up to which rigid asperities count as touching, over the roughness height: gaps are
+/// held at h up to the error of a step, which is 2e-3 of h at default steps.
 const RIGID_RANGE: f64 = 0.01;
 
 /// Gap, in a, below which surfaces touch.

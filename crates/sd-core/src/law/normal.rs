@@ -34,7 +34,8 @@ macro_rules! normal_laws {
                 }
             }
 
-            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times the overlap's.
+            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times
+            /// the overlap's.
             pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::force(overlap, stiffness),)+
@@ -86,7 +87,8 @@ pub static STIFFNESS: Quantity = Quantity {
     logarithmic: true,
 };
 
-/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never pulls.
+/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never
+/// pulls.
 pub static DASHPOT: Quantity = Quantity {
     key: "dashpot",
     symbol: "dashpot",

@@ -6,9 +6,10 @@
 //! contact         |F_t| ≤ ν f at every contact; F_crit is only the unit of a repulsion
 //! ```
 //!
-//! Sources: Townsend & Wilson, Phys. Fluids 29, 121607 (2017); the critical-load model of Seto et al., Phys. Rev. Lett. 111,
-//! 218301 (2013), whose force does not jump; the repulsion of Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), in units of which
-//! stress and rate are given there.
+//! Sources: Townsend & Wilson, Phys. Fluids 29, 121607 (2017); the critical-load model of Seto et
+//! al., Phys. Rev. Lett. 111, 218301 (2013), whose force does not jump; the repulsion of Mari,
+//! Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), in units of which stress and rate are given
+//! there.
 
 super::words! {
     /// Onset of friction with the load.

@@ -4,7 +4,9 @@
 //! F = F0 exp(−g/l)
 //! ```
 //!
-//! along the line of centres, at every gap g within lubrication range, alone or in addition to a contact law, which it does not affect: friction depends only on the contact force. Source: Mari et al., J. Rheol. 58, 1693 (2014), eq. (13).
+//! along the line of centres, at every gap g within lubrication range, alone or in addition to a
+//! contact law, which it does not affect: friction depends only on the contact force. Source: Mari
+//! et al., J. Rheol. 58, 1693 (2014), eq. (13).
 
 use super::Quantity;
 use super::quantity::Range;

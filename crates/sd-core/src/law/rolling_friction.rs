@@ -8,10 +8,11 @@
 //! with stick-slide:   F_r = k_t ξ_r,   ξ_r' = u_r while the spring holds
 //! ```
 //!
-//! Forces in mu·a²·rate. It is a part of friction: it acts where friction acts, with the same onset. Source: Luding,
-//! Granular Matter 10, 235 (2008), for the objective velocity and the quasi-force; in suspensions Singh et al., Phys. Rev. Lett. 124, 248005
-//! (2020). The couple of equal spheres is at most μ_r a f. Luding's reduced radius a_i a_j/(a_i + a_j) is half of a_ij: his coefficient
-//! is twice the one here for the same couple.
+//! Forces in mu·a²·rate. It is a part of friction: it acts where friction acts, with the same
+//! onset. Source: Luding, Granular Matter 10, 235 (2008), for the objective velocity and the
+//! quasi-force; in suspensions Singh et al., Phys. Rev. Lett. 124, 248005 (2020). The couple of
+//! equal spheres is at most μ_r a f. Luding's reduced radius a_i a_j/(a_i + a_j) is half of a_ij:
+//! his coefficient is twice the one here for the same couple.
 
 use super::quantity::Range;
 use super::tangential::{Halt, TangentialLaw};
@@ -34,7 +35,8 @@ pub fn radius([a_i, a_j]: [f64; 2]) -> f64 {
     2.0 * a_i * a_j / (a_i + a_j)
 }
 
-/// Whether it can be combined with a tangential law: one that constrains the slip of the pair in its layer, but not its rolling.
+/// Whether it can be combined with a tangential law: one that constrains the slip of the pair in
+/// its layer, but not its rolling.
 pub fn can_combine(law: TangentialLaw) -> bool {
     match law.halts() {
         Halt::Slip | Halt::SpringSlip => true,

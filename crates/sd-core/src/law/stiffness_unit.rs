@@ -5,8 +5,8 @@
 //! flow            k in 6π mu a · rate   overlaps are the same at every rate: an equal approach to the hard-sphere limit
 //! ```
 //!
-//! Source of the second: Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), whose stiffness follows the stress so that the largest overlap
-//! stays the same.
+//! Source of the second: Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), whose stiffness
+//! follows the stress so that the largest overlap stays the same.
 
 use std::f64::consts::PI;
 

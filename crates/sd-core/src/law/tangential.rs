@@ -4,7 +4,8 @@
 //! |F_t| ≤ ρ(f),   and inside the bound the law constrains a motion: a slip, a spring, a rotation
 //! ```
 //!
-//! f is the effective load, after the [onset](super::onset) of friction. Without friction (`friction = 0`) none of them acts.
+//! f is the effective load, after the [onset](super::onset) of friction. Without friction
+//! (`friction = 0`) none of them acts.
 
 use super::Quantity;
 
@@ -37,7 +38,8 @@ macro_rules! tangential_laws {
         $(pub mod $file;)+
 
         super::words! {
-            /// Law of the tangential contact force. Without friction (`friction = 0`) none of them acts.
+            /// Law of the tangential contact force. Without friction (`friction = 0`) none of them
+            /// acts.
             TangentialLaw {
                 $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
             }

@@ -3,13 +3,15 @@
 //! ```text
 //! corresponding steps e_k of x and d_k of the residual, d_k orthonormal:   x ← x + r − Σ (d_k·r)(e_k + d_k)
 //! ```
-//! Anderson's method with incremental solution of the least-squares problem; for a linear fixed point it minimizes the residual in the spanned space, like GMRES.
+//! Anderson's method with incremental solution of the least-squares problem; for a linear fixed
+//! point it minimizes the residual in the spanned space, like GMRES.
 
 use crate::linalg::dense::{add_scaled, dot};
 
 /// The history of the acceleration of one fixed point.
 pub(crate) struct Anderson {
-    /// Pairs of steps (of x, of the residual), up to the length of the history, `kept` of them in use.
+    /// Pairs of steps (of x, of the residual), up to the length of the history, `kept` of them in
+    /// use.
     steps: Vec<[Vec<f64>; 2]>,
     kept: usize,
     /// Index of the one overwritten next once all are in use.

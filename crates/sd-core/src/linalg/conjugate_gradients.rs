@@ -21,10 +21,12 @@ impl ConjugateGradients {
         largest(&self.residual)
     }
 
-    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; returns the number of iterations.
+    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; returns the number of
+    /// iterations.
     ///
     /// # Arguments
-    /// - `apply`: writes A times its first argument to the second; A symmetric and positive definite, as is
+    /// - `apply`: writes A times its first argument to the second; A symmetric and positive
+    ///   definite, as is
     /// - `precondition`: the same for an approximation of its inverse.
     pub(crate) fn solve(
         &mut self,

@@ -1,10 +1,12 @@
-//! Generalised minimal residuals (Saad & Schultz 1986), preconditioned from the right, with the preconditioned vectors kept.
+//! Generalised minimal residuals (Saad & Schultz 1986), preconditioned from the right, with the
+//! preconditioned vectors kept.
 //!
 //! ```text
 //! x = Z y,   Z = P⁻¹ V,   A Z = V H,   y least in |b − V H y|
 //! ```
 //!
-//! For systems that are not symmetric. The preconditioner may be of any precision, since the residual is that of A itself.
+//! For systems that are not symmetric. The preconditioner may be of any precision, since the
+//! residual is that of A itself.
 
 use super::Until;
 use super::dense::{add_scaled, add_scaled_and_dot, dot};
@@ -18,7 +20,8 @@ pub(crate) struct GmresInfo {
     pub(crate) residual: f64,
 }
 
-/// Workspace of the iteration. When reused, it allocates only for longer vectors or more iterations than before.
+/// Workspace of the iteration. When reused, it allocates only for longer vectors or more iterations
+/// than before.
 #[derive(Debug, Default)]
 pub(crate) struct Gmres {
     /// Orthonormal basis V of the residuals.
@@ -101,7 +104,8 @@ impl Gmres {
         }
     }
 
-    /// Applies the rotations so far to the newest column of H and adds the one that makes it triangular.
+    /// Applies the rotations so far to the newest column of H and adds the one that makes it
+    /// triangular.
     fn rotate(&mut self, column: usize, below: f64) {
         let entries = &mut self.triangle[column];
         for (k, &[cosine, sine]) in self.rotations.iter().enumerate() {

@@ -8,7 +8,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::{MatMut, Par, Spec};
 
-/// Dimension below which systems are eliminated here: library calls for small blocks cost more than the work.
+/// Dimension below which systems are eliminated here: library calls for small blocks cost more than
+/// the work.
 const SMALL: usize = 160;
 /// Columns eliminated together in small systems.
 const PANEL: usize = 4;
@@ -103,7 +104,8 @@ impl LuSolver {
         Ok(())
     }
 
-    /// [`LuSolver::solve`] of a small system: in panels of four columns, which are then applied together to the other columns. The right-hand side is an additional column.
+    /// [`LuSolver::solve`] of a small system: in panels of four columns, which are then applied
+    /// together to the other columns. The right-hand side is an additional column.
     fn solve_small(&mut self, x: &mut [f64]) -> Result<(), BadPivot> {
         let [work, _] = &mut self.permutation;
         let (matrix, rhs) = (&mut self.matrix, &mut self.rhs);

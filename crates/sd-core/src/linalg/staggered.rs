@@ -1,6 +1,9 @@
 //! Solves and products of columns that start at different rows.
 //!
-//! The column of a contact is zero above the rows of its first sphere, before and after `L⁻¹`. With the columns ordered by their starts, each block of rows involves only the leading columns, and a product of two blocks of columns only the rows below both starts: half to a third of the dense cost.
+//! The column of a contact is zero above the rows of its first sphere, before and after `L⁻¹`. With
+//! the columns ordered by their starts, each block of rows involves only the leading columns, and a
+//! product of two blocks of columns only the rows below both starts: half to a third of the dense
+//! cost.
 
 use super::cholesky::skyline::{PANEL, SkylineCholesky};
 use super::dense::Matrix;
@@ -58,7 +61,8 @@ impl StaggeredColumns {
             #[inline(always)]
             || {
                 let whole = self.count() - self.count() % 4;
-                // Four columns from the start of the first: the others are zero above their own starts.
+                // Four columns from the start of the first: the others are zero above their own
+                // starts.
                 for k in (0..whole).step_by(4) {
                     let start = self.starts[k];
                     let columns = [0, 1, 2, 3].map(|c| &self.matrix.column(k + c)[start..]);

@@ -58,7 +58,8 @@ pub(crate) fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
     vectorised(|| add_scaled_inline(y, x, s));
 }
 
-/// `y ← y + s x`, then the dot product of y with z, in one pass; the bits are those of [`add_scaled`] and [`dot`].
+/// `y ← y + s x`, then the dot product of y with z, in one pass; the bits are those of
+/// [`add_scaled`] and [`dot`].
 pub(crate) fn add_scaled_and_dot(y: &mut [f64], x: &[f64], s: f64, z: &[f64]) -> f64 {
     vectorised(
         #[inline(always)]
@@ -106,10 +107,12 @@ pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
     }
 }
 
-/// `y_c ← y_c − Σ_k u_ck l_k` for two vectors y at once and four vectors l at least as long, for vectorised callers.
+/// `y_c ← y_c − Σ_k u_ck l_k` for two vectors y at once and four vectors l at least as long, for
+/// vectorised callers.
 #[inline(always)]
 pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f64; 4]; 2]) {
-    /// Block size. Entries are copied first, so that the compiler need not assume that the vectors overlap.
+    /// Block size. Entries are copied first, so that the compiler need not assume that the vectors
+    /// overlap.
     const LANES: usize = 8;
     let [y0, y1] = y;
     let length = y0.len();

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 const LUBRICATION_SHARE: f64 = 0.1;
 /// Default gap below which lubrication between smooth spheres is constant, in a.
 const SMOOTH_LUBRICATION_GAP: f64 = 1e-3;
-/// Overlap of two surfaces, in a, at which a run of soft spheres fails: its springs do not carry the load.
+/// Overlap of two surfaces, in a, at which a run of soft spheres fails: its springs do not carry
+/// the load.
 pub const DEEPEST_OVERLAP: f64 = 0.2;
 
 /// A choice of laws, in units in which they are material properties while Γ varies.
@@ -30,14 +31,16 @@ pub struct ContactLaws {
         skip_serializing_if = "is_by_critical_load"
     )]
     pub stiffness_unit: StiffnessUnit,
-    /// k, in F/a (Hertz: F/a^(3/2)) with F the unit of force, above 0; infinite exactly for normal laws without a stiffness.
+    /// k, in F/a (Hertz: F/a^(3/2)) with F the unit of force, above 0; infinite exactly for normal
+    /// laws without a stiffness.
     #[serde(with = "infinite")]
     pub stiffness: f64,
     /// Tangential stiffness over k, above 0, for [`TangentialLaw::StickSlide`]; 0 under other laws.
     pub tangential_stiffness: f64,
     /// Dashpot of a spring, in mu·a, from 0.
     pub dashpot: f64,
-    /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0 (nowhere) with rigid asperities alone, and with a regularised lubrication.
+    /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0
+    /// (nowhere) with rigid asperities alone, and with a regularised lubrication.
     pub lubrication_gap: f64,
     /// F0 of the repulsion, in F_crit, from 0.
     pub repulsion: f64,
@@ -127,7 +130,8 @@ impl ContactLaws {
         self.normal != NormalLaw::Rigid || self.repulsion > 0.0
     }
 
-    /// Checks ranges and combinations of laws, for spheres with this surface under these hydrodynamics.
+    /// Checks ranges and combinations of laws, for spheres with this surface under these
+    /// hydrodynamics.
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.

@@ -1,4 +1,5 @@
-//! Parameters of a run, each declared once: description, allowed values, and accessor in [`Params`].
+//! Parameters of a run, each declared once: description, allowed values, and accessor in
+//! [`Params`].
 
 mod choices;
 mod quantities;
@@ -187,11 +188,13 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Allowed volume fractions; whether one can be packed depends on the sizes, the roughness and the seed.
+/// Allowed volume fractions; whether one can be packed depends on the sizes, the roughness and the
+/// seed.
 const LEAST_VOLUME_FRACTION: f64 = 0.01;
 const MOST_VOLUME_FRACTION: f64 = 0.64;
 
-/// Longest step under soft laws: from about twice this value on, stresslet viscosities became negative.
+/// Longest step under soft laws: from about twice this value on, stresslet viscosities became
+/// negative.
 const LONGEST_SOFT_STEP: f64 = 0.025;
 
 /// Refuses a step that does not resolve contacts.
@@ -200,7 +203,8 @@ const LONGEST_SOFT_STEP: f64 = 0.025;
 /// two spheres in contact that move straight for a strain Δt, across their line of centres, separate by about Δt²/4
 /// ```
 ///
-/// Under rigid laws that must be less than the roughness height, or the step itself creates and breaks contacts.
+/// Under rigid laws that must be less than the roughness height, or the step itself creates and
+/// breaks contacts.
 fn check_step(params: &Params) -> Result<(), Refusal> {
     let step = params.time_step;
     let refuse = |problem: &str, allowed, because| {
@@ -326,7 +330,8 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
 
 /// Sets friction or shear rate to 0 where it has no effect because of the other.
 ///
-/// Friction never acts at the lower plateau. The shear rate sets the load of the onset of friction, and is a unit of some laws: without friction and such laws it has no effect.
+/// Friction never acts at the lower plateau. The shear rate sets the load of the onset of friction,
+/// and is a unit of some laws: without friction and such laws it has no effect.
 fn fold(params: &mut Params) {
     if params.shear_stress.is_some() || !params.segments.is_empty() {
         return;

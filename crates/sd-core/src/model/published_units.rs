@@ -1,6 +1,8 @@
 //! Conversion from and to units and conventions of most published simulations of sheared layers.
 //!
-//! These use the radius `a_s` of the small spheres, a layer one small radius thick, and a viscosity without the stresslets of isolated spheres. We use the mean radius a, a layer 2a thick, and the full viscosity:
+//! These use the radius `a_s` of the small spheres, a layer one small radius thick, and a viscosity
+//! without the stresslets of isolated spheres. We use the mean radius a, a layer 2a thick, and the
+//! full viscosity:
 //!
 //! ```text
 //! η' = 1 + 2r (η − 1 − s),   Γ' = Γ/r²,   σ' = η' Γ'/(6π),   r = a/a_s,   s = (5/3) c ⟨a³⟩/(⟨a⟩⟨a²⟩)

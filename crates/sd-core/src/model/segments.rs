@@ -11,7 +11,8 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
-    /// Strain of the run at its start, a multiple of the time step; strain in the reverse direction counts as positive.
+    /// Strain of the run at its start, a multiple of the time step; strain in the reverse direction
+    /// counts as positive.
     pub start: f64,
     /// Sense of the shear, 1 or −1; in an oscillation that of its first quarter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -26,8 +27,8 @@ pub struct Segment {
     /// Imposed shear stress σ*; not in oscillations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
-    /// Amplitude γ0 of an oscillation γ0 sin ωt about the strain at the start of the segment, a multiple of the time step; `None`
-    /// for a steady shear.
+    /// Amplitude γ0 of an oscillation γ0 sin ωt about the strain at the start of the segment, a
+    /// multiple of the time step; `None` for a steady shear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<f64>,
     /// Oscillation across a steady shear of a suspension.
@@ -35,12 +36,15 @@ pub struct Segment {
     pub cross_shear: Option<CrossShear>,
 }
 
-/// An oscillation along the vorticity, across a continuing steady shear (Lin, Ness, Cates, Sun & Cohen, PNAS 113, 10774, 2016).
+/// An oscillation along the vorticity, across a continuing steady shear (Lin, Ness, Cates, Sun &
+/// Cohen, PNAS 113, 10774, 2016).
 ///
 /// ```text
 /// u∞ = γ̇ y x̂ + γ̇_z y ẑ,   γ_z = amplitude sin(ratio γ)
 /// ```
-/// γ is the strain of the primary shear since the start of the segment. γ_z is imposed at the start of every step, with linear interpolation between, so that the rate of strain is the same in all stages of a step, as in a steady shear.
+/// γ is the strain of the primary shear since the start of the segment. γ_z is imposed at the start
+/// of every step, with linear interpolation between, so that the rate of strain is the same in all
+/// stages of a step, as in a steady shear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CrossShear {
@@ -111,7 +115,8 @@ impl Segment {
     /// Refuses an invalid cross shear.
     ///
     /// # Errors
-    /// [`Refusal`] of a cross shear in a layer, across an oscillation, with numbers out of range or not resolved by the time step.
+    /// [`Refusal`] of a cross shear in a layer, across an oscillation, with numbers out of range or
+    /// not resolved by the time step.
     pub fn check_cross_shear(&self, params: &Params) -> Result<(), Refusal> {
         let Some(CrossShear { amplitude, ratio }) = self.cross_shear else {
             return Ok(());
@@ -220,7 +225,8 @@ impl Segment {
     }
 }
 
-/// Phase ωt of an oscillation γ0 sin ωt, from the total strain in both directions over its amplitude.
+/// Phase ωt of an oscillation γ0 sin ωt, from the total strain in both directions over its
+/// amplitude.
 ///
 /// ```
 /// use sd_core::model::phase;
@@ -334,7 +340,8 @@ impl Params {
         }
     }
 
-    /// The run without its last segment, and the step at which that starts; `None` for a single segment.
+    /// The run without its last segment, and the step at which that starts; `None` for a single
+    /// segment.
     pub fn before_last_segment(&self) -> Option<(Self, u64)> {
         let (last, before) = self.segments.split_last()?;
         if before.is_empty() {
@@ -346,7 +353,8 @@ impl Params {
         Some((shorter, last.first_step(self.time_step)))
     }
 
-    /// Γ and σ* imposed in the last segment, in an oscillation the largest rate; σ* is `None` under an imposed rate.
+    /// Γ and σ* imposed in the last segment, in an oscillation the largest rate; σ* is `None` under
+    /// an imposed rate.
     pub fn last_shear(&self) -> (f64, Option<f64>) {
         match self.segments.last() {
             None => (self.shear_rate, self.shear_stress),
@@ -385,7 +393,8 @@ impl Params {
         self.imposed(steps).cross.at(steps as f64 * self.time_step)
     }
 
-    /// Imposes segments in place of a steady shear; a single steady segment becomes a steady shear with its rate or stress and direction.
+    /// Imposes segments in place of a steady shear; a single steady segment becomes a steady shear
+    /// with its rate or stress and direction.
     pub fn impose(&mut self, segments: &[Segment]) {
         self.segments = segments.to_vec();
         if let [only] = segments
@@ -396,7 +405,8 @@ impl Params {
         }
     }
 
-    /// Parameters of a run without segments that permanently imposes the shear of one step, without cross shear.
+    /// Parameters of a run without segments that permanently imposes the shear of one step, without
+    /// cross shear.
     #[must_use]
     pub fn in_step(&self, imposed: &Imposed) -> Self {
         let mut params = Self {
@@ -418,7 +428,8 @@ impl Params {
         if let Some(laws) = self.contact.chosen_laws()
             && laws.stiffness_unit == StiffnessUnit::Flow
         {
-            // The unit is the largest rate of a cycle, so that the stiffness of springs is constant.
+            // The unit is the largest rate of a cycle, so that the stiffness of springs is
+            // constant.
             laws.stiffness = run.contact.laws().stiffness / imposed.rate_share;
         }
     }

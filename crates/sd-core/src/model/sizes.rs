@@ -5,7 +5,9 @@
 //! schulz      p(a) ∝ a^(k−1) exp(−k a), k = 1/s²
 //! uniform     a within √3 s of 1
 //! ```
-//! of mean 1 and standard deviation s, by number. Sphere k of N has the quantile (k + ½)/N, and all are divided by their mean, so that sizes depend only on N; the seed determines the position of each sphere.
+//! of mean 1 and standard deviation s, by number. Sphere k of N has the quantile (k + ½)/N, and all
+//! are divided by their mean, so that sizes depend only on N; the seed determines the position of
+//! each sphere.
 
 use crate::error::Refusal;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -24,7 +26,8 @@ pub(super) const MOST_SIZE_RATIO: f64 = 10.0;
 /// Tolerance of the sum of fractions.
 const ROUNDING: f64 = 1e-9;
 
-/// Sizes other than one or two. As text: `lognormal 0.2`, or species as `1:0.5 1.4:0.25 2:0.25`, each with its number fraction.
+/// Sizes other than one or two. As text: `lognormal 0.2`, or species as `1:0.5 1.4:0.25 2:0.25`,
+/// each with its number fraction.
 #[derive(Clone, Copy)]
 pub struct Sizes(&'static Known);
 
@@ -72,10 +75,12 @@ impl Kind {
     /// Species in canonical form: in order, each radius once.
     ///
     /// # Arguments
-    /// - `species`: radii in any one unit, with fractions of number (`power` 0), area (2) or volume (3).
+    /// - `species`: radii in any one unit, with fractions of number (`power` 0), area (2) or volume
+    ///   (3).
     ///
     /// # Errors
-    /// A radius or fraction that is not positive, fractions whose sum is not one, none or too many species, two sizes of too large a ratio.
+    /// A radius or fraction that is not positive, fractions whose sum is not one, none or too many
+    /// species, two sizes of too large a ratio.
     pub fn species(species: &[[f64; 2]], power: i32) -> Result<Self, Refusal> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         if species.is_empty() || species.len() > MOST_SPECIES {
@@ -151,7 +156,8 @@ impl Kind {
         ))
     }
 
-    /// Size ratio and fraction of large spheres of one or two sizes, which are equivalent to [`crate::Params::size_ratio`].
+    /// Size ratio and fraction of large spheres of one or two sizes, which are equivalent to
+    /// [`crate::Params::size_ratio`].
     pub fn as_two(&self) -> Option<[f64; 2]> {
         match self {
             Self::Species(species) => match species[..] {
@@ -208,7 +214,8 @@ fn probabilities(n: usize) -> impl Iterator<Item = f64> {
 /// Quantiles of e^t, increasing, where t has this density.
 ///
 /// # Arguments
-/// - `logarithm`: of the density, up to a constant: concave, largest at 0 and 0 there; it falls off within some `width`s.
+/// - `logarithm`: of the density, up to a constant: concave, largest at 0 and 0 there; it falls off
+///   within some `width`s.
 fn quantiles(n: usize, logarithm: impl Fn(f64) -> f64, width: f64) -> Vec<f64> {
     const CELLS: usize = 4096;
     let end = |step: f64| {
@@ -410,8 +417,8 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_their_distribution() {
-        // Standard normal quantiles of 0.5, 0.9 and 0.975, and those of gamma distributions, by published tables: χ² with 8 and 2 degrees
-        // of freedom over its mean.
+        // Standard normal quantiles of 0.5, 0.9 and 0.975, and those of gamma distributions, by
+        // published tables: χ² with 8 and 2 degrees of freedom over its mean.
         let lognormal = |z: f64| (z * 0.04_f64.ln_1p().sqrt()).exp();
         let variance = 0.04_f64.ln_1p();
         let found = |n: usize, k: usize, shape: f64| {

@@ -16,19 +16,22 @@ pub struct StartLayer {
     pub centres: Vec<[f64; 2]>,
     /// Orientations, in radians.
     pub orientations: Vec<f64>,
-    /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are unstretched.
+    /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are
+    /// unstretched.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<(u32, u32, f64)>,
     /// The same for the springs of rolling friction.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rolling_springs: Vec<(u32, u32, f64)>,
-    /// A positive number for all layers of the same origin, such as the ends of all runs of a point: runs from them belong to one point too. `None`: a single layer.
+    /// A positive number for all layers of the same origin, such as the ends of all runs of a
+    /// point: runs from them belong to one point too. `None`: a single layer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<u32>,
 }
 
 impl StartLayer {
-    /// A positive 32-bit number that identifies it in tables: that of its origin, or a hash of its data.
+    /// A positive 32-bit number that identifies it in tables: that of its origin, or a hash of its
+    /// data.
     pub fn number(&self) -> u64 {
         if let Some(origin) = self.origin {
             return origin.into();

@@ -4,7 +4,10 @@
 //! σ* = σ a²/F_crit  imposed;   in units of the flow σ = η and F_crit = φ = 6π/Γ:     h(φ) = η(φ)/σ* − φ = 0
 //! ```
 //!
-//! η decreases with φ, since fewer contacts then have friction. If friction sets in with a jump, η jumps too, and h may change sign without a zero. Springs and a repulsion are in units of F_crit: with them η increases with φ, and if it grows so fast that no φ is large enough, the layer carries the stress at rest.
+//! η decreases with φ, since fewer contacts then have friction. If friction sets in with a jump, η
+//! jumps too, and h may change sign without a zero. Springs and a repulsion are in units of F_crit:
+//! with them η increases with φ, and if it grows so fast that no φ is large enough, the layer
+//! carries the stress at rest.
 
 use crate::stress::JAM_VISCOSITY;
 

@@ -29,7 +29,8 @@ pub struct Configuration<S: Space = Layer> {
     pub hydrodynamics: Hydrodynamics,
     /// Imposed flow.
     pub background: S::Background,
-    /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of spheres and fluid is zero.
+    /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of
+    /// spheres and fluid is zero.
     pub forces: Vec<S::Vector>,
     /// External torques, in mu·a³·rate; one per centre.
     pub torques: Vec<S::Spin>,
@@ -40,7 +41,8 @@ pub struct Configuration<S: Space = Layer> {
 pub enum ContactRequest<S: Space = Layer> {
     /// No contact.
     None,
-    /// These pairs are stopped simultaneously by eqs. (12)-(13), without friction; negative forces are then set to zero.
+    /// These pairs are stopped simultaneously by eqs. (12)-(13), without friction; negative forces
+    /// are then set to zero.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
@@ -54,7 +56,8 @@ pub enum ContactRequest<S: Space = Layer> {
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
-        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may overlap only if the hydrodynamics allow it.
+        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may overlap
+        /// only if the hydrodynamics allow it.
         lubrication_gap: f64,
         /// Look-ahead time of contact forces, in strain.
         time_span: f64,
@@ -77,7 +80,8 @@ impl<S: Space> ContactRequest<S> {
         }
     }
 
-    /// The contact problem of a single instant of a run with these parameters: `time_span`: look-ahead time of forces, in strain.
+    /// The contact problem of a single instant of a run with these parameters: `time_span`:
+    /// look-ahead time of forces, in strain.
     pub fn of_run(params: &Params, time_span: f64) -> Self {
         let surface = params.surface();
         match &params.contact {
@@ -119,7 +123,8 @@ impl SolvedConfiguration {
 }
 
 impl<S: Space> SolvedConfiguration<S> {
-    /// Power of contacts, repulsion and adhesion, in mu·a³·rate²: dissipated by friction and dashpots, and stored in springs and the repulsion.
+    /// Power of contacts, repulsion and adhesion, in mu·a³·rate²: dissipated by friction and
+    /// dashpots, and stored in springs and the repulsion.
     ///
     /// ```text
     /// Σ F_t u_t + Σ F_r u_r − Σ f v_n

@@ -14,7 +14,8 @@ use serde::Serialize;
 /// Maximum number of steps for the spheres to pass.
 const MOST_STEPS: u64 = 10_000_000;
 
-/// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical load 0.
+/// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
+/// load 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairScenario {
     /// Radius L of the second sphere, in a, in [0.01, 100].
@@ -44,10 +45,12 @@ pub struct PairTrajectory {
     pub path: Vec<[f64; 7]>,
 }
 
-/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is shortened to end there.
+/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is
+/// shortened to end there.
 ///
-/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the angle of the line of
-/// centres: smooth spheres approach to gaps much smaller than the sagitta of a step around each other.
+/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the
+/// angle of the line of centres: smooth spheres approach to gaps much smaller than the sagitta of a
+/// step around each other.
 ///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
@@ -132,7 +135,8 @@ pub fn pass_while(
         let mut dt = scenario.time_step;
         let (mut next, mut next_memory) = advance(&state, dt)?;
         let last = along(&next) >= goal;
-        // The end lies within this step: shorten it by secants, each a whole RK4 step from the same start.
+        // The end lies within this step: shorten it by secants, each a whole RK4 step from the same
+        // start.
         for _ in 0..8 {
             if !last || (along(&next) - goal).abs() < 1e-12 * goal {
                 break;

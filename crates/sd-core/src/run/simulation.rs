@@ -36,7 +36,8 @@ pub const JAM_STRAIN: f64 = 0.1;
 pub enum Flow {
     /// The layer flows.
     Flowing,
-    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that its contacts do not allow.
+    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that
+    /// its contacts do not allow.
     Jammed,
 }
 
@@ -182,7 +183,8 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// The cell at a strain of the current step; with segments, valid while the shear of the last step continues.
+    /// The cell at a strain of the current step; with segments, valid while the shear of the last
+    /// step continues.
     ///
     /// # Errors
     /// Those of [`Cell::periodic`] for a strain that is not finite.
@@ -193,7 +195,8 @@ impl<S: Started> Simulation<S> {
             .with_cross_offset(self.imposed.cross.at(strain) * self.side)
     }
 
-    /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of the last step continues.
+    /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
+    /// the last step continues.
     pub fn offset_at(&self, strain: f64) -> f64 {
         match self.cell_at(strain) {
             Ok(Cell::Periodic { offset, .. }) => offset,

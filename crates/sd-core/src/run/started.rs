@@ -59,7 +59,9 @@ pub trait Started: Fluid {
     ) -> Result<SolvedConfiguration<Self>, Error>;
 }
 
-/// Implements the last three methods for a space. Generic code is compiled in the crate that uses it, with the optimisation of that crate: a program optimised for size would take three times as long per step. So it is instantiated here.
+/// Implements the last three methods for a space. Generic code is compiled in the crate that uses
+/// it, with the optimisation of that crate: a program optimised for size would take three times as
+/// long per step. So it is instantiated here.
 macro_rules! compile {
     () => {
         #[inline(never)]

@@ -1,4 +1,5 @@
-//! Methods in time: Runge-Kutta of order four, and two stages per step for rigid contacts and for forces that depend on the gaps.
+//! Methods in time: Runge-Kutta of order four, and two stages per step for rigid contacts and for
+//! forces that depend on the gaps.
 
 mod midpoint;
 pub mod rosenbrock;
@@ -29,7 +30,8 @@ impl<S: Space> Default for Stepper<S> {
 }
 
 impl<S: Space> Stepper<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and returns whether contacts have forces there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres,
+    /// and returns whether contacts have forces there.
     ///
     /// # Errors
     /// Errors of `rhs`; the state is then unchanged.

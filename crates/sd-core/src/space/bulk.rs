@@ -439,7 +439,8 @@ mod tests {
         for (found, expected) in turned.into_iter().zip(expected) {
             assert!((found - expected).abs() < 1e-14);
         }
-        // About z, and then about x: the order matters, and the later rotation is in the frame of the flow.
+        // About z, and then about x: the order matters, and the later rotation is in the frame of
+        // the flow.
         let quarter = std::f64::consts::FRAC_PI_2;
         let z = Bulk::turned(&Bulk::UPRIGHT, &(Vector3::z() * quarter));
         let both = Bulk::turned(&z, &(Vector3::x() * quarter));

@@ -122,7 +122,8 @@ impl<S: Space> Cell<S> {
         vector
     }
 
-    /// Moves a separation to the image whose components are at most half the sides, and returns that image.
+    /// Moves a separation to the image whose components are at most half the sides, and returns
+    /// that image.
     ///
     /// Every vector shorter than half of every side is found this way.
     #[inline(always)]
@@ -178,7 +179,8 @@ impl<S: Space> Cell<S> {
         wrapped
     }
 
-    /// Refuses a cell in which a sphere could have two images of one neighbour within the lubrication range.
+    /// Refuses a cell in which a sphere could have two images of one neighbour within the
+    /// lubrication range.
     ///
     /// # Errors
     /// [`Error::CellTooSmall`] names the side that is too short.

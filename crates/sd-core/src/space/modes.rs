@@ -8,8 +8,9 @@
 //! e1 = (E_xx − E_yy)/√2,   e2 = √2 E_xy,   e3 = √(3/2) (E_xx + E_yy);   S:E = s·e,  S_xy = s2/√2
 //! ```
 //!
-//! A mode vector is ordered `(U_x, U_y, Ω, e1, e2, e3)`, a force vector `(F_x, F_y, T, s1, s2, s3)`.
-//! Under a rotation by θ, U turns by θ, `(e1, e2)` by 2θ; Ω and e3 are unchanged.
+//! A mode vector is ordered `(U_x, U_y, Ω, e1, e2, e3)`, a force vector
+//! `(F_x, F_y, T, s1, s2, s3)`. Under a rotation by θ, U turns by θ, `(e1, e2)` by 2θ; Ω and e3 are
+//! unchanged.
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -107,7 +108,8 @@ impl Background {
         )
     }
 
-    /// Earlier position of a point advected to `x` over `time` at its initial velocity: `x = (1 + time ∇u∞) x₀`.
+    /// Earlier position of a point advected to `x` over `time` at its initial velocity:
+    /// `x = (1 + time ∇u∞) x₀`.
     pub fn carried_back(&self, x: Vec2, time: f64) -> Vec2 {
         let (a, b) = (
             1.0 + time * self.xx,

@@ -1,4 +1,5 @@
-//! All pairs within a range: found by a cell list in O(N), and reused while the spheres have not moved far.
+//! All pairs within a range: found by a cell list in O(N), and reused while the spheres have not
+//! moved far.
 
 use super::cell::Cell;
 use super::pair::Neighbours;
@@ -306,7 +307,8 @@ fn number([column, row, plane]: [usize; 3], counts: [usize; 3]) -> usize {
     (plane * counts[1] + row) * counts[0] + column
 }
 
-/// Bins along an axis that hold the neighbours of one in another row, shifted by a number of bins: the first, and their number around the cell. `None`: any shift is possible.
+/// Bins along an axis that hold the neighbours of one in another row, shifted by a number of bins:
+/// the first, and their number around the cell. `None`: any shift is possible.
 #[inline(always)]
 fn across(bin: usize, count: usize, shift: Option<f64>) -> (usize, usize) {
     match shift {

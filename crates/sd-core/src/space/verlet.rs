@@ -1,6 +1,8 @@
-//! Verlet list (1967): pairs that may come within range before the spheres have moved far, kept between searches.
+//! Verlet list (1967): pairs that may come within range before the spheres have moved far, kept
+//! between searches.
 //!
-//! A search with a range extended by a skin is valid until a pair can have crossed the skin. Displacements are relative to the shear given by the cell's offset:
+//! A search with a range extended by a skin is valid until a pair can have crossed the skin.
+//! Displacements are relative to the shear given by the cell's offset:
 //!
 //! ```text
 //! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/sides[1]:      d − d₀ = w_j − w_i + Δγ d₀_y x̂

@@ -146,7 +146,8 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             far.correct(&mut counter, &mut stresslets);
             let error = relative_difference(&flat(&expected.stresslets), &flat(&stresslets));
             assert!(error < residual, "{size_ratio}: {error:e}");
-            // The balance of forces is exact, so the power of the forces is the dissipation of the fluid.
+            // The balance of forces is exact, so the power of the forces is the dissipation of the
+            // fluid.
             let total = dot(&v, &counter) + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
             assert!(
                 (total / power - 1.0).abs() < 0.5 * residual,
@@ -448,7 +449,8 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
 
 #[test]
 fn a_dense_layer_of_soft_spheres_continues() {
-    // Contact problems solved too inaccurately disturb the iteration, by force differences within their error.
+    // Contact problems solved too inaccurately disturb the iteration, by force differences within
+    // their error.
     let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
     let params = Params {
         area_fraction: 0.76,

@@ -4,8 +4,8 @@
 //! F = k d² − c v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·rate, c in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47 (1965), of a cone pressed into a
-//! half-space.
+//! k in mu·rate, c in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47
+//! (1965), of a cone pressed into a half-space.
 
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;

@@ -168,7 +168,8 @@ fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
 
 #[test]
 fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
-    // High friction near jamming: here Newton's method often fails. Of six layers at 0.76 three jam within a strain.
+    // High friction near jamming: here Newton's method often fails. Of six layers at 0.76 three jam
+    // within a strain.
     for area_fraction in [0.76, 0.80] {
         let held = steep(rigid(TangentialLaw::Coulomb), 50, area_fraction);
         let mut simulation =
@@ -257,7 +258,8 @@ fn resistance_to_rolling_thickens_a_layer() {
 
 #[test]
 fn adhering_asperities_hold_through_the_steps_of_a_layer() {
-    // Between two steps a loaded contact must not drift out of the range in which it counts as touching.
+    // Between two steps a loaded contact must not drift out of the range in which it counts as
+    // touching.
     let params = Params {
         time_step: 0.01,
         area_fraction: 0.6,

@@ -34,7 +34,8 @@ fn pair_rolls_once_the_torque_is_the_bound_and_exactly_by_the_excess() {
         for sign in [1.0, -1.0] {
             let held = turned(&rolling(normal, 0.1), sign * 0.999 * bound);
             let c = held.contacts[0];
-            // The compliance of rigid contacts, 1e-10, costs 1e-7 of a force. Opposite torques on a rigid pair do not move it, and the couple balances them.
+            // The compliance of rigid contacts, 1e-10, costs 1e-7 of a force. Opposite torques on a
+            // rigid pair do not move it, and the couple balances them.
             assert!((c.normal_force - 5.0).abs() < 1e-6, "{normal:?}: {c:?}");
             assert!((c.rolling_force * RADIUS + sign * 0.999 * bound).abs() < 1e-6);
             assert!(c.rolling_velocity.abs() < 1e-8 && c.tangential_force.abs() < 1e-6);
@@ -57,7 +58,8 @@ fn pair_rolls_once_the_torque_is_the_bound_and_exactly_by_the_excess() {
 
 #[test]
 fn couple_turns_no_pair_and_moves_none() {
-    // A pair rotated rigidly by a torque on one sphere: the interactions of the spheres sum to zero.
+    // A pair rotated rigidly by a torque on one sphere: the interactions of the spheres sum to
+    // zero.
     let mut configuration = pair(0.01, 5.0, 0.0);
     configuration.torques = vec![3.0, 0.0];
     let instant = solved(&configuration, &rolling(RIGID, 10.0), 0.001);

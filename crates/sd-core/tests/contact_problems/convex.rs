@@ -1,4 +1,5 @@
-//! For given friction bounds, the motion minimizes a convex function of the velocities. Here an interior-point method of another library computes it, with the bounds of the solution itself:
+//! For given friction bounds, the motion minimizes a convex function of the velocities. Here an
+//! interior-point method of another library computes it, with the bounds of the solution itself:
 //!
 //! ```text
 //! minimise   vᵀ R v/2 − Fᵀ v + Σ ρ_k s_k          over v and s

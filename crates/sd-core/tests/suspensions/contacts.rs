@@ -219,7 +219,8 @@ fn reflections_and_rotations_that_keep_the_shear_keep_the_motion_and_the_contact
             if choice.tangential == TangentialLaw::StickRotate {
                 continue;
             }
-            // Contacts with three constraints have non-unique forces, and an iteration converges to some of them.
+            // Contacts with three constraints have non-unique forces, and an iteration converges to
+            // some of them.
             let halts_all = !choice.is_soft() && choice.rolling_friction > 0.0;
             if halts_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
                 continue;

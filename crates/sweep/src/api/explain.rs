@@ -41,7 +41,8 @@ impl ErrorRenderer {
     }
 }
 
-/// An error whose texts are [`visible`]. Excerpts become visible where they are cut from their files.
+/// An error whose texts are [`visible`]. Excerpts become visible where they are cut from their
+/// files.
 #[derive(Debug)]
 struct Shown<'e> {
     error: &'e dyn Diagnostic,

@@ -25,7 +25,8 @@ use std::path::Path;
 /// Maximum number of different radii: each pair needs a table, which takes a second.
 const RADIUS_LIMIT: usize = 10;
 
-/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces in mu·a²·rate.
+/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces
+/// in mu·a²·rate.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct Input<S: Written = Layer> {
@@ -144,7 +145,8 @@ fn read_in<S: Written>(path: &Path, bytes: &[u8]) -> Result<Problem<S>, Error> {
 /// The configuration and the contact problem of an input.
 ///
 /// # Errors
-/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or out of range.
+/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or
+/// out of range.
 pub fn configuration<S: Written>(
     input: Input<S>,
 ) -> Result<(Configuration<S>, ContactRequest<S>), InputError> {
@@ -280,7 +282,8 @@ pub(crate) struct Answer {
     pub(crate) viscosity_stresslet: Option<f64>,
     /// v'Rv over volume and rate.
     pub(crate) dissipation: Option<f64>,
-    /// First and second normal stress difference, and the particle pressure of contacts and repulsion.
+    /// First and second normal stress difference, and the particle pressure of contacts and
+    /// repulsion.
     pub(crate) n1: Option<f64>,
     pub(crate) n2: Option<f64>,
     pub(crate) particle_pressure: Option<f64>,
@@ -365,7 +368,8 @@ impl Answer {
     }
 }
 
-/// Resistance functions of two spheres by their published names, for a sphere's own motion and for that of the other.
+/// Resistance functions of two spheres by their published names, for a sphere's own motion and for
+/// that of the other.
 ///
 /// # Errors
 /// [`sd_core::Error::OutOfRange`] about the size ratio or the separation.

@@ -120,7 +120,8 @@ pub(crate) struct Cancelled {
     pub(crate) ending: usize,
 }
 
-/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have ended.
+/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have
+/// ended.
 pub(crate) fn cancel(path: &Path, job: Option<&str>, wait: Duration) -> Result<Cancelled, Error> {
     let mut store = Store::open(path)?;
     let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
@@ -141,7 +142,8 @@ pub(crate) fn cancel(path: &Path, job: Option<&str>, wait: Duration) -> Result<C
         if scheduler.active(job)?.is_empty() {
             continue;
         }
-        // Written before the tasks are signalled: a task that finds the mark does not request a restart.
+        // Written before the tasks are signalled: a task that finds the mark does not request a
+        // restart.
         let mark = shard::cancel_mark(&submission.folder, &submission.plan, job);
         if let Some(folder) = mark.parent() {
             let _ = std::fs::create_dir_all(folder);

@@ -20,7 +20,8 @@ pub(crate) struct Joined {
     pub(crate) mixed_shards: u64,
 }
 
-/// The shards given, and all shards in the folders given; without arguments, those in the folder beside the store.
+/// The shards given, and all shards in the folders given; without arguments, those in the folder
+/// beside the store.
 pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>, ShardError> {
     if given.is_empty() {
         return in_folder(&shard::folder_of(store));
@@ -66,7 +67,8 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
         .collect())
 }
 
-/// Opens the store. A new one gets the campaign of the file given, or else that of the first readable shard.
+/// Opens the store. A new one gets the campaign of the file given, or else that of the first
+/// readable shard.
 pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
     let path = source.path();
     if path.exists() {

@@ -33,7 +33,8 @@ pub struct Plan {
     pub(crate) cases: usize,
     /// Of these, runs that have ended.
     pub(crate) ended: usize,
-    /// Further runs of the file that are identical to one of these: they differ in the friction at Γ = 0, or in the shear rate without friction, which have no effect.
+    /// Further runs of the file that are identical to one of these: they differ in the friction at
+    /// Γ = 0, or in the shear rate without friction, which have no effect.
     pub(crate) folded: usize,
     /// Points: runs that differ only in their seed are one.
     pub(crate) points: usize,
@@ -134,7 +135,8 @@ pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, Error> {
     make(campaign, workers, false, None)
 }
 
-/// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory` is kept.
+/// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`
+/// is kept.
 pub(crate) fn make(
     campaign: &Campaign,
     workers: usize,
@@ -304,7 +306,8 @@ fn kinds(
     kinds
 }
 
-/// Axes with all their values in the order of first use, without those that have no effect on these cases.
+/// Axes with all their values in the order of first use, without those that have no effect on these
+/// cases.
 fn axes(campaign: &Campaign) -> Vec<Values> {
     let params = || campaign.cases.iter().map(|(_, case)| &case.params);
     let mut seen = HashSet::new();

@@ -21,7 +21,8 @@ pub(crate) struct Status {
     pub(crate) work_done: f64,
     /// Estimated CPU seconds of the open cases on this machine.
     pub(crate) remaining_cpu_s: f64,
-    /// Points with a requested precision, and how many of them still need an unknown number of seeds.
+    /// Points with a requested precision, and how many of them still need an unknown number of
+    /// seeds.
     pub(crate) precision: Option<PrecisionStatus>,
     pub(crate) processes: Vec<ProcessLine>,
     pub(crate) failures: Vec<FailureLine>,

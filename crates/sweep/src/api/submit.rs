@@ -50,7 +50,8 @@ pub(crate) struct Submitted {
     pub(crate) memory_bytes: f64,
 }
 
-/// Merges the published shards and submits the open cases of a campaign; `None` if there are none. A dry run writes nothing. Notes for the user go to `note`.
+/// Merges the published shards and submits the open cases of a campaign; `None` if there are none.
+/// A dry run writes nothing. Notes for the user go to `note`.
 pub(crate) fn submit(
     wanted: SubmitOptions,
     campaign: &Campaign,

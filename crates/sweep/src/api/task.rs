@@ -61,7 +61,8 @@ impl RunObserver for Task {
 }
 
 impl Task {
-    /// Requests a restart of the task after a signal with work left. Returns a message about the outcome.
+    /// Requests a restart of the task after a signal with work left. Returns a message about the
+    /// outcome.
     pub(crate) fn again(&self, signal: i32) -> String {
         let Some((scheduler, name)) = &self.started_by else {
             return "work is left: repeat the same command to continue".to_owned();
@@ -80,7 +81,8 @@ impl Task {
         }
     }
 
-    /// Creates the store of a task from all known results of its slice, and publishes it for the first time.
+    /// Creates the store of a task from all known results of its slice, and publishes it for the
+    /// first time.
     pub(crate) fn begin(
         options: &TaskOptions,
         task: usize,
@@ -138,7 +140,8 @@ fn by_hand(task: usize) -> TaskName {
     }
 }
 
-/// Reduces a campaign to the cases of the slice of a task, from a file of slices or else cut here. Returns the name of the plan.
+/// Reduces a campaign to the cases of the slice of a task, from a file of slices or else cut here.
+/// Returns the name of the plan.
 pub(crate) fn restrict(
     slices: Option<&Path>,
     part: Part,
@@ -162,7 +165,8 @@ pub(crate) fn restrict(
         )
     };
     let keys: HashSet<String> = keys.into_iter().collect();
-    // A task computes the cases it was given; which seeds count is decided when all results are merged.
+    // A task computes the cases it was given; which seeds count is decided when all results are
+    // merged.
     campaign.rules.clear();
     campaign
         .cases
@@ -182,7 +186,8 @@ pub(crate) fn restrict(
 
 /// Shards that may hold parts of the slice.
 struct Before {
-    /// The results known when it was planned, and those published by other jobs with the same slices.
+    /// The results known when it was planned, and those published by other jobs with the same
+    /// slices.
     others: Vec<PathBuf>,
     /// The shards that the task itself published before a restart.
     own: Vec<PathBuf>,
@@ -207,7 +212,8 @@ impl Before {
     }
 }
 
-/// Reuses the parts of the slice that shards hold; returns the number of failures among them. An unusable shard does not stop the task: the slice is recomputed.
+/// Reuses the parts of the slice that shards hold; returns the number of failures among them. An
+/// unusable shard does not stop the task: the slice is recomputed.
 fn reuse_shards(
     store: &mut Store,
     sources: &[PathBuf],

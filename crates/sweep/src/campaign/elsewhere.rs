@@ -7,7 +7,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 impl Campaign {
-    /// Its text for a copy in another folder: relative paths of start layers become absolute; nothing else changes.
+    /// Its text for a copy in another folder: relative paths of start layers become absolute;
+    /// nothing else changes.
     pub fn text_elsewhere(&self) -> String {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let mut text = self.text.clone();

@@ -8,7 +8,8 @@ use sd_core::Params;
 use sd_core::model::StartLayer;
 use std::path::Path;
 
-/// Whether a run belongs to the point with these values. Points that share their runs count as one: see [`Params::settle`].
+/// Whether a run belongs to the point with these values. Points that share their runs count as one:
+/// see [`Params::settle`].
 fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     let mut meant = run.params.clone();
     for (axis, value) in wanted {
@@ -25,10 +26,12 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     identity(&meant) == identity(&run.params)
 }
 
-/// The layers that the finished runs of a point of a store ended with, by their seeds. `folder`: that of the campaign file. `wanted`: values that select the point.
+/// The layers that the finished runs of a point of a store ended with, by their seeds. `folder`:
+/// that of the campaign file. `wanted`: values that select the point.
 ///
 /// # Errors
-/// The fault and the available values: a file that is no store, no such point, several of them, an unreadable state.
+/// The fault and the available values: a file that is no store, no such point, several of them, an
+/// unreadable state.
 pub(super) fn layers(
     store: &Path,
     folder: &Path,

@@ -35,7 +35,8 @@ pub enum CampaignError {
     Faulty(#[from] Box<Fault>),
 }
 
-/// A fault of a campaign file: what, where, and what is allowed. The first fault carries the others of the file.
+/// A fault of a campaign file: what, where, and what is allowed. The first fault carries the others
+/// of the file.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {message}")]
 pub struct Fault {
@@ -86,7 +87,8 @@ pub(super) struct About {
 }
 
 impl Fault {
-    /// The fault and what is allowed, without a place: for a campaign that was not read from a file.
+    /// The fault and what is allowed, without a place: for a campaign that was not read from a
+    /// file.
     pub fn words(&self) -> String {
         let mut words = format!("{}: {}", self.message, self.allowed);
         for other in &self.others {

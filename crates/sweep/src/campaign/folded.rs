@@ -1,6 +1,8 @@
-//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without
+//! friction.
 //!
-//! Such points are one case, by [`sd_core::Params::settle`]. A file may name several of them, and a user who requested three shear rates expects three points.
+//! Such points are one case, by [`sd_core::Params::settle`]. A file may name several of them, and a
+//! user who requested three shear rates expects three points.
 
 use super::grid::Grid;
 use super::reader::Table;
@@ -58,7 +60,8 @@ impl WrittenPoints {
         self.folded.is_empty()
     }
 
-    /// The points that the runs of these parameters belong to: at least these parameters themselves.
+    /// The points that the runs of these parameters belong to: at least these parameters
+    /// themselves.
     pub(crate) fn of_run(&self, params: &Params) -> Vec<Params> {
         let Some(all) = self.folded.get(&identity(&without_start(params))) else {
             return vec![params.clone()];

@@ -42,7 +42,8 @@ const MAX_PROBLEMS: usize = 200;
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 
 impl Grid {
-    /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none. Start layers are read if the folder of their relative paths is given.
+    /// Reads a grid and checks the range of every value in it. The protocol's values count where
+    /// the grid has none. Start layers are read if the folder of their relative paths is given.
     pub(super) fn read(
         entries: &DeTable<'_>,
         span: ops::Range<usize>,
@@ -121,7 +122,8 @@ impl Grid {
             .map(|(axis, values)| match (values, &axis.form) {
                 (Some(values), _) => Some(values.all[0].value),
                 (None, _) if !entries.contains_key(axis.key) => None,
-                // Faults of this key are recorded already, so any value serves; of numbers, one that is not "none".
+                // Faults of this key are recorded already, so any value serves; of numbers, one
+                // that is not "none".
                 (None, Form::Choice(choice)) => Some(Value::Word(choice.default)),
                 (None, Form::Number(_)) => Some(Value::Number(1.0)),
             })
@@ -164,7 +166,9 @@ impl Grid {
             .fold(1, u64::saturating_mul)
     }
 
-    /// Passes on the cases, seeds innermost and the first axis outermost, and records conflicting values. Where values have no effect, several cases can be identical; each comes with a flag that says whether the cause is friction without rate or rate without friction.
+    /// Passes on the cases, seeds innermost and the first axis outermost, and records conflicting
+    /// values. Where values have no effect, several cases can be identical; each comes with a flag
+    /// that says whether the cause is friction without rate or rate without friction.
     pub(super) fn lay_out(
         &self,
         protocol: &Written,
@@ -248,7 +252,8 @@ impl Grid {
         written.any(|(axis, values)| values.all.iter().any(|value| without(axis, value.value)))
     }
 
-    /// Calls a function for every point, without its start layer: its parameters as written, and settled.
+    /// Calls a function for every point, without its start layer: its parameters as written, and
+    /// settled.
     pub(super) fn each_point(&self, protocol: &Written, mut take: impl FnMut(&Params, &Params)) {
         let segments = protocol.protocol.imposed();
         self.each(|combination| {

@@ -178,7 +178,8 @@ impl Written {
             .flatten()
     }
 
-    /// Refuses a time step at which runs are too long, or of which lengths are no multiples; `place` is that of the step.
+    /// Refuses a time step at which runs are too long, or of which lengths are no multiples;
+    /// `place` is that of the step.
     pub(super) fn check_lengths(
         &self,
         time_step: f64,

@@ -1,6 +1,7 @@
 //! Values of a TOML document with their places.
 //!
-//! A fault does not end the reading: it is recorded and the next value is read, so that all faults are shown at once.
+//! A fault does not end the reading: it is recorded and the next value is read, so that all faults
+//! are shown at once.
 
 use super::error::Problem;
 use super::sizes;

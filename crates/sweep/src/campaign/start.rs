@@ -1,4 +1,5 @@
-//! Start layers read from files: the last frame of an extended XYZ file, or JSON in the format of `sweep solve`.
+//! Start layers read from files: the last frame of an extended XYZ file, or JSON in the format of
+//! `sweep solve`.
 
 use crate::system::files::read_text;
 use sd_core::model::StartLayer;
@@ -131,8 +132,8 @@ fn value<'t>(comment: &'t str, key: &str) -> Option<&'t str> {
     None
 }
 
-/// Columns of a frame: the name and the first column of each property, and how many columns there are. `species:S:1:pos:R:3` has
-/// `pos` in columns 1 to 3 of 4.
+/// Columns of a frame: the name and the first column of each property, and how many columns there
+/// are. `species:S:1:pos:R:3` has `pos` in columns 1 to 3 of 4.
 fn columns(properties: &str) -> Option<(Vec<(&str, usize)>, usize)> {
     let parts: Vec<&str> = properties.split(':').collect();
     let mut all = Vec::new();

@@ -89,8 +89,9 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
         "seeds = [1]\ntangential = [\"roll-slip\", \"coulomb\"]\nrolling_friction = [0.0, 0.1]",
     );
     let cases = parse_text(&rolling).unwrap().cases;
-    // At the rates 0.1 and inf: rolling pairs, and slipping ones with and without rolling friction. Without friction and at the rate 0,
-    // where no load is above the critical one, no law of friction makes a case of its own, nor does a rate.
+    // At the rates 0.1 and inf: rolling pairs, and slipping ones with and without rolling friction.
+    // Without friction and at the rate 0, where no load is above the critical one, no law of
+    // friction makes a case of its own, nor does a rate.
     assert_eq!(cases.len(), 2 * 3 + 1);
     let rolls = |case: &Case| case.params.contact.laws().rolling_friction > 0.0;
     assert_eq!(cases.iter().filter(|(_, case)| rolls(case)).count(), 2);
@@ -312,7 +313,8 @@ fn lubrication_and_units_of_stiffness_are_read_and_equal_physics_is_one_case() {
         .replace("friction = [0.0, 0.3]", "friction = 0.3")
         .replace("[0, 0.1, inf]", "[0.1, inf]");
     let campaign = parse_text(&text).unwrap();
-    // Of two shear rates: Ball-Melrose rigid and soft, lubrication with two cutoffs, each rigid and soft.
+    // Of two shear rates: Ball-Melrose rigid and soft, lubrication with two cutoffs, each rigid and
+    // soft.
     assert_eq!(campaign.cases.len(), 2 * (2 + 4));
     for (_, case) in &campaign.cases {
         let p = &case.params;

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 /// Cancel the submitted tasks of a campaign
 ///
-/// Running tasks checkpoint and publish before they end; the command waits for them. `sweep submit` continues from there.
+/// Running tasks checkpoint and publish before they end; the command waits for them. `sweep submit`
+/// continues from there.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep cancel sweeps/figure-11.toml\n  sweep cancel results/figure-11.sqlite --job 4711"

@@ -8,7 +8,10 @@ use std::path::PathBuf;
 
 /// Verify the contents of a store by its checksums
 ///
-/// Reads only. Runs the integrity check of SQLite and compares every result, sample, failure and frame with its digest. The exit code is 1 if something is damaged. `sweep run` recomputes damaged runs with the same digits; `sweep merge NEW DAMAGED` recovers the intact part of an unreadable file.
+/// Reads only. Runs the integrity check of SQLite and compares every result, sample, failure and
+/// frame with its digest. The exit code is 1 if something is damaged. `sweep run` recomputes
+/// damaged runs with the same digits; `sweep merge NEW DAMAGED` recovers the intact part of an
+/// unreadable file.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep check results/figure-11.sqlite\n  sweep check results/figure-11.sqlite --json"

@@ -12,13 +12,15 @@ use serde::Serialize;
 
 /// Print results in the units of published soft-sphere simulations
 ///
-/// Lengths in radii of the small spheres, a layer one small radius thick, viscosities without the stresslets of isolated spheres; the formulas are in docs/published-models.md. Reads only.
+/// Lengths in radii of the small spheres, a layer one small radius thick, viscosities without the
+/// stresslets of isolated spheres; the formulas are in docs/published-models.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: sweep convert sweeps/quickstart.toml --where shear_rate=0.1,inf")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Only points with one of these values on an axis, named by its key in the campaign file; repeatable
+    /// Only points with one of these values on an axis, named by its key in the campaign file;
+    /// repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
 }

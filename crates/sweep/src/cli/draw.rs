@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// Draw the spheres of one run at a kept strain, with the forces of their contacts
 ///
-/// `sweep run --trajectory` keeps the frames. Lines between centres are contacts, with a width proportional to the normal force. A suspension is viewed along the vorticity, the nearest spheres in front. Reads only.
+/// `sweep run --trajectory` keeps the frames. Lines between centres are contacts, with a width
+/// proportional to the normal force. A suspension is viewed along the vorticity, the nearest
+/// spheres in front. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \

@@ -14,7 +14,10 @@ use std::path::{Path, PathBuf};
 
 /// Write the kept frames of one run, for OVITO or as tables
 ///
-/// `sweep run --trajectory` keeps the frames. Extended XYZ has one frame per sampled strain with the sheared cell, the run, species by size, numbers, radii, orientations (quaternions), stresslets, contact counts and velocities; contacts go to a table and to a file of bonds that OVITO loads.
+/// `sweep run --trajectory` keeps the frames. Extended XYZ has one frame per sampled strain with
+/// the sheared cell, the run, species by size, numbers, radii, orientations (quaternions),
+/// stresslets, contact counts and velocities; contacts go to a table and to a file of bonds that
+/// OVITO loads.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
@@ -27,7 +30,8 @@ pub(crate) struct Arguments {
     /// Format of the spheres
     #[arg(long, value_enum, default_value_t = Form::Extxyz)]
     format: Form,
-    /// File of the spheres; contacts go to NAME.contacts.csv, and with extended XYZ to NAME.bonds.dump [default: the spheres on standard output]
+    /// File of the spheres; contacts go to NAME.contacts.csv, and with extended XYZ to
+    /// NAME.bonds.dump [default: the spheres on standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Export every Nth kept frame

@@ -14,8 +14,9 @@ use std::path::PathBuf;
 
 /// Fit the Wyart-Cates model to the viscosities of a campaign
 ///
-/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction, the stress sigma_c at which friction
-/// sets in and the exponent beta of its onset, and a prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
+/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction,
+/// the stress sigma_c at which friction sets in and the exponent beta of its onset, and a
+/// prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep fit sweeps/figure-14.toml\n  sweep fit sweeps/figure-14.toml --where c=0.57..0.75 --figure fit.svg --csv residuals.csv\n  \

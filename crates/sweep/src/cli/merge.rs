@@ -9,7 +9,11 @@ use std::path::PathBuf;
 
 /// Merge the shards that tasks published into the store of their campaign
 ///
-/// May be repeated in any order, also while tasks run: unchanged shards are not read again. Complete runs replace partial ones, and later attempts earlier ones. Runs computed twice must agree to the last bit; disagreeing ones are listed, and the exit code is 1. The same holds for a damaged shard, of which the intact part is merged. This also recovers a damaged store into a new one; `sweep run` then recomputes the rest with the same digits.
+/// May be repeated in any order, also while tasks run: unchanged shards are not read again.
+/// Complete runs replace partial ones, and later attempts earlier ones. Runs computed twice must
+/// agree to the last bit; disagreeing ones are listed, and the exit code is 1. The same holds for a
+/// damaged shard, of which the intact part is merged. This also recovers a damaged store into a new
+/// one; `sweep run` then recomputes the rest with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \

@@ -14,7 +14,8 @@ use std::path::PathBuf;
 
 /// Drive two spheres past each other
 ///
-/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until x1 - x2 = 2X.
+/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load
+/// 0, until x1 - x2 = 2X.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json\n  \

@@ -14,7 +14,8 @@ pub(crate) struct StoreArguments {
     /// The campaign file in its present version, or its store with the version last run
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds
+    /// `sweeps/`, or beside the file]
     #[arg(long, value_name = "STORE")]
     store: Option<PathBuf>,
 }
@@ -65,7 +66,8 @@ impl StoreArguments {
         Ok(store)
     }
 
-    /// Opens the store for reading, with a note if it was last run with another version of the campaign file.
+    /// Opens the store for reading, with a note if it was last run with another version of the
+    /// campaign file.
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;
         print_warning(&store);

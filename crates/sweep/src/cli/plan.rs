@@ -17,7 +17,8 @@ use std::path::PathBuf;
 
 /// Show the plan of a campaign: axes, runs, estimated time and disk space
 ///
-/// Writes nothing. CPU times come from runs that this build has measured on this machine, or else from short runs of a few seconds in all. Runs in the store of the campaign are left out.
+/// Writes nothing. CPU times come from runs that this build has measured on this machine, or else
+/// from short runs of a few seconds in all. Runs in the store of the campaign are left out.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \
@@ -27,7 +28,8 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store whose runs are left out [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store whose runs are left out [default: results/NAME.sqlite in the folder that holds
+    /// `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Include frames at every sampled strain, as `sweep run --trajectory` keeps them

@@ -13,7 +13,9 @@ use std::path::PathBuf;
 
 /// Remove the runs of a store that are not in its campaign file
 ///
-/// Editing a campaign file keeps the runs that are no longer in it: they are used again if they return. This removes them, after a prompt with their number. For a store, the campaign file is the one it was last run with.
+/// Editing a campaign file keeps the runs that are no longer in it: they are used again if they
+/// return. This removes them, after a prompt with their number. For a store, the campaign file is
+/// the one it was last run with.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep prune sweeps/quickstart.toml\n  sweep prune sweeps/quickstart.toml --yes --json"

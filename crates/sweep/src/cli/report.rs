@@ -22,7 +22,8 @@ use std::path::{Path, PathBuf};
 
 /// Print the results of a campaign, averaged over seeds
 ///
-/// Reads only; works while the campaign runs. Prints a table unless one of the files below is given.
+/// Reads only; works while the campaign runs. Prints a table unless one of the files below is
+/// given.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
@@ -47,7 +48,8 @@ pub(crate) struct Arguments {
     /// Further stores or campaign files for the same figure
     #[arg(value_name = "MORE")]
     more: Vec<PathBuf>,
-    /// Only points with one of these values on an axis, named by its key in the campaign file; repeatable
+    /// Only points with one of these values on an axis, named by its key in the campaign file;
+    /// repeatable
     #[arg(
         long = "where",
         value_name = "KEY=VALUE[,VALUE..]",
@@ -67,7 +69,8 @@ pub(crate) struct Arguments {
     with_doubtful: bool,
     #[command(flatten)]
     files: Files,
-    /// Physical units for tables, figures and the page: radius a, viscosity mu and optionally the critical load f_crit, as in a=1um,mu=1mPas,f_crit=10pN
+    /// Physical units for tables, figures and the page: radius a, viscosity mu and optionally the
+    /// critical load f_crit, as in a=1um,mu=1mPas,f_crit=10pN
     #[arg(
         long,
         value_name = "A,MU,F_CRIT",

@@ -19,7 +19,12 @@ use std::time::Duration;
 
 /// Compute the open runs of a campaign, then print its report
 ///
-/// Finished runs in the store are not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The same command continues, with the same bits as without the interruption. Several processes may run the same campaign on one machine: they share its cases. A case of a dead process continues from its last checkpoint: immediately on the same machine, after two minutes without a heartbeat on another. If its processes die five times in a row without a new checkpoint, it ends as failed.
+/// Finished runs in the store are not computed again. A signal (Ctrl-C) checkpoints and stops; a
+/// second one aborts. The same command continues, with the same bits as without the interruption.
+/// Several processes may run the same campaign on one machine: they share its cases. A case of a
+/// dead process continues from its last checkpoint: immediately on the same machine, after two
+/// minutes without a heartbeat on another. If its processes die five times in a row without a new
+/// checkpoint, it ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
@@ -31,7 +36,8 @@ use std::time::Duration;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the
+    /// file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Cases computed in parallel [default: the cores of the machine]
@@ -47,13 +53,16 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a case ends as failed, as 90s, 15m or 2h [default: 50 times its estimate, at least half an hour]
+    /// Computing time after which a case ends as failed, as 90s, 15m or 2h [default: 50 times its
+    /// estimate, at least half an hour]
     #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
     max_wall_time: Option<Duration>,
-    /// Wall time after which the program checkpoints and stops, as 90s, 15m or 2h; the same command continues
+    /// Wall time after which the program checkpoints and stops, as 90s, 15m or 2h; the same command
+    /// continues
     #[arg(long, value_name = "TIME", conflicts_with = "shard", value_parser = parse_positive_duration)]
     time_limit: Option<Duration>,
-    /// Points to compute first: KEY for the lowest values of an axis, -KEY for the highest, KEY=VALUE[,VALUE..] for these; the first option counts most
+    /// Points to compute first: KEY for the lowest values of an axis, -KEY for the highest,
+    /// KEY=VALUE[,VALUE..] for these; the first option counts most
     #[arg(
         long,
         value_name = "KEY[=VALUE,..]",
@@ -61,16 +70,20 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     priority: Vec<String>,
-    /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a terminal, else lines]
+    /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a
+    /// terminal, else lines]
     #[arg(long, value_name = "HOW")]
     progress: Option<Style>,
-    /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error, SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file
+    /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error,
+    /// SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file
     #[arg(long, value_name = "COMMAND", conflicts_with = "shard")]
     on_finish: Option<String>,
-    /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead of computing them; repeatable
+    /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead
+    /// of computing them; repeatable
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
     reuse: Vec<PathBuf>,
-    /// Keep a frame at every sampled strain, for `sweep export` and movies; finished cases are not recomputed for it
+    /// Keep a frame at every sampled strain, for `sweep export` and movies; finished cases are not
+    /// recomputed for it
     #[arg(long)]
     trajectory: bool,
     #[command(flatten)]
@@ -82,7 +95,8 @@ pub(crate) struct Arguments {
 #[command(next_help_heading = "One task of a cluster")]
 #[group(requires = "shard")]
 pub(crate) struct ClusterArguments {
-    /// Compute slice I (from 0) of N in a separate store and publish it as a shard. TERM and USR1 checkpoint, publish, and have Slurm restart the task if work is left
+    /// Compute slice I (from 0) of N in a separate store and publish it as a shard. TERM and USR1
+    /// checkpoint, publish, and have Slurm restart the task if work is left
     #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
     shard: Option<Part>,
     /// File of slices from `sweep submit` [default: cut all cases of the file]
@@ -127,7 +141,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     result
 }
 
-/// Runs the user's command at the end. Its output goes to standard error, and its outcome has no effect.
+/// Runs the user's command at the end. Its output goes to standard error, and its outcome has no
+/// effect.
 fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
     let outcome = match code {
         exit::DONE => "done",
@@ -225,7 +240,8 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     }
 }
 
-/// Notes how a changed campaign compares with its store: runs kept, new, and no longer in the campaign.
+/// Notes how a changed campaign compares with its store: runs kept, new, and no longer in the
+/// campaign.
 fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
         orphans,

@@ -13,7 +13,9 @@ use std::path::PathBuf;
 
 /// Print results of each segment: averages, stress after a reversal, harmonics of an oscillation
 ///
-/// For campaigns with [[protocol.segment]] tables. Means over runs with 95 % intervals; docs/protocols.md defines the numbers. `sweep report` shows the last segment, or another with `--segment`. Reads only.
+/// For campaigns with [[protocol.segment]] tables. Means over runs with 95 % intervals;
+/// docs/protocols.md defines the numbers. `sweep report` shows the last segment, or another with
+/// `--segment`. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep segments reversal.toml\n  sweep segments reversal.toml --where shear_rate=10 --json\n  \

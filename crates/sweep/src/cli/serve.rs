@@ -16,7 +16,8 @@ use std::net::{SocketAddr, ToSocketAddrs as _};
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Address and port; port 0 selects a free one. Any address but loopback lets others on the network read the results
+    /// Address and port; port 0 selects a free one. Any address but loopback lets others on the
+    /// network read the results
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420", value_parser = address)]
     listen: SocketAddr,
 }

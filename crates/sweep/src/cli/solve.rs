@@ -13,8 +13,9 @@ use std::path::PathBuf;
 const INPUT_LIMIT: u64 = 16 << 20;
 /// Solve one instant of one configuration
 ///
-/// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`, `background`, `forces`, `torques`,
-/// `lubrication`, `contact`; docs/json.md describes them. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+/// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`,
+/// `background`, `forces`, `torques`, `lubrication`, `contact`; docs/json.md describes them.
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"

@@ -13,7 +13,8 @@ use std::path::PathBuf;
 
 /// Print the structure of layers: contacts, clusters, percolation, rigid clusters, fabric
 ///
-/// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and over runs, with 95 % intervals. docs/structure.md defines the numbers. Reads only.
+/// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and
+/// over runs, with 95 % intervals. docs/structure.md defines the numbers. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep structure sweeps/quickstart.toml\n  sweep structure results/quickstart.sqlite 3\n  \
@@ -24,7 +25,8 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// A single run: the beginning of its key, or its number in the campaign file, from 1 [default: all finished runs]
+    /// A single run: the beginning of its key, or its number in the campaign file, from 1 [default:
+    /// all finished runs]
     case: Option<String>,
     /// Only points with one of these values on an axis, or in a range; repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]

@@ -30,7 +30,11 @@ const SCRIPT_OPTIONS: [&str; 7] = [
 
 /// Submit the open runs of a campaign to Slurm, as one array of tasks
 ///
-/// Merges the published shards, cuts the open cases into slices of equal estimated cost, and submits one array job whose tasks compute one slice each with `sweep run --shard`. A task that reaches its time limit checkpoints and is restarted until its slice is done. Cases of earlier tasks that still run are left out. No environment is exported to the tasks; the program is copied into the folder of shards, so that it may be rebuilt meanwhile.
+/// Merges the published shards, cuts the open cases into slices of equal estimated cost, and
+/// submits one array job whose tasks compute one slice each with `sweep run --shard`. A task that
+/// reaches its time limit checkpoints and is restarted until its slice is done. Cases of earlier
+/// tasks that still run are left out. No environment is exported to the tasks; the program is
+/// copied into the folder of shards, so that it may be rebuilt meanwhile.
 #[derive(Debug, clap::Args)]
 #[expect(
     clippy::struct_excessive_bools,
@@ -48,8 +52,8 @@ pub(crate) struct Arguments {
     /// Scheduler of the tasks
     #[arg(long, value_enum, default_value_t = Kind::Slurm)]
     engine: Kind,
-    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside
-    /// the file]
+    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder
+    /// that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Number of tasks [default: each needs about half of --time]
@@ -61,7 +65,8 @@ pub(crate) struct Arguments {
     /// Maximum number of tasks that run at the same time
     #[arg(long, value_name = "N", value_parser = positive)]
     throttle: Option<NonZeroUsize>,
-    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
+    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default:
+    /// the site's]
     #[arg(long, value_name = "TIME")]
     time: Option<TimeLimit>,
     /// Partition of the cluster

@@ -1,5 +1,5 @@
-//! This machine as a scheduler: a script in the background that runs the tasks one after another. A job is
-//! named by the number and the start of its process.
+//! This machine as a scheduler: a script in the background that runs the tasks one after another. A
+//! job is named by the number and the start of its process.
 
 use super::{ActiveTask, Job, SchedulerError};
 use std::os::unix::process::CommandExt as _;
@@ -58,7 +58,8 @@ pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
         .stdin(Stdio::null())
         .stdout(log.try_clone().map_err(refused)?)
         .stderr(log)
-        // A separate process group, so that it receives no Ctrl-C for others and all its tasks can be ended together.
+        // A separate process group, so that it receives no Ctrl-C for others and all its tasks can
+        // be ended together.
         .process_group(0)
         .spawn()
         .map_err(refused)?;

@@ -1,6 +1,8 @@
 //! Shards: stores of a part of a campaign that one task computes and publishes.
 //!
-//! A task works in a private store on a local disk and copies it, whole and synced, into the shared folder under a unique name. A published shard is only ever replaced by a newer one: readers need no locks.
+//! A task works in a private store on a local disk and copies it, whole and synced, into the shared
+//! folder under a unique name. A published shard is only ever replaced by a newer one: readers need
+//! no locks.
 
 mod error;
 mod publish;
@@ -17,7 +19,8 @@ use std::time::SystemTime;
 
 /// Ending of a shard's name.
 const ENDING: &str = ".sqlite";
-/// File with the runs that were begun when a plan was made, in its folder, so that its tasks continue them.
+/// File with the runs that were begun when a plan was made, in its folder, so that its tasks
+/// continue them.
 pub(crate) const BEGUN: &str = "begun.sqlite";
 
 /// The folder of shards that belongs to a store: `results/NAME.shards` for `results/NAME.sqlite`.

@@ -10,7 +10,8 @@ use std::time::Duration;
 
 /// Maximum size of an array where the site does not report it: the default of Slurm.
 pub(crate) const DEFAULT_ARRAY: usize = 1001;
-/// Environment variables by which a user selects a destination for jobs. All others that `sbatch` reads could override the script.
+/// Environment variables by which a user selects a destination for jobs. All others that `sbatch`
+/// reads could override the script.
 const CHOICES: [&str; 7] = [
     "SBATCH_ACCOUNT",
     "SBATCH_PARTITION",
@@ -92,7 +93,8 @@ impl std::str::FromStr for TimeLimit {
 }
 
 impl Slurm {
-    /// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the signal may come a minute early, and with less than a minute of warning it may never come.
+    /// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the
+    /// signal may come a minute early, and with less than a minute of warning it may never come.
     fn warning_s(&self) -> u64 {
         let limit = self
             .time
@@ -127,7 +129,9 @@ impl Slurm {
         option(&format!("--signal=B:USR1@{}", self.warning_s()));
         option("--requeue --open-mode=append --output=log-%A_%a");
         let command = job.task_command("$SLURM_ARRAY_TASK_ID")?;
-        // sweep replaces the shell, so that signals reach it. The environment of the submitting user is not exported, so Slurm's programs are searched for in the folder where they were found at submission.
+        // sweep replaces the shell, so that signals reach it. The environment of the submitting
+        // user is not exported, so Slurm's programs are searched for in the folder where they were
+        // found at submission.
         let _ = write!(
             script,
             "# Campaign {}: {} tasks, one slice of the open cases each. Made by sweep submit.
@@ -244,7 +248,8 @@ pub(super) fn this_task(task: usize) -> Option<TaskName> {
 /// Requeues a task, unless it was cancelled.
 pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
     let name = format!("{}_{}", task.job, task.task);
-    // The signal before the time limit is only sent for that; TERM may mean the limit, a preemption or a cancellation.
+    // The signal before the time limit is only sent for that; TERM may mean the limit, a preemption
+    // or a cancellation.
     if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
         let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
         let ending = matches!(state, "COMPLETING" | "CANCELLED");

@@ -1,4 +1,5 @@
-//! Measured runs, kept in the user's cache: a file for every machine and build, a line of JSON for every run.
+//! Measured runs, kept in the user's cache: a file for every machine and build, a line of JSON for
+//! every run.
 //!
 //! The cache only saves time: a missing, damaged or unwritable file is no error.
 

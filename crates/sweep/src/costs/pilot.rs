@@ -52,9 +52,11 @@ struct ShortRun {
     has_ended: Condvar,
 }
 
-/// Makes short runs of points without similar measured runs, those with the most work first. `points` are cases with their multiplicity.
+/// Makes short runs of points without similar measured runs, those with the most work first.
+/// `points` are cases with their multiplicity.
 ///
-/// Near jamming a single step can exceed the available time. Such a step counts with the time it has taken so far, and its thread is abandoned.
+/// Near jamming a single step can exceed the available time. Such a step counts with the time it
+/// has taken so far, and its thread is abandoned.
 pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> Vec<Trial> {
     let chosen = choose(costs, points);
     if chosen.is_empty() {
@@ -179,7 +181,8 @@ impl ShortRun {
         done
     }
 
-    /// A layer with contacts, sheared up to [`LEAD_IN`] if time permits, that continues with the steps of the case.
+    /// A layer with contacts, sheared up to [`LEAD_IN`] if time permits, that continues with the
+    /// steps of the case.
     fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<AnySimulation, Error> {
         let begun = Instant::now();
         let (case, seed) = (&self.case, self.seed);
@@ -205,7 +208,8 @@ impl ShortRun {
     }
 }
 
-/// The points to try: repeatedly the point with the most work among those unlike all known or chosen ones.
+/// The points to try: repeatedly the point with the most work among those unlike all known or
+/// chosen ones.
 fn choose<'c>(costs: &Costs, points: &[(&'c Case, f64)]) -> Vec<&'c Case> {
     let mut open: Vec<(&Case, f64, Vec<_>)> = points
         .iter()

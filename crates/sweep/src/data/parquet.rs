@@ -1,4 +1,5 @@
-//! Tables as Parquet: typed columns, so that no reader has to guess, and their units and meanings in the file itself.
+//! Tables as Parquet: typed columns, so that no reader has to guess, and their units and meanings
+//! in the file itself.
 
 use super::{Cells, DataColumn, Word};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
@@ -11,7 +12,9 @@ use parquet::schema::types::Type as Field;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// A Parquet file that is being written. Text columns are strings, counts 64-bit integers, other numbers doubles, missing values null. The metadata hold `NAME.unit` and `NAME.meaning` of every column.
+/// A Parquet file that is being written. Text columns are strings, counts 64-bit integers, other
+/// numbers doubles, missing values null. The metadata hold `NAME.unit` and `NAME.meaning` of every
+/// column.
 pub struct ParquetFile<W: Write + Send>(SerializedFileWriter<W>);
 
 impl<W: Write + Send> ParquetFile<W> {

@@ -1,6 +1,9 @@
-//! The axes of a campaign: all that distinguishes its points, which a file may vary besides the seeds.
+//! The axes of a campaign: all that distinguishes its points, which a file may vary besides the
+//! seeds.
 //!
-//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside them in `volume_fraction`. The campaign file, keys of cases, columns and views of the store, tables, figures, pages and selections all use this one list.
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside
+//! them in `volume_fraction`. The campaign file, keys of cases, columns and views of the store,
+//! tables, figures, pages and selections all use this one list.
 
 mod volume_fraction;
 
@@ -261,7 +264,8 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination>
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// The same of a run in segments, and where friction or shear rate have no effect beside the other, the parameters with both as they are given.
+/// The same of a run in segments, and where friction or shear rate have no effect beside the other,
+/// the parameters with both as they are given.
 ///
 /// # Errors
 /// As [`params_of`].

@@ -20,11 +20,13 @@ pub struct Campaign {
     pub text: String,
     /// Protocol of every run.
     pub protocol: Protocol,
-    /// Its cases in the order of the file, seeds innermost; with a requested precision, all that it may need.
+    /// Its cases in the order of the file, seeds innermost; with a requested precision, all that it
+    /// may need.
     pub cases: Vec<(CaseKey, Case)>,
     /// Points with a requested precision.
     pub rules: Vec<PointRule>,
-    /// Further runs of the file that are identical to one of its cases: friction has no effect at Γ = 0, nor has the shear rate without friction.
+    /// Further runs of the file that are identical to one of its cases: friction has no effect at
+    /// Γ = 0, nor has the shear rate without friction.
     pub folded: usize,
 }
 
@@ -57,7 +59,8 @@ impl Campaign {
             })
     }
 
-    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is averaged.
+    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is
+    /// averaged.
     ///
     /// # Errors
     /// A message, where there is no such segment.
@@ -82,8 +85,8 @@ impl Campaign {
         Ok(self)
     }
 
-    /// Default path of its store: `results/NAME.sqlite` in its project, which is the folder that holds
-    /// `sweeps/`, or where there is no such folder, the one of the file.
+    /// Default path of its store: `results/NAME.sqlite` in its project, which is the folder that
+    /// holds `sweeps/`, or where there is no such folder, the one of the file.
     pub fn default_store(&self) -> PathBuf {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let project = folder

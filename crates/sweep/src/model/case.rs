@@ -5,7 +5,8 @@ use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write as _};
 
-/// Version of the physics, raised whenever the same parameters and seed give other numbers: old results then keep their old keys.
+/// Version of the physics, raised whenever the same parameters and seed give other numbers: old
+/// results then keep their old keys.
 pub const PHYSICS_VERSION: u32 = 1;
 
 /// One run of a campaign.
@@ -22,7 +23,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal numbers.
+    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal
+    /// numbers.
     pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
         params.settle();
         let in_steps = protocol.with_time_step(params.time_step);
@@ -36,8 +38,9 @@ impl Case {
 
     /// Hash of all that determines the samples of the run, and of nothing else.
     ///
-    /// The name of the campaign, the strain discarded and the checkpoint interval are not in it: they change no sample. Nor is
-    /// the length of the run: a short run is the beginning of a long one.
+    /// The name of the campaign, the strain discarded and the checkpoint interval are not in it:
+    /// they change no sample. Nor is the length of the run: a short run is the beginning of a long
+    /// one.
     pub fn key(&self) -> CaseKey {
         let params = serde_json::to_string(&self.params);
         debug_assert!(params.is_ok(), "numbers and names always have JSON");
@@ -91,7 +94,8 @@ impl Case {
     }
 }
 
-/// Estimated seconds of one step on a common core: good enough for the order of runs and for progress bars.
+/// Estimated seconds of one step on a common core: good enough for the order of runs and for
+/// progress bars.
 pub(crate) fn step_cost(params: &Params) -> f64 {
     let n = params.spheres as f64;
     // Measured at 60 and 200 spheres, φ = 0.45.
@@ -139,7 +143,8 @@ pub(crate) fn without_shear(params: &Params) -> Params {
 pub struct CaseKey([u8; 16]);
 
 impl CaseKey {
-    /// Of a case with these parameters as JSON. The names and their order are part of the key: never change them.
+    /// Of a case with these parameters as JSON. The names and their order are part of the key:
+    /// never change them.
     pub(crate) fn of_text(params: &str, seed: u64, sample_stride: u64) -> Self {
         let mut text = String::with_capacity(params.len() + 96);
         let _ = write!(
@@ -236,7 +241,8 @@ mod tests {
             };
             step_cost(&params)
         };
-        // Milliseconds, of steps of two stages at c = 0.7; those of 400 and 1000 spheres by pairs on a machine 1.6 times as fast, times that.
+        // Milliseconds, of steps of two stages at c = 0.7; those of 400 and 1000 spheres by pairs
+        // on a machine 1.6 times as fast, times that.
         for (hydrodynamics, spheres, measured) in [
             (BallMelrose, 90, 1.2),
             (BallMelrose, 400, 9.0),

@@ -1,4 +1,5 @@
-//! The format of a checkpoint: versioned, with a checksum and all that the rest of the run and its result need.
+//! The format of a checkpoint: versioned, with a checksum and all that the rest of the run and its
+//! result need.
 
 use crate::spaces::AnySnapshot;
 use sd_core::Sample;
@@ -56,7 +57,8 @@ pub(crate) fn can_be_kept(sample: &Sample) -> bool {
 }
 
 impl Checkpoint {
-    /// Largest checkpoint that is read, in bytes: ten thousand spheres with ten thousand samples have less than 4 MiB.
+    /// Largest checkpoint that is read, in bytes: ten thousand spheres with ten thousand samples
+    /// have less than 4 MiB.
     pub const SIZE_LIMIT: usize = 64 << 20;
 
     /// As bytes.

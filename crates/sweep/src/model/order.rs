@@ -1,4 +1,8 @@
-//! The order of work: the user's priorities, then one seed of every point, the cheapest first, so that curves appear early; then the other seeds, the most expensive first, so that no core idles at the end; then the seeds that precisions request, the batch with the largest gain per second first. Where every point has one seed only, the most expensive points, which account for 75 % of the work, are ordered like the other seeds.
+//! The order of work: the user's priorities, then one seed of every point, the cheapest first, so
+//! that curves appear early; then the other seeds, the most expensive first, so that no core idles
+//! at the end; then the seeds that precisions request, the batch with the largest gain per second
+//! first. Where every point has one seed only, the most expensive points, which account for 75 % of
+//! the work, are ordered like the other seeds.
 
 use super::axes::{AXES, Axis, Identity, Value, identity};
 use super::campaign::Campaign;
@@ -43,8 +47,8 @@ pub struct Priority {
 }
 
 impl Priority {
-    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these values first, in this order);
-    /// what is given first counts most.
+    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these
+    /// values first, in this order); what is given first counts most.
     ///
     /// # Errors
     /// A message about the fault.
@@ -128,8 +132,8 @@ fn is(wanted: &str, value: Value) -> bool {
     }
 }
 
-/// The rank of every case, in the order of the file. Cases that precisions may add share one, after all others of their
-/// priority.
+/// The rank of every case, in the order of the file. Cases that precisions may add share one, after
+/// all others of their priority.
 pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
     let mut later = vec![false; campaign.cases.len()];
     for rule in &campaign.rules {
@@ -251,7 +255,8 @@ mod tests {
         );
     }
 
-    /// Time from the first start to the last end where each of some workers takes the next case once it is free.
+    /// Time from the first start to the last end where each of some workers takes the next case
+    /// once it is free.
     fn time_needed(ranks: &[u64], costs: &[f64], workers: usize) -> f64 {
         let mut cases: Vec<_> = ranks.iter().zip(costs).collect();
         cases.sort_by_key(|(rank, _)| **rank);

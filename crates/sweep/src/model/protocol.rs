@@ -4,18 +4,21 @@ use crate::format::short;
 use sd_core::model::Segment;
 use serde::{Deserialize, Serialize};
 
-/// The `[protocol]` table without the time step, which is a parameter of the run. All values are strains.
+/// The `[protocol]` table without the time step, which is a parameter of the run. All values are
+/// strains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Protocol {
     /// Length of a run, a whole number of steps; that of its segments together.
     pub strain: f64,
-    /// The start of a run that averages leave out; with segments, all before the last one and its discarded strain.
+    /// The start of a run that averages leave out; with segments, all before the last one and its
+    /// discarded strain.
     pub discard: Discard,
     /// Strain from one checkpoint to the next, at least one step.
     pub checkpoint_every: f64,
     /// Strain from one sample to the next, a whole number of steps.
     pub sample_every: f64,
-    /// Whether samples record the contact network: `observe = ["network"]`. This does not change the run.
+    /// Whether samples record the contact network: `observe = ["network"]`. This does not change
+    /// the run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub observes_network: bool,
     /// Segments of a run, in order; empty for steady shear at the rate or stress of the grid.

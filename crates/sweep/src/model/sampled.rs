@@ -28,7 +28,8 @@ enum Place {
     Sum(fn(&StressComponents) -> f64),
     /// A part of a component of the stress.
     Part(fn(&mut StressComponents) -> &mut f64),
-    /// A number of the contact network, which most samples lack; defined in [`crate::structure::NAMED`].
+    /// A number of the contact network, which most samples lack; defined in
+    /// [`crate::structure::NAMED`].
     Network(fn(&mut NetworkSample) -> &mut f64),
 }
 use Place::{Count, Network, Part, Real, Sum, Total};
@@ -194,7 +195,8 @@ pub fn fields(sample: &Sample) -> Vec<Field> {
     kept.map(|number| Field::of(number, sample)).collect()
 }
 
-/// The numbers of a sample and the components of the stress derived from it, by the names of the columns of samples.
+/// The numbers of a sample and the components of the stress derived from it, by the names of the
+/// columns of samples.
 pub fn sample_fields(sample: &Sample) -> Vec<Field> {
     let all = NUMBERS.iter();
     all.map(|number| Field::of(number, sample)).collect()

@@ -1,4 +1,5 @@
-//! Layers and suspensions as one type: the only place where the parameters of a run select its space.
+//! Layers and suspensions as one type: the only place where the parameters of a run select its
+//! space.
 
 use sd_core::Started;
 use sd_core::simulation::{Counters, Flow, Frame};
@@ -46,7 +47,8 @@ pub(crate) fn check_start(params: &Params) -> Result<(), Error> {
     }
 }
 
-/// The dilute limit of the viscosity and its formula: Einstein's in a suspension, and in a layer that of its volume, `2 ⟨a⟩ A` for equal spheres.
+/// The dilute limit of the viscosity and its formula: Einstein's in a suspension, and in a layer
+/// that of its volume, `2 ⟨a⟩ A` for equal spheres.
 pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     match params.volume_fraction {
         Some(volume_fraction) => (1.0 + 2.5 * volume_fraction, "dilute 1 + 5φ/2"),

@@ -1,4 +1,5 @@
-//! Values on an axis as text: in the units of a report, with as few digits as distinguish different values.
+//! Values on an axis as text: in the units of a report, with as few digits as distinguish different
+//! values.
 
 use super::figure::log_axis::power_of_ten;
 use super::points::Report;
@@ -92,7 +93,8 @@ impl<'a> AxisWords<'a> {
         }
     }
 
-    /// The value with its symbol, for curves and panels: `Γ = ∞`, `h = 10⁻⁸ m`; keywords and named start layers without a symbol.
+    /// The value with its symbol, for curves and panels: `Γ = ∞`, `h = 10⁻⁸ m`; keywords and named
+    /// start layers without a symbol.
     pub(super) fn named(&self, params: &Params) -> String {
         if self.axis.is_numeric() && self.start(params).is_none() {
             let value = self.value(params).replace("inf", "∞");

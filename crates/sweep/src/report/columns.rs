@@ -1,4 +1,5 @@
-//! The columns of all tables: the axes of the campaign, then measured quantities. Tables, JSON, figures and the page use this list.
+//! The columns of all tables: the axes of the campaign, then measured quantities. Tables, JSON,
+//! figures and the page use this list.
 
 use super::error::ReportError;
 use super::figure::scale::count;
@@ -36,8 +37,8 @@ enum Content {
     Count(fn(&Runs<'_>) -> u64),
     /// Numbers; `None` for missing ones.
     Number(fn(&Runs<'_>) -> Option<f64>),
-    /// The mean over runs of one of their numbers, or of the number of a sample with this index in [`sampled::means`]. The half width
-    /// of its 95 % interval is in the next column, `NAME_ci95`.
+    /// The mean over runs of one of their numbers, or of the number of a sample with this index in
+    /// [`sampled::means`]. The half width of its 95 % interval is in the next column, `NAME_ci95`.
     Mean(fn(&PointRun, usize) -> Option<f64>, usize),
     /// Half width of that interval.
     Interval,
@@ -133,7 +134,8 @@ pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
     numbers.into()
 }
 
-/// The columns of tables besides the axes: by default all of them, in tables for people the main ones.
+/// The columns of tables besides the axes: by default all of them, in tables for people the main
+/// ones.
 #[derive(Debug, Clone, Default)]
 pub struct Columns(Option<Vec<&'static Column>>);
 

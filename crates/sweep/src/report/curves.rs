@@ -1,4 +1,5 @@
-//! Points as curves along one axis of the campaign, one curve per combination of values of the others.
+//! Points as curves along one axis of the campaign, one curve per combination of values of the
+//! others.
 
 use super::axis_words::AxisWords;
 use super::points::{Point, Report};
@@ -36,7 +37,8 @@ impl Label {
     }
 }
 
-/// Common settings of the curves of a figure: their axis, the axis of the panels, the units, and the names of start layers.
+/// Common settings of the curves of a figure: their axis, the axis of the panels, the units, and
+/// the names of start layers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shared<'a> {
     pub(super) along: Option<&'a Axis>,
@@ -68,7 +70,8 @@ pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve
                 .zip(AXES.iter())
                 .filter(|(_, axis)| !shared.is_along(axis))
                 .map(|(tag, _)| tag)
-                // Points of imposed stress and of imposed rate make curves of their own, as do those of several stores.
+                // Points of imposed stress and of imposed rate make curves of their own, as do
+                // those of several stores.
                 .chain([
                     Tag::Bits(point.params.shear_stress.is_some().into()),
                     Tag::Bits(place as u64),
@@ -106,7 +109,8 @@ pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve
         .collect()
 }
 
-/// The labels of some parameters, each with its campaign: without common values, the axis of the curves and that of the panels.
+/// The labels of some parameters, each with its campaign: without common values, the axis of the
+/// curves and that of the panels.
 pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> {
     let params = || all.iter().map(|(_, params)| *params);
     let differing: Vec<&Axis> = AXES

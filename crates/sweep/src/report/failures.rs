@@ -3,7 +3,8 @@
 use crate::case::without_shear;
 use crate::store::FailureLine;
 
-/// Runs that failed in the same way: with the same message and the same parameters but for the shear rate and the seed.
+/// Runs that failed in the same way: with the same message and the same parameters but for the
+/// shear rate and the seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FailureGroup {
     /// The first of them.

@@ -52,12 +52,14 @@ use std::path::Path;
 /// Kind of a figure.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
-    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
+    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit
+    /// dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
     #[default]
     Viscosity,
     /// Pairs in contact, activated, rolling and slipping, per sphere.
     Contacts,
-    /// Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band.
+    /// Viscosity against the strain since the start, mean over the finished runs of a point with
+    /// the 95 % Student interval over runs as a band.
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
@@ -69,7 +71,8 @@ pub enum Kind {
     FlowCurve,
     /// Mean approach velocity of the pairs in contact.
     ApproachVelocity,
-    /// State of the flow in the plane of --x and --y: continuous, discontinuous, shear-jammed, jammed, failed.
+    /// State of the flow in the plane of --x and --y: continuous, discontinuous, shear-jammed,
+    /// jammed, failed.
     StateDiagram,
 }
 
@@ -83,7 +86,8 @@ pub enum Quantity {
     /// From the stresslets alone, as eq. (20) of the paper reads.
     #[value(name = "viscosity_stresslet")]
     ViscosityStresslet,
-    /// Median over runs of their medians in time, insensitive to spikes near jamming, with the quartiles over runs.
+    /// Median over runs of their medians in time, insensitive to spikes near jamming, with the
+    /// quartiles over runs.
     #[value(name = "viscosity_median")]
     ViscosityMedian,
 }
@@ -97,10 +101,12 @@ pub struct Drawing {
     /// Viscosity of the figure [default: viscosity]
     #[arg(long, value_enum, requires = "figure", hide_short_help = true)]
     pub quantity: Option<Quantity>,
-    /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate where it varies; for contacts the friction]
+    /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate
+    /// where it varies; for contacts the friction]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
     pub along: Option<&'static Axis>,
-    /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of suspensions]
+    /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of
+    /// suspensions]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
     pub x: Option<&'static Axis>,
     /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]
@@ -157,11 +163,14 @@ pub struct Trace {
     points: Vec<(f64, Estimate)>,
 }
 
-/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by the beginning of its key, or else for each
-/// point the mean over its runs that averages count, at the strains at which all of them have a sample. While none of these is finished, the first run with samples is shown. At most one more than a figure can hold.
+/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by
+/// the beginning of its key, or else for each point the mean over its runs that averages count, at
+/// the strains at which all of them have a sample. While none of these is finished, the first run
+/// with samples is shown. At most one more than a figure can hold.
 ///
 /// # Errors
-/// An I/O or SQLite error; [`crate::store::StoreError::Case`] on a name that does not identify one selected run.
+/// An I/O or SQLite error; [`crate::store::StoreError::Case`] on a name that does not identify one
+/// selected run.
 pub fn traces(
     store: &Store,
     selection: &Selection,

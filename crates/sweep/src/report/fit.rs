@@ -35,7 +35,8 @@ impl FitReport {
     /// Fits the points selected, with runs averaged as in a report.
     ///
     /// # Errors
-    /// An I/O or SQLite error; [`ReportError::Argument`] where points differ in more than fraction and shear, or are too few.
+    /// An I/O or SQLite error; [`ReportError::Argument`] where points differ in more than fraction
+    /// and shear, or are too few.
     pub fn of(
         store: &Store,
         selection: &Selection,
@@ -112,7 +113,8 @@ impl FitReport {
         )
     }
 
-    /// Fraction, of area or of volume, stress, viscosity, that of the fit, and the residual of every point.
+    /// Fraction, of area or of volume, stress, viscosity, that of the fit, and the residual of
+    /// every point.
     pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> {
         self.data
             .iter()
@@ -212,7 +214,8 @@ fn refused(message: String) -> ReportError {
     ReportError::argument("FILE", message)
 }
 
-/// Refuses points that differ in more than fraction and shear. A frictionless plateau belongs to every friction.
+/// Refuses points that differ in more than fraction and shear. A frictionless plateau belongs to
+/// every friction.
 fn check(params: &[Params]) -> Result<(), ReportError> {
     let rubbing = || params.iter().filter(|params| params.friction > 0.0);
     let mut named = Vec::new();

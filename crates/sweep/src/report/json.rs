@@ -31,7 +31,8 @@ struct Physical<'r> {
     points: Vec<Row<'r>>,
 }
 
-/// A point as an object: the columns of the tables by name, `null` for missing values; in the units of a report if one is given.
+/// A point as an object: the columns of the tables by name, `null` for missing values; in the units
+/// of a report if one is given.
 struct Row<'r>(&'r Point, Option<&'r Report>);
 
 impl Serialize for Row<'_> {

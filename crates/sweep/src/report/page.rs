@@ -1,6 +1,7 @@
 //! The report as one self-contained page: summary, curves, traces, movies, failures, provenance.
 //!
-//! The page loads nothing from the network. All user text is JSON in a script element, with every `<`, `>` and `&` escaped, and is inserted as text only.
+//! The page loads nothing from the network. All user text is JSON in a script element, with every
+//! `<`, `>` and `&` escaped, and is inserted as text only.
 
 use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
@@ -66,7 +67,8 @@ struct Data<'r> {
     others: Value,
 }
 
-/// An axis: `unit` of converted values, their maximum significant `digits`, and `names` of named values.
+/// An axis: `unit` of converted values, their maximum significant `digits`, and `names` of named
+/// values.
 fn axis_data(report: &Report, axis: &'static Axis) -> Value {
     json!({
         "key": axis.key, "symbol": axis.symbol, "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
@@ -86,7 +88,8 @@ fn quantity_data(units: Units, column: &Column) -> Value {
     json!({"key": column.name, "label": label})
 }
 
-/// A point as an object: the columns of the tables by name, and the shear stress that its flow curve shows.
+/// A point as an object: the columns of the tables by name, and the shear stress that its flow
+/// curve shows.
 struct Row<'r>(&'r Report, &'r Point);
 
 impl Serialize for Row<'_> {
@@ -230,7 +233,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
 }
 
-/// The runs with movies: on a server all that keep frames; in a file the first of every point before the second of any, up to a size that still opens.
+/// The runs with movies: on a server all that keep frames; in a file the first of every point
+/// before the second of any, up to a size that still opens.
 fn filmed<'r>(
     store: &Store,
     all: impl Iterator<Item = (&'r PointRun, usize)>,
@@ -252,7 +256,8 @@ fn filmed<'r>(
     Ok(filmed.into_iter().map(|(_, run)| run.key.clone()).collect())
 }
 
-/// Histogram of the logarithm of the viscosity in the samples after a strain, from the first occupied bin.
+/// Histogram of the logarithm of the viscosity in the samples after a strain, from the first
+/// occupied bin.
 fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     for (_, viscosity) in trace.iter().filter(|(strain, viscosity)| {
@@ -338,7 +343,8 @@ fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
 
-/// Thins a trace to at most `most` points: the minimum and maximum of each section, so that no spike is lost.
+/// Thins a trace to at most `most` points: the minimum and maximum of each section, so that no
+/// spike is lost.
 fn thinned(trace: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     let short = |(strain, viscosity): (f64, f64)| {
         let digits = 10_f64.powf(4.0 - viscosity.abs().max(1e-9).log10().floor());

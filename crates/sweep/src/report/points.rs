@@ -1,4 +1,5 @@
-//! The points of a campaign: what its store holds, averaged over the runs that differ only in their seed.
+//! The points of a campaign: what its store holds, averaged over the runs that differ only in their
+//! seed.
 
 use super::columns::{Column, Columns, measure};
 use super::error::ReportError;
@@ -50,7 +51,8 @@ pub struct Report {
     pub computing: f64,
     /// Their CPU seconds, as far as known.
     pub processor: f64,
-    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor has the
+    /// shear rate without friction.
     pub shares_runs: bool,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
@@ -77,9 +79,11 @@ pub struct Point {
     pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
-    /// Seeds that count: with a requested precision those of its batches so far, else all of the file.
+    /// Seeds that count: with a requested precision those of its batches so far, else all of the
+    /// file.
     pub seeds_wanted: u64,
-    /// Half width of the 95 % interval over the mean, of the quantity with a requested precision, else of the viscosity.
+    /// Half width of the 95 % interval over the mean, of the quantity with a requested precision,
+    /// else of the viscosity.
     pub precision: Option<f64>,
     /// The requested precision and the state of its rule; `None` for a fixed number of seeds.
     pub rule: Option<(Precision, Decision)>,
@@ -228,7 +232,8 @@ fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
         .collect()
 }
 
-/// The runs of the points as written in the campaign file: a run that several points share belongs to each.
+/// The runs of the points as written in the campaign file: a run that several points share belongs
+/// to each.
 fn as_written(runs: Vec<PointRun>, text: &str) -> Vec<PointRun> {
     let points = WrittenPoints::of(text);
     if points.is_plain() {
@@ -303,7 +308,8 @@ impl Point {
         }
     }
 
-    /// Whether soft contacts yielded by more than the roughness height, so that the spheres themselves overlapped.
+    /// Whether soft contacts yielded by more than the roughness height, so that the spheres
+    /// themselves overlapped.
     pub(super) fn overlaps_too_much(&self) -> bool {
         let height = self.params.roughness;
         height > 0.0
@@ -321,7 +327,8 @@ impl Point {
         }
     }
 
-    /// Stores the mean over runs in a column, and the half width of its interval in the associated one.
+    /// Stores the mean over runs in a column, and the half width of its interval in the associated
+    /// one.
     pub(super) fn estimate(&self, name: &str) -> Option<Estimate> {
         Some(Estimate {
             ci95: self.number(&format!("{name}_ci95")),
@@ -412,7 +419,8 @@ impl Runs<'_> {
         wanted.unwrap_or(self.all.len()) as u64
     }
 
-    /// Half width of an interval over the mean, of the quantity with a requested precision, else of the viscosity.
+    /// Half width of an interval over the mean, of the quantity with a requested precision, else of
+    /// the viscosity.
     pub(super) fn precision(&self) -> Option<f64> {
         let measure = self
             .rule

@@ -72,7 +72,8 @@ impl Excerpt<'_> {
         file.finish()
     }
 
-    /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then the samples step by step.
+    /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary,
+    /// then the samples step by step.
     pub(crate) fn write_samples(
         &self,
         format: TableFormat,
@@ -109,7 +110,8 @@ impl Excerpt<'_> {
     }
 }
 
-/// The input for converting the numbers of a run to physical units. Under an imposed stress its rate is that of its mean viscosity.
+/// The input for converting the numbers of a run to physical units. Under an imposed stress its
+/// rate is that of its mean viscosity.
 fn at(run: &PointRun) -> At {
     let rate = match run.params.last_shear() {
         (rate, None) => Some(rate),
@@ -182,7 +184,8 @@ impl<'w> TableFile<'w> {
     }
 }
 
-/// The samples of a run as a table: each row has its key, seed and values on these axes. Without a run, only the columns.
+/// The samples of a run as a table: each row has its key, seed and values on these axes. Without a
+/// run, only the columns.
 fn table_of(
     run: Option<(&PointRun, &[(u64, Sample)])>,
     axes: &[&Axis],

@@ -170,7 +170,8 @@ impl SegmentReport {
     /// Reads the points selected.
     ///
     /// # Errors
-    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, a campaign without segments, and no finished run.
+    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, a
+    /// campaign without segments, and no finished run.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
         let (report, runs, places) = Report::with_runs(store, selection)?;
         let segments = store.protocol()?.segments;

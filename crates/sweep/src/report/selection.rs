@@ -40,7 +40,8 @@ impl Selection {
     /// Reads `KEY=VALUE[,VALUE..]`; values of a repeated key are combined.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] on a key that is not an axis, on a missing value, on a value that should be a number.
+    /// [`ReportError::Argument`] on a key that is not an axis, on a missing value, on a value that
+    /// should be a number.
     pub fn parse(texts: &[String]) -> Result<Self, ReportError> {
         let mut selection = Self::default();
         for text in texts {
@@ -95,7 +96,8 @@ impl Selection {
         })
     }
 
-    /// Checks that every requested value occurs at some point of the campaign, and all of them at some point.
+    /// Checks that every requested value occurs at some point of the campaign, and all of them at
+    /// some point.
     ///
     /// # Errors
     /// [`ReportError::Argument`] with the available values.

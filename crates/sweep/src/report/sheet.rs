@@ -171,7 +171,8 @@ impl Sheet {
         self
     }
 
-    /// The table as lines of text, in parts that fit into a width and begin with the same columns. Numbers are never split.
+    /// The table as lines of text, in parts that fit into a width and begin with the same columns.
+    /// Numbers are never split.
     pub(crate) fn text(&self, most: Option<u16>) -> String {
         let most = most.map_or(usize::MAX, usize::from);
         let (fixed, rest) = self.columns.split_at(self.fixed);

@@ -19,7 +19,8 @@ const CASING: f64 = 0.04;
 const CLUSTERS: [Colour; 7] = [
     COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[5], COLOURS[6], COLOURS[4], COLOURS[7],
 ];
-/// Fraction of numbers beyond an open end of a scale: near jamming, single spheres carry many times the load of others.
+/// Fraction of numbers beyond an open end of a scale: near jamming, single spheres carry many times
+/// the load of others.
 const BEYOND: f64 = 0.02;
 
 /// Quantity that colours the spheres.
@@ -65,8 +66,8 @@ pub struct SpherePicture {
 /// Draws the spheres of a case, identified by the beginning of its key or its number.
 ///
 /// # Errors
-/// An I/O or SQLite error, [`crate::store::StoreError::NoFrames`] without kept frames; [`ReportError::Argument`] on a strain outside the
-/// frames, and on a slab without spheres.
+/// An I/O or SQLite error, [`crate::store::StoreError::NoFrames`] without kept frames;
+/// [`ReportError::Argument`] on a strain outside the frames, and on a slab without spheres.
 pub fn draw_spheres(
     store: &Store,
     case: &str,
@@ -160,7 +161,8 @@ fn drawn<S: Kept>(
             halves[sphere].push((reach, strokes));
         }
     }
-    // Spheres, outlines of lines, lines; in a suspension the lines of a sphere lie on it, and all are in the first list.
+    // Spheres, outlines of lines, lines; in a suspension the lines of a sphere lie on it, and all
+    // are in the first list.
     let mut marks = <[Vec<Mark>; 3]>::default();
     for sphere in order {
         let (place, radius) = (&centres[sphere], network.radii[sphere]);

@@ -1,4 +1,5 @@
-//! Names of start layers: tables and legends show `end of forward` instead of the number on the axis.
+//! Names of start layers: tables and legends show `end of forward` instead of the number on the
+//! axis.
 
 use crate::axes::Axis;
 use crate::store::{Store, StoreError};
@@ -66,7 +67,8 @@ impl Starts {
         Ok(Self::of(&store.campaign_text()?, points))
     }
 
-    /// The name of the start layer of some parameters, if the axis is that of start layers and there is a name.
+    /// The name of the start layer of some parameters, if the axis is that of start layers and
+    /// there is a name.
     pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<String> {
         let start = params.start.as_ref().filter(|_| axis.key == "start")?;
         self.name(start.number()).map(str::to_owned)

@@ -1,4 +1,5 @@
-//! States of the points of a state diagram, and where the slope of their flow curves crosses a limit.
+//! States of the points of a state diagram, and where the slope of their flow curves crosses a
+//! limit.
 
 use super::points::Point;
 use crate::axes::{AXES, Axis, Tag, identity};
@@ -71,7 +72,8 @@ impl<'p> FlowCurve<'p> {
         self.points.iter().enumerate().filter_map(of).collect()
     }
 
-    /// State of each point; `None` where it is unknown. The slope at a point is that between its neighbours, or at an end that to its neighbour.
+    /// State of each point; `None` where it is unknown. The slope at a point is that between its
+    /// neighbours, or at an end that to its neighbour.
     pub(super) fn flows(&self) -> Vec<Option<Flow>> {
         let flowing = self.flowing();
         let mut slopes = vec![f64::NAN; self.points.len()];
@@ -128,7 +130,8 @@ impl<'p> FlowCurve<'p> {
     }
 }
 
-/// Groups of indices of points that differ only in the stress or the rate. Points of imposed stress and of imposed rate are in separate groups.
+/// Groups of indices of points that differ only in the stress or the rate. Points of imposed stress
+/// and of imposed rate are in separate groups.
 pub(super) fn grouped(points: &[&Point]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut place_of: HashMap<Vec<Tag>, usize> = HashMap::new();

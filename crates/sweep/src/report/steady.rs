@@ -6,7 +6,8 @@ use crate::format::significant;
 use crate::statistics::{Drift, Steadiness, mser_5};
 use crate::store::{PointRun, Store};
 
-/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read only then.
+/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read
+/// only then.
 pub(super) fn advice(
     store: &Store,
     drift: Option<Drift>,

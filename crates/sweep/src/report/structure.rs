@@ -48,7 +48,8 @@ pub enum StructureKind {
     ClusterSize,
 }
 
-/// Columns of the table for people: name, heading, significant digits, and rank at which it is dropped, the highest first.
+/// Columns of the table for people: name, heading, significant digits, and rank at which it is
+/// dropped, the highest first.
 const DEFAULT: [(&str, &str, u8); 9] = [
     ("coordination", "contacts\nof a sphere", 0),
     ("frictional_coordination", "frictional", 1),
@@ -71,7 +72,8 @@ impl StructureReport {
     /// Reads the points selected, or a single run by the beginning of its key or its number.
     ///
     /// # Errors
-    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, and without frames.
+    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, and
+    /// without frames.
     pub fn of(
         store: &Store,
         selection: &Selection,
@@ -213,7 +215,8 @@ impl StructureReport {
         draw_graphs_of(&graphs, axes, format, &origin)
     }
 
-    /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite angles.
+    /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite
+    /// angles.
     fn draw_map(&self, format: Format) -> Result<Vec<u8>, ReportError> {
         let [(place, structure)] = self.points.as_slice() else {
             let keys: Vec<&str> = self.axes().iter().map(|axis| axis.key).collect();

@@ -23,7 +23,8 @@ pub(super) fn styled(width: Option<u16>) -> Table {
     table
 }
 
-/// A table for a terminal of this width as text. Words and numbers are not split over lines, even if it gets wider than the terminal.
+/// A table for a terminal of this width as text. Words and numbers are not split over lines, even
+/// if it gets wider than the terminal.
 pub(crate) fn table<R: Into<Row>>(
     width: Option<u16>,
     heads: impl Into<Row>,

@@ -1,4 +1,5 @@
-//! Physical units: conversion of the numbers of a campaign for spheres of a given radius in a given fluid.
+//! Physical units: conversion of the numbers of a campaign for spheres of a given radius in a given
+//! fluid.
 //!
 //! ```text
 //! length          a                          force           F_crit
@@ -6,7 +7,9 @@
 //! stress          mu rate, F_crit/a²         velocity        a rate
 //! stiffness       F_crit/a, 6π mu a rate     dashpot         mu a
 //! ```
-//! Without the critical load F_crit there is no time scale, so rates and stresses are not converted. At the plateaus Γ = 0 and Γ = ∞ stresses and velocities are multiples of an undetermined rate and are left out.
+//! Without the critical load F_crit there is no time scale, so rates and stresses are not
+//! converted. At the plateaus Γ = 0 and Γ = ∞ stresses and velocities are multiples of an
+//! undetermined rate and are left out.
 
 use super::error::ReportError;
 use crate::axes::Axis;
@@ -85,7 +88,8 @@ impl Units {
     /// Reads `a=1um,mu=1mPas,f_crit=10pN`; `f_crit` is optional.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] on an unknown name, a unit of another kind, a number that is not positive.
+    /// [`ReportError::Argument`] on an unknown name, a unit of another kind, a number that is not
+    /// positive.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         let mut values: [Option<f64>; 3] = [None; 3];
         for part in text.split(',') {
@@ -127,7 +131,8 @@ impl Units {
         self.0.is_some()
     }
 
-    /// Conversion of numbers of a unit at a point: the new unit, and the factor, which is `None` without a finite scale. `None` if they are not converted.
+    /// Conversion of numbers of a unit at a point: the new unit, and the factor, which is `None`
+    /// without a finite scale. `None` if they are not converted.
     fn converted(&self, unit: &str, at: At) -> Option<(&'static str, Option<f64>)> {
         let Physical {
             radius,
@@ -186,7 +191,8 @@ impl Units {
         }
     }
 
-    /// A position along an axis; 0 and infinity are unchanged, and values without a finite scale become NaN.
+    /// A position along an axis; 0 and infinity are unchanged, and values without a finite scale
+    /// become NaN.
     pub(super) fn along(&self, axis: &Axis, at: At, place: f64) -> f64 {
         if self.of_axis(axis).is_none() || place == 0.0 || place.is_infinite() {
             return place;
@@ -200,7 +206,8 @@ impl Units {
         self.0.map_or(1.0, |physical| physical.viscosity)
     }
 
-    /// Label of a measured quantity in a figure: with a unit after conversion, and then without the symbol of a pure number.
+    /// Label of a measured quantity in a figure: with a unit after conversion, and then without the
+    /// symbol of a pure number.
     pub(super) fn label(&self, name: &str, unit: &str) -> String {
         let word = self.word(unit);
         if word == unit {
@@ -230,7 +237,8 @@ impl Units {
         }
     }
 
-    /// The error if nothing shown has a scale: at the plateaus stresses and velocities are known only up to the rate.
+    /// The error if nothing shown has a scale: at the plateaus stresses and velocities are known
+    /// only up to the rate.
     pub(super) fn without_scale() -> ReportError {
         refused(
             "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known only as multiples of the shear rate, and have no physical \
@@ -239,7 +247,8 @@ impl Units {
     }
 }
 
-/// A name without its final symbol, for a quantity that is a pure number only in the units of the program.
+/// A name without its final symbol, for a quantity that is a pure number only in the units of the
+/// program.
 fn without_symbol(name: &str) -> &str {
     name.trim_end_matches(" Γ").trim_end_matches(" σ*")
 }

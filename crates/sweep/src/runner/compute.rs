@@ -12,7 +12,8 @@ use sd_core::Sample;
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
-/// Minimum computing time between checkpoints, as a multiple of the duration of the last one: they take less than 1 %.
+/// Minimum computing time between checkpoints, as a multiple of the duration of the last one: they
+/// take less than 1 %.
 const CHECKPOINT_SHARE: u32 = 100;
 
 /// Default limit of the computing time of a case, as a multiple of its estimate.
@@ -251,7 +252,8 @@ impl Shared<'_> {
         Ok(None)
     }
 
-    /// A clock for one run. A single run uses all threads of the process; otherwise each run uses one thread.
+    /// A clock for one run. A single run uses all threads of the process; otherwise each run uses
+    /// one thread.
     fn clock(&self) -> Clock {
         if self.options.workers == 1 {
             Clock::of_process()

@@ -39,7 +39,8 @@ pub enum Style {
 }
 
 impl Style {
-    /// Prints a note on standard error, before or after a run. Standard error may be closed, which is no reason to stop.
+    /// Prints a note on standard error, before or after a run. Standard error may be closed, which
+    /// is no reason to stop.
     pub fn note(self, text: &str) {
         let line = match self {
             Self::Bars | Self::Lines => text.to_owned(),
@@ -151,7 +152,8 @@ impl Progress {
         }
     }
 
-    /// Updates the progress of all processes from the store. The remaining work may increase where a precision is requested.
+    /// Updates the progress of all processes from the store. The remaining work may increase where
+    /// a precision is requested.
     pub(super) fn see(&self, work: &Work) {
         let mut campaign = lock(&self.campaign);
         campaign.total = work.total;
@@ -284,7 +286,8 @@ impl Progress {
         (self.style == Style::Json).then_some(JSON_EVERY)
     }
 
-    /// Lines of JSON, if requested: one per running case, and one for the campaign as just read from the store.
+    /// Lines of JSON, if requested: one per running case, and one for the campaign as just read
+    /// from the store.
     pub(super) fn print_progress(&self) {
         if self.style != Style::Json {
             return;

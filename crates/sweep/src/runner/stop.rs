@@ -1,4 +1,6 @@
-//! Signals: the first requests a stop after a checkpoint, the second aborts. While no case is running the first aborts too. Signals within a second of the first are duplicates: programs such as `timeout` send their signal to the process and to its group.
+//! Signals: the first requests a stop after a checkpoint, the second aborts. While no case is
+//! running the first aborts too. Signals within a second of the first are duplicates: programs such
+//! as `timeout` send their signal to the process and to its group.
 
 use super::RunnerError;
 use crate::exit;
@@ -58,7 +60,8 @@ impl Stop {
         Self::listen(StopRequest::default())
     }
 
-    /// The same for a task of a scheduler, which may send several signals at the end and then KILL: only INT ends the process before it has published its results.
+    /// The same for a task of a scheduler, which may send several signals at the end and then KILL:
+    /// only INT ends the process before it has published its results.
     ///
     /// # Errors
     /// As [`Stop::on_signals`].
@@ -152,7 +155,8 @@ impl Stop {
         self.0.under_way.store(under_way, Ordering::SeqCst);
     }
 
-    /// Ends the program immediately. This is safe for the store, since uncommitted changes are discarded.
+    /// Ends the program immediately. This is safe for the store, since uncommitted changes are
+    /// discarded.
     pub(super) fn exit(reason: Reason) -> ! {
         std::process::exit(reason.exit_code().into())
     }

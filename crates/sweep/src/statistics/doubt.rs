@@ -1,7 +1,7 @@
 //! Criteria for doubtful numbers of a finished run: these are stored, but not averaged.
 //!
-//! The rules are declared here alone, each with its threshold and the reason for it; the store keeps which of them a run
-//! broke, and tables, figures and the page count such runs.
+//! The rules are declared here alone, each with its threshold and the reason for it; the store
+//! keeps which of them a run broke, and tables, figures and the page count such runs.
 
 use crate::statistics::{mean, ratio};
 use sd_core::simulation::Counters;
@@ -9,12 +9,15 @@ use sd_core::{ContactScheme, Params, Sample};
 
 /// Maximum fraction of unconverged contact problems. Good runs near jamming have 1 to 2.5 %.
 const UNCONVERGED: f64 = 0.05;
-/// Largest residual of a contact problem, in a·rate. Over a step of 0.005 a contact then violates its condition by 5e-4 a, a twentieth of a typical roughness height; good runs stay below 1e-6.
+/// Largest residual of a contact problem, in a·rate. Over a step of 0.005 a contact then violates
+/// its condition by 5e-4 a, a twentieth of a typical roughness height; good runs stay below 1e-6.
 const RESIDUAL: f64 = 0.1;
-/// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by three quarters of it. Steps
-/// hold gaps at half of it or more where they can; the worst of the published runs reaches 0.35.
+/// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by
+/// three quarters of it. Steps hold gaps at half of it or more where they can; the worst of the
+/// published runs reaches 0.35.
 const HELD: f64 = 0.25;
-/// Maximum contribution of one sample to the mean viscosity: without it the mean would fall by half.
+/// Maximum contribution of one sample to the mean viscosity: without it the mean would fall by
+/// half.
 const CARRIED: f64 = 0.5;
 /// Minimum number of samples for that rule.
 const FEW: usize = 10;
@@ -90,7 +93,8 @@ impl Doubt {
         names.join(",")
     }
 
-    /// The rules that a finished run broke: `counters` of the whole run, `samples` after the discarded strain.
+    /// The rules that a finished run broke: `counters` of the whole run, `samples` after the
+    /// discarded strain.
     pub fn of(params: &Params, counters: &Counters, samples: &[&Sample]) -> Vec<Self> {
         Self::ALL
             .into_iter()
@@ -129,7 +133,8 @@ impl Doubt {
     }
 }
 
-/// Whether contacts are rigid. The paper's steps do not hold gaps, which shows in their smallest gap.
+/// Whether contacts are rigid. The paper's steps do not hold gaps, which shows in their smallest
+/// gap.
 pub(crate) fn is_rigid(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid => true,
@@ -138,7 +143,8 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
     }
 }
 
-/// Whether springs, a repulsion or adhesion can release energy: then a viscosity may briefly fall below 0.
+/// Whether springs, a repulsion or adhesion can release energy: then a viscosity may briefly fall
+/// below 0.
 fn can_release_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,

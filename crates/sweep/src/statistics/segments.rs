@@ -6,7 +6,8 @@ use sd_core::model::phase;
 use sd_core::{Params, Sample};
 use std::f64::consts::PI;
 
-/// Minimum rise of a viscosity, over its largest value, for which the strain of the rise is determined.
+/// Minimum rise of a viscosity, over its largest value, for which the strain of the rise is
+/// determined.
 const LEAST_RISE: f64 = 0.01;
 
 /// Results of one run in a segment.
@@ -36,11 +37,13 @@ pub(crate) struct Reversal {
 /// One cycle of an oscillation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cycle {
-    /// η′ and η″ in mu: the stress is γ0 ω (η′ cos ωt + η″ sin ωt) and higher harmonics, where the strain is γ0 sin ωt.
+    /// η′ and η″ in mu: the stress is γ0 ω (η′ cos ωt + η″ sin ωt) and higher harmonics, where the
+    /// strain is γ0 sin ωt.
     pub(crate) viscosity: [f64; 2],
     /// The same for the third harmonic, cos 3ωt and sin 3ωt.
     pub(crate) third: [f64; 2],
-    /// Strain from a turning point until the viscosity has risen half way from its minimum to its maximum in the half cycle.
+    /// Strain from a turning point until the viscosity has risen half way from its minimum to its
+    /// maximum in the half cycle.
     pub(crate) yield_strain: Option<f64>,
 }
 
@@ -132,7 +135,8 @@ fn first_above(trace: &[(f64, f64)], value: f64) -> Option<f64> {
     Some(from + (to - from) * (value - low) / (high - low))
 }
 
-/// The cycles of an oscillation from the viscosities in it: each represents the strain up to the midpoints to its neighbours, over which the flow is integrated exactly.
+/// The cycles of an oscillation from the viscosities in it: each represents the strain up to the
+/// midpoints to its neighbours, over which the flow is integrated exactly.
 fn cycles(trace: &[(f64, f64)], amplitude: f64, time_step: f64, number: f64) -> Vec<Cycle> {
     // A sample is taken in a step, or at its start, and represents its middle.
     let middle = |k: usize| trace[k].0 + 0.5 * time_step;
@@ -182,7 +186,8 @@ fn cycles(trace: &[(f64, f64)], amplitude: f64, time_step: f64, number: f64) -> 
         .collect()
 }
 
-/// The strain at which the viscosity of a half cycle has risen half way from its minimum to its maximum.
+/// The strain at which the viscosity of a half cycle has risen half way from its minimum to its
+/// maximum.
 fn rise(half: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
     let own: Vec<(f64, f64)> = half.collect();
     let least = own.iter().map(|spot| spot.1).reduce(f64::min)?;
@@ -212,7 +217,8 @@ mod tests {
 
     const STEP: f64 = 0.01;
 
-    /// A trace with a viscosity that depends on the strain since the start, in which `every` step is sampled.
+    /// A trace with a viscosity that depends on the strain since the start, in which `every` step
+    /// is sampled.
     fn trace(strain: f64, every: usize, viscosity: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let steps = crate::format::count(strain / STEP);
         (0..steps)
@@ -250,7 +256,8 @@ mod tests {
 
     #[test]
     fn a_stress_that_follows_the_strain_is_elastic() {
-        // The viscosity after each turning point rises with the strain since then: η = 1 + s, s = 1 ± sin ωt in units of γ0.
+        // The viscosity after each turning point rises with the strain since then: η = 1 + s, s = 1
+        // ± sin ωt in units of γ0.
         let viscosity = |strain: f64| {
             let x = phase(strain / 0.5);
             1.0 + if x.cos() > 0.0 {

@@ -1,4 +1,5 @@
-//! Steadiness of a run: drift between its kept parts, the initial transient to discard, and the correlation time of the viscosity.
+//! Steadiness of a run: drift between its kept parts, the initial transient to discard, and the
+//! correlation time of the viscosity.
 
 use super::{Estimate, mean, student};
 
@@ -25,7 +26,8 @@ pub struct Steadiness {
 }
 
 impl Steadiness {
-    /// Computes them from the kept samples of a run; `None` for fewer than eight, or for values that are not finite.
+    /// Computes them from the kept samples of a run; `None` for fewer than eight, or for values
+    /// that are not finite.
     pub fn of(values: &[f64]) -> Option<Self> {
         if values.len() < 2 * PARTS || values.iter().any(|value| !value.is_finite()) {
             return None;
@@ -42,7 +44,8 @@ impl Steadiness {
     }
 }
 
-/// Integrated autocorrelation time of a series, in samples: a mean over n of them has the error of one over n/τ independent ones.
+/// Integrated autocorrelation time of a series, in samples: a mean over n of them has the error of
+/// one over n/τ independent ones.
 ///
 /// ```text
 /// τ = 1 + 2 Σ_{t=1}^{W} ρ(t),   W the first with W ≥ 5 τ(W)
@@ -77,7 +80,8 @@ pub(crate) fn correlation_samples(values: &[f64]) -> Option<f64> {
     Some(time.max(0.5))
 }
 
-/// The optimal start of a series to discard, in samples, and whether it is the maximum allowed: then nothing indicates that the rest is steady.
+/// The optimal start of a series to discard, in samples, and whether it is the maximum allowed:
+/// then nothing indicates that the rest is steady.
 ///
 /// ```text
 /// d = argmin_{d ≤ m/2} Σ_{j≥d} (y_j − ȳ_d)² / (m − d)²      of the means y_j over batches of five samples
@@ -85,8 +89,9 @@ pub(crate) fn correlation_samples(values: &[f64]) -> Option<f64> {
 /// `None` for fewer than four batches, or for values that are not finite.
 ///
 /// # Source
-/// MSER-5: K. P. White, Simulation 69, 323 (1997); K. P. White, M. J. Cobb and S. C. Spratt, Proc. Winter Simulation Conf. (2000),
-/// 755; at most half, as K. Hoad, S. Robinson and R. Davies, J. Oper. Res. Soc. 61, 1642 (2010).
+/// MSER-5: K. P. White, Simulation 69, 323 (1997); K. P. White, M. J. Cobb and S. C. Spratt, Proc.
+/// Winter Simulation Conf. (2000), 755; at most half, as K. Hoad, S. Robinson and R. Davies, J.
+/// Oper. Res. Soc. 61, 1642 (2010).
 pub(crate) fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
     let batches: Vec<f64> = values.chunks_exact(BATCH).filter_map(mean).collect();
     if batches.len() < 4 || batches.iter().any(|batch| !batch.is_finite()) {
@@ -134,7 +139,8 @@ impl Drift {
         self.beyond_chance(&self.halves)
     }
 
-    /// Whether the first quarter differs significantly from the rest: the initial transient persists.
+    /// Whether the first quarter differs significantly from the rest: the initial transient
+    /// persists.
     pub(crate) fn remembers_start(&self) -> bool {
         self.beyond_chance(&self.start)
     }
@@ -154,7 +160,8 @@ mod tests {
     use rand::{Rng as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// An autoregressive series of coefficient `memory`, whose correlation time is (1 + memory)/(1 − memory).
+    /// An autoregressive series of coefficient `memory`, whose correlation time is (1 + memory)/(1
+    /// − memory).
     fn series(memory: f64, length: usize, seed: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut noise = || {

@@ -6,13 +6,19 @@
 //! w(n) = t(0.975, n − 1) s/√n / |mean|                of the runs averaged among the first n
 //! stop at n_k if w (1 + 2/n) ≤ precision at n_{k−1} and at n_k, or n_k = at_most
 //! ```
-//! So the seeds that count depend only on their results, not on who computed them or on their order.
+//! So the seeds that count depend only on their results, not on who computed them or on their
+//! order.
 //!
-//! A sequential rule stops slightly too often when the scatter happens to look small, and intervals then contain the true mean less often than stated. The confirmation by a second batch and the factor 1 + 2/n, of the kind used by Chow and Robbins, limit this effect: see the test `intervals_hold_the_mean_almost_as_often_as_they_say`.
+//! A sequential rule stops slightly too often when the scatter happens to look small, and intervals
+//! then contain the true mean less often than stated. The confirmation by a second batch and the
+//! factor 1 + 2/n, of the kind used by Chow and Robbins, limit this effect: see the test
+//! `intervals_hold_the_mean_almost_as_often_as_they_say`.
 //!
-//! Jammed and failed runs use up their seed and are not averaged. A point with fewer than two averaged runs in its first batch gets no more seeds.
+//! Jammed and failed runs use up their seed and are not averaged. A point with fewer than two
+//! averaged runs in its first batch gets no more seeds.
 //!
-//! Source: Y. S. Chow and H. Robbins, Ann. Math. Stat. 36, 457 (1965); A. M. Law and W. D. Kelton, Oper. Res. 30, 641 (1982).
+//! Source: Y. S. Chow and H. Robbins, Ann. Math. Stat. 36, 457 (1965); A. M. Law and W. D. Kelton,
+//! Oper. Res. 30, 641 (1982).
 
 use super::Estimate;
 use serde::{Deserialize, Serialize};
@@ -160,7 +166,9 @@ impl Precision {
         }
     }
 
-    /// Gain of the next batch of an open point: the expected decrease of the interval relative to the mean, at unchanged scatter and not beyond the precision. Infinite before the first batch is complete.
+    /// Gain of the next batch of an open point: the expected decrease of the interval relative to
+    /// the mean, at unchanged scatter and not beyond the precision. Infinite before the first batch
+    /// is complete.
     pub fn gain(&self, decision: &Decision) -> f64 {
         let Some(width) = decision.reached else {
             return f64::INFINITY;

@@ -4,7 +4,9 @@
 //! η = A (1 − c/c_J)⁻²,    c_J = f c_m + (1 − f) c_0,    f = exp(−(σ_c/σ)^β)
 //! ```
 //!
-//! A layer jams at `c_0` without friction, and at `c_m` with friction at all contacts; `f` is the fraction of contacts above the critical load. The fit uses logarithms of viscosities, weighted by the scatter of runs.
+//! A layer jams at `c_0` without friction, and at `c_m` with friction at all contacts; `f` is the
+//! fraction of contacts above the critical load. The fit uses logarithms of viscosities, weighted
+//! by the scatter of runs.
 
 use super::{quantile, student_95};
 use nalgebra::{SMatrix, SVector};
@@ -26,7 +28,8 @@ const FOLLOWED: usize = 6;
 /// Fitted parameters: c_0, c_m, ln σ_c, ln β, ln A.
 type Inner = SVector<f64, PARAMETERS>;
 
-/// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included, and the viscosities of its runs.
+/// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included,
+/// and the viscosities of its runs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Datum {
     /// c or φ.
@@ -59,7 +62,8 @@ impl Fit {
     }
 }
 
-/// Fits the model, with intervals by a number of bootstrap replicates. `None` if no parameters describe the points.
+/// Fits the model, with intervals by a number of bootstrap replicates. `None` if no parameters
+/// describe the points.
 pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
     let errors = errors(data);
     let heights: Vec<f64> = data.iter().map(|datum| mean(&datum.runs).ln()).collect();
@@ -82,7 +86,8 @@ pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
             found.extend(problem.descend(best).map(|(inner, _)| inner));
         }
     }
-    // Quantiles, since single replicates may be outliers; widened by the ratio of Student's quantile to the normal one.
+    // Quantiles, since single replicates may be outliers; widened by the ratio of Student's
+    // quantile to the normal one.
     let factor = student_95(freedom as f64).filter(|_| found.len() > 1);
     let factor = factor.map(|quantile| quantile / NORMAL_95);
     let intervals = factor.map(|factor| {
@@ -123,7 +128,8 @@ fn logarithm(inner: &Inner, fraction: f64, stress: f64) -> Option<f64> {
     (room > 0.0).then(|| inner[4] - 2.0 * room.ln())
 }
 
-/// Relative error of the viscosity of each point, from the pooled scatter of runs about the means of their points.
+/// Relative error of the viscosity of each point, from the pooled scatter of runs about the means
+/// of their points.
 fn errors(data: &[Datum]) -> Vec<f64> {
     let (mut squares, mut freedom) = (0.0, 0.0);
     for datum in data {
@@ -148,7 +154,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Logarithms of bootstrap means. Deviations are scaled by √(n/(n−1)), so that they scatter like the mean of n runs.
+/// Logarithms of bootstrap means. Deviations are scaled by √(n/(n−1)), so that they scatter like
+/// the mean of n runs.
 fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"bootstrap");
@@ -198,7 +205,8 @@ impl Problem<'_> {
         best.map(|(inner, _)| inner)
     }
 
-    /// Initial parameters: c_0 and c_m above all fractions by different amounts, σ_c within the stresses.
+    /// Initial parameters: c_0 and c_m above all fractions by different amounts, σ_c within the
+    /// stresses.
     fn starts(&self) -> Vec<Inner> {
         let densest = self
             .data
@@ -296,7 +304,8 @@ impl Problem<'_> {
         Some((inner, cost))
     }
 
-    /// Derivatives of the residuals by a parameter, with a difference in the direction away from jamming.
+    /// Derivatives of the residuals by a parameter, with a difference in the direction away from
+    /// jamming.
     fn derivative(&self, inner: &Inner, residuals: &[f64], place: usize) -> Option<Vec<f64>> {
         [1e-7, -1e-7].into_iter().find_map(|step| {
             let mut moved = *inner;

@@ -31,7 +31,8 @@ pub(super) const SEALED: Sealed = Sealed {
 };
 
 impl Store {
-    /// Opens the store of a campaign, creates it if missing, and enters the campaign: see [`Store::adopt`]. A new store appears at its path with all its cases, or not at all.
+    /// Opens the store of a campaign, creates it if missing, and enters the campaign: see
+    /// [`Store::adopt`]. A new store appears at its path with all its cases, or not at all.
     ///
     /// # Errors
     /// Those of [`Store::open`] and [`Store::adopt`].
@@ -110,10 +111,14 @@ impl Store {
         Ok(Some((store, adoption)))
     }
 
-    /// Sets the cases of the store to those of the campaign, and registers this process, which computes them. Existing cases keep their data; cases that left the grid stay stored, without a position. Runs longer than now requested are cut, and shorter ones are continued. While this process lives, no other version of the campaign is accepted.
+    /// Sets the cases of the store to those of the campaign, and registers this process, which
+    /// computes them. Existing cases keep their data; cases that left the grid stay stored, without
+    /// a position. Runs longer than now requested are cut, and shorter ones are continued. While
+    /// this process lives, no other version of the campaign is accepted.
     ///
     /// # Errors
-    /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
+    /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes
+    /// another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
     pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
         let entry = Entry::of(campaign, order, &self.path)?;
         let me = self.process.clone();
@@ -337,7 +342,8 @@ impl<'c> Entry<'c> {
              cost = excluded.cost,
                  steps = excluded.steps, turn = {turn}"
         ))?;
-        // In the order of work, so that cases computed in sequence, and their results, are adjacent in the file.
+        // In the order of work, so that cases computed in sequence, and their results, are adjacent
+        // in the file.
         let mut order: Vec<usize> = (0..ranks.len()).collect();
         order.sort_by_key(|position| ranks[*position]);
         for position in order {

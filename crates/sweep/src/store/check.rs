@@ -1,4 +1,5 @@
-//! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the same digits.
+//! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the
+//! same digits.
 
 use super::campaign;
 use super::digest::{DigestMismatch, altered, reseal};
@@ -13,7 +14,8 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Largest file whose structure is checked before a run, in bytes: this takes less than half a second.
+/// Largest file whose structure is checked before a run, in bytes: this takes less than half a
+/// second.
 const CHEAP: u64 = 64 << 20;
 /// Selects the size of a file in bytes, from its header.
 pub(super) const SIZE: &str =
@@ -28,7 +30,8 @@ pub(super) const OF_CASES: [&str; 6] = [
     "failures",
 ];
 
-/// Tables with a digest in each row, a description of a row, and a statement that selects the columns covered by the digest, the digest, and the row number.
+/// Tables with a digest in each row, a description of a row, and a statement that selects the
+/// columns covered by the digest, the digest, and the row number.
 fn kinds() -> Vec<(&'static str, &'static str, String)> {
     let sealed = [
         campaign::SEALED,
@@ -154,7 +157,8 @@ impl Damage {
         }
     }
 
-    /// Checks that every case has its point and key, and a state consistent with its result and failures.
+    /// Checks that every case has its point and key, and a state consistent with its result and
+    /// failures.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let looked = points::look(connection, "c.id", "true", |row, known| {
             if let Err(error) = known {
@@ -203,7 +207,8 @@ impl Damage {
         parts.map(finding).collect()
     }
 
-    /// Deletes damaged parts: runs become pending, cases and points are entered again with the campaign.
+    /// Deletes damaged parts: runs become pending, cases and points are entered again with the
+    /// campaign.
     fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
         for part in self.parts.keys() {
             match part {
@@ -300,7 +305,8 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
 }
 
 impl Store {
-    /// Resets damaged runs to pending, so that they are recomputed with the same digits. Returns these runs.
+    /// Resets damaged runs to pending, so that they are recomputed with the same digits. Returns
+    /// these runs.
     pub(crate) fn forget_damaged(&mut self) -> Result<Vec<Finding>, StoreError> {
         let mut findings = Vec::new();
         if self.number(SIZE, [])? <= CHEAP {

@@ -21,12 +21,16 @@ pub struct Claim {
     pub key: String,
     /// The case.
     pub case: Case,
-    /// Its checkpoints, the newest first; then its last state, if it was finished at a shorter requested length.
+    /// Its checkpoints, the newest first; then its last state, if it was finished at a shorter
+    /// requested length.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
 }
 
 impl Store {
-    /// Claims the next cases: started ones first, then in the order of work, except that an expensive case is not left for last, where it would keep one of `workers` busy while the others idle. Short cases are claimed together, up to an estimated time of `batch`; started and longer cases are claimed alone.
+    /// Claims the next cases: started ones first, then in the order of work, except that an
+    /// expensive case is not left for last, where it would keep one of `workers` busy while the
+    /// others idle. Short cases are claimed together, up to an estimated time of `batch`; started
+    /// and longer cases are claimed alone.
     ///
     /// # Errors
     /// An I/O or SQLite error, or an unreadable case.
@@ -122,7 +126,8 @@ impl Store {
         })
     }
 
-    /// Whether cases are pending or running, also in other processes, whose cases return here if they die.
+    /// Whether cases are pending or running, also in other processes, whose cases return here if
+    /// they die.
     pub(crate) fn has_open_cases(&self) -> Result<bool, StoreError> {
         self.read(self.connection.has(
             "SELECT 1 WHERE EXISTS (SELECT 1 FROM cases WHERE state = 'pending' AND counts)
@@ -164,7 +169,8 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
     let mut rows = query.query([BATCH_CASES * workers.max(1)])?;
     let (mut batch, mut work, mut others) = (Vec::new(), 0.0, 0.0);
     while let Some(row) = rows.next()? {
-        // A case that was started, or whose process died, is claimed alone, to identify a case that kills processes.
+        // A case that was started, or whose process died, is claimed alone, to identify a case that
+        // kills processes.
         let (id, cost, is_alone): (i64, f64, bool) = (row.get(0)?, row.get(1)?, row.get(2)?);
         if batch.is_empty() {
             (work, batch) = (cost, vec![id]);
@@ -184,7 +190,8 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
     Ok(batch)
 }
 
-/// The most expensive pending case, if the other pending cases would not keep the other workers busy for its duration.
+/// The most expensive pending case, if the other pending cases would not keep the other workers
+/// busy for its duration.
 fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i64>> {
     if workers < 2 {
         return Ok(None);

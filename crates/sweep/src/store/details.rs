@@ -63,7 +63,8 @@ pub struct Origin {
 }
 
 impl Store {
-    /// The key of the case identified by the beginning of a key or by a number of the campaign file; an exact number takes precedence.
+    /// The key of the case identified by the beginning of a key or by a number of the campaign
+    /// file; an exact number takes precedence.
     ///
     /// # Errors
     /// [`StoreError::Case`] if no case or several match, and I/O or SQLite errors.

@@ -1,4 +1,5 @@
-//! Digests of the contents of a store, written with every row that is averaged or shown later, and checked by readers.
+//! Digests of the contents of a store, written with every row that is averaged or shown later, and
+//! checked by readers.
 //!
 //! `SQLite` detects a misplaced page, but not a changed digit.
 
@@ -85,7 +86,8 @@ pub(super) struct Sealed {
 }
 
 impl Sealed {
-    /// Selects from rows `t`, and from their cases `c` where there is a key, the columns covered by the digest, the digest, and the row number.
+    /// Selects from rows `t`, and from their cases `c` where there is a key, the columns covered by
+    /// the digest, the digest, and the row number.
     pub(super) fn select(&self) -> String {
         let (key, cases) = if self.with_key {
             (", c.key", " JOIN cases c ON c.id = t.case_id")
@@ -129,7 +131,8 @@ impl Sealed {
         Ok(())
     }
 
-    /// Inserts or replaces a row, with the key of its case, and `more` columns that the digest does not cover.
+    /// Inserts or replaces a row, with the key of its case, and `more` columns that the digest does
+    /// not cover.
     pub(super) fn put(
         &self,
         connection: &Connection,
@@ -162,7 +165,8 @@ impl Sealed {
     }
 }
 
-/// Calls `each` with rows, a flag whether the columns before `digest` match it, and their present digest.
+/// Calls `each` with rows, a flag whether the columns before `digest` match it, and their present
+/// digest.
 pub(super) fn each(
     connection: &Connection,
     query: &str,

@@ -237,7 +237,8 @@ impl StoreError {
         }
     }
 
-    /// Whether the cause is the store rather than the command: it happened while cases were computed, or may be temporary.
+    /// Whether the cause is the store rather than the command: it happened while cases were
+    /// computed, or may be temporary.
     pub fn is_of_the_store(&self) -> bool {
         match self {
             Self::ClaimLost { .. }

@@ -31,7 +31,8 @@ pub struct Attempt {
     pub pair: Option<(u64, u64)>,
     /// Gap of that pair.
     pub gap: Option<f64>,
-    /// The state before that step, as input of `sweep solve`; `None` if it failed before there was one.
+    /// The state before that step, as input of `sweep solve`; `None` if it failed before there was
+    /// one.
     #[serde(skip)]
     pub snapshot: Option<String>,
     #[serde(skip)]
@@ -161,7 +162,8 @@ impl Store {
     }
 }
 
-/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after their failures.
+/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after
+/// their failures.
 pub(super) fn mark_retried(
     connection: &Connection,
     condition: &str,

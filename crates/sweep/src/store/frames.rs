@@ -47,7 +47,8 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 }
 
 impl Store {
-    /// Stores frames of a case. Frames of the same steps are identical in all processes, so the case need not be owned.
+    /// Stores frames of a case. Frames of the same steps are identical in all processes, so the
+    /// case need not be owned.
     pub(crate) fn keep_frames(
         &mut self,
         claim: &Claim,

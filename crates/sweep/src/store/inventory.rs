@@ -61,7 +61,8 @@ impl Store {
         }
     }
 
-    /// Checks that the store still holds the version of the campaign entered here, which holds while this process counts as alive.
+    /// Checks that the store still holds the version of the campaign entered here, which holds
+    /// while this process counts as alive.
     ///
     /// # Errors
     /// [`StoreError::Displaced`] if another version was entered since, and I/O or SQLite errors.
@@ -131,7 +132,8 @@ pub(super) const ORPHANED: &str = "(NOT c.counts AND (c.state != 'pending' OR c.
      OR EXISTS (SELECT 1 FROM ends WHERE case_id = c.id)))";
 
 impl Store {
-    /// Removes all runs that are not in the grid, with their data, and frees their disk space. Returns the number of those with data.
+    /// Removes all runs that are not in the grid, with their data, and frees their disk space.
+    /// Returns the number of those with data.
     pub(crate) fn prune(&mut self) -> Result<u64, StoreError> {
         let removed = self.write(|connection| {
             let removed = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");

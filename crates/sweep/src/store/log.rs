@@ -1,6 +1,10 @@
 //! The write-ahead log beside a store, and the check that it belongs to the store.
 //!
-//! `SQLite` replays any log with the right name. A log left by another store of that name, or by the same store before it was replaced by a copy, would overwrite pages of the file. So every store has a random id, and every change updates a mark with the id and the number of the change. A log belongs to the store if its marks have the id of the file and continue from the number in the file. The marks are found by a search of the bytes, without parsing the log.
+//! `SQLite` replays any log with the right name. A log left by another store of that name, or by
+//! the same store before it was replaced by a copy, would overwrite pages of the file. So every
+//! store has a random id, and every change updates a mark with the id and the number of the change.
+//! A log belongs to the store if its marks have the id of the file and continue from the number in
+//! the file. The marks are found by a search of the bytes, without parsing the log.
 
 use super::StoreError;
 use super::place::{address, log_of};
@@ -82,7 +86,8 @@ pub(super) fn is_there(path: &Path) -> bool {
     std::fs::metadata(log_of(path)).is_ok_and(|log| log.len() > 0)
 }
 
-/// Checks that the log beside a store belongs to it, before `SQLite` replays it. Returns the number of the last change in it.
+/// Checks that the log beside a store belongs to it, before `SQLite` replays it. Returns the number
+/// of the last change in it.
 ///
 /// # Errors
 /// [`StoreError::ForeignLog`].

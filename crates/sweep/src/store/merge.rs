@@ -1,6 +1,8 @@
-//! Merging shards: copies results from other stores of the same campaign, case by case, in any order and repeatedly.
+//! Merging shards: copies results from other stores of the same campaign, case by case, in any
+//! order and repeatedly.
 //!
-//! A complete run outranks a failed one, that one a partial one, more steps outrank fewer. Two complete runs of one case must have the same bits; if not, the later attempt is kept.
+//! A complete run outranks a failed one, that one a partial one, more steps outrank fewer. Two
+//! complete runs of one case must have the same bits; if not, the later attempt is kept.
 
 mod case;
 mod shards;
@@ -84,7 +86,8 @@ pub(crate) enum MergeMode {
     Campaign,
     /// Into the store of one task: its own cases only, without record.
     Task,
-    /// From any campaign: cases that this one has too, without record. The key of a case covers all that its bits depend on, including the version of the physics.
+    /// From any campaign: cases that this one has too, without record. The key of a case covers all
+    /// that its bits depend on, including the version of the physics.
     Reuse,
 }
 
@@ -289,7 +292,8 @@ impl Store {
     }
 }
 
-/// The numbers of the cases of a store, and whether they are complete. For a damaged store, those on readable pages.
+/// The numbers of the cases of a store, and whether they are complete. For a damaged store, those
+/// on readable pages.
 fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
     let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
     let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);

@@ -41,7 +41,8 @@ impl Store {
     /// Opens a store for writing.
     ///
     /// # Errors
-    /// A path that cannot be written, a file that is not a store, or one of another schema. Such files are not changed.
+    /// A path that cannot be written, a file that is not a store, or one of another schema. Such
+    /// files are not changed.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         place::refuse_other_than_files(path)?;
         let file = FileIdentity::of(path);
@@ -170,7 +171,8 @@ impl Store {
         result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
     }
 
-    /// Begins a transaction. It waits for the lock while another process that works on the store lives, and for a minute if the owner is unknown.
+    /// Begins a transaction. It waits for the lock while another process that works on the store
+    /// lives, and for a minute if the owner is unknown.
     fn begin(&self) -> rusqlite::Result<Transaction<'_>> {
         let mut waits = 0;
         loop {
@@ -214,7 +216,8 @@ impl Store {
         result
     }
 
-    /// Checks that the file at the path of the store is the one that was opened: changes to another would be lost.
+    /// Checks that the file at the path of the store is the one that was opened: changes to another
+    /// would be lost.
     ///
     /// # Errors
     /// [`StoreError::Gone`].

@@ -37,7 +37,8 @@ pub struct PointRun {
     pub viscosity_stresslet: Option<f64>,
     /// Mean first normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Means of the components and parts of the stress, and of the numbers of the contact network where they were observed, in the order of [`sampled::means`].
+    /// Means of the components and parts of the stress, and of the numbers of the contact network
+    /// where they were observed, in the order of [`sampled::means`].
     pub(crate) means: [Option<f64>; MEANS],
     /// Samples averaged.
     pub samples: u64,
@@ -119,7 +120,8 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     Ok(runs)
 }
 
-/// Calls `each` with the row of every case that meets a condition, and with its key and point, or an error if these were changed. Columns of `more` start at 12.
+/// Calls `each` with the row of every case that meets a condition, and with its key and point, or
+/// an error if these were changed. Columns of `more` start at 12.
 pub(super) fn look(
     connection: &Connection,
     more: &str,
@@ -208,7 +210,9 @@ impl KnownPoint {
         })
     }
 
-    /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8 on whether there is a result, the end of an open case, and whether there is a failure that was not retried.
+    /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8
+    /// on whether there is a result, the end of an open case, and whether there is a failure that
+    /// was not retried.
     ///
     /// # Errors
     /// [`DigestMismatch`] if these are inconsistent.

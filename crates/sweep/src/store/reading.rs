@@ -20,7 +20,9 @@ const PATIENCE: Duration = Duration::from_mins(2);
 const BYTES_PER_SECOND: u64 = 1 << 20;
 
 impl Store {
-    /// Opens a store for reading only, while others may write to it. The reader sees one consistent state. Where the log cannot be read, as on a read-only or a full disk, the store is shown without it, with a warning.
+    /// Opens a store for reading only, while others may write to it. The reader sees one consistent
+    /// state. Where the log cannot be read, as on a read-only or a full disk, the store is shown
+    /// without it, with a warning.
     ///
     /// # Errors
     /// A file that is missing, not a store, or of another schema.
@@ -29,7 +31,8 @@ impl Store {
         let had_log = log::is_there(path);
         let last = log::check(path)?;
         let mut store = match Self::read_only(path, None) {
-            // SQLite creates an index of the log beside it, which fails without write access, on a read-only disk or a full one.
+            // SQLite creates an index of the log beside it, which fails without write access, on a
+            // read-only disk or a full one.
             Err(error) if needs_snapshot_or_copy(&error) || is_full(path) => {
                 let mut store = Self::read_only(path, Some("immutable=1")).map_err(|_| error)?;
                 if had_log {
@@ -109,7 +112,8 @@ fn limit_time(connection: &mut Connection, path: &Path) -> rusqlite::Result<()> 
     connection.progress_handler(OPERATIONS, Some(move || begun.elapsed() > limit))
 }
 
-/// Copies the present state of a store into a new file, while others continue to write to the store.
+/// Copies the present state of a store into a new file, while others continue to write to the
+/// store.
 pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
     let failed = |error| StoreError::sqlite(path, error, true);
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
@@ -142,7 +146,8 @@ pub struct StoreSource {
 }
 
 impl StoreSource {
-    /// The store at this path, made absolute; with a campaign file, its present request. Without one the store is shown as last run.
+    /// The store at this path, made absolute; with a campaign file, its present request. Without
+    /// one the store is shown as last run.
     pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
         Self { path, campaign }
     }
@@ -157,7 +162,8 @@ impl StoreSource {
         self.campaign.as_ref()
     }
 
-    /// Opens it for reading, and shows the runs that the campaign file requests, done or not, regardless of the version last run.
+    /// Opens it for reading, and shows the runs that the campaign file requests, done or not,
+    /// regardless of the version last run.
     ///
     /// # Errors
     /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
@@ -169,10 +175,12 @@ impl StoreSource {
         Ok(store)
     }
 
-    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1, whose kept strain is averaged.
+    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
+    /// whose kept strain is averaged.
     ///
     /// # Errors
-    /// As [`StoreSource::open`], and if its campaign cannot be read; the inner error is a message about a missing segment.
+    /// As [`StoreSource::open`], and if its campaign cannot be read; the inner error is a message
+    /// about a missing segment.
     pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
         let mut store = Store::open_read_only(&self.path)?;
         let campaign = match &self.campaign {

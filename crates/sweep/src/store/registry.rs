@@ -1,4 +1,5 @@
-//! Registration of processes in a store: start, heartbeat, end, and release of the cases of dead ones.
+//! Registration of processes in a store: start, heartbeat, end, and release of the cases of dead
+//! ones.
 
 use super::processes::{ActiveProcess, Registered, SEALED, TaskName};
 use super::statements::Statements;
@@ -8,7 +9,8 @@ use crate::system::process;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, params};
 
-/// A case fails after this many successive deaths of its processes without a new checkpoint: it probably causes them.
+/// A case fails after this many successive deaths of its processes without a new checkpoint: it
+/// probably causes them.
 pub const DEATH_LIMIT: u32 = 5;
 /// Condition on a running case without an owner.
 const ORPHANED_RUNNING: &str =
@@ -20,7 +22,8 @@ impl Store {
         self.task = Some(task);
     }
 
-    /// Records the number of threads of this process, and its task of a scheduler. After this it can claim cases.
+    /// Records the number of threads of this process, and its task of a scheduler. After this it
+    /// can claim cases.
     ///
     /// # Errors
     /// [`StoreError::Displaced`], and I/O or SQLite errors.
@@ -72,7 +75,8 @@ impl Store {
         self.make_sure_of_the_file()
     }
 
-    /// Releases the cases of dead processes, which continue from their last checkpoint; those with [`DEATH_LIMIT`] successive deaths end as failed. Returns the number of released cases.
+    /// Releases the cases of dead processes, which continue from their last checkpoint; those with
+    /// [`DEATH_LIMIT`] successive deaths end as failed. Returns the number of released cases.
     pub(crate) fn release_dead(&mut self) -> Result<usize, StoreError> {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
@@ -92,7 +96,8 @@ impl Store {
         self.write(|connection| {
             let mut freed = states::free_where(connection, ORPHANED_RUNNING, &[])?;
             for process in dead(connection)? {
-                // Deaths do not count if the machine restarted, or for cases of a batch that were not started.
+                // Deaths do not count if the machine restarted, or for cases of a batch that were
+                // not started.
                 if process.identity.boot == identity.boot {
                     connection.execute(
                         "UPDATE cases SET deaths = deaths + 1 WHERE owner = ?1 AND state = 'running'",
@@ -109,7 +114,8 @@ impl Store {
 }
 
 impl Drop for Store {
-    /// Releases the cases of the process. `SQLite` moves the log into the file at the last close, unless the file was replaced: then the log is deleted.
+    /// Releases the cases of the process. `SQLite` moves the log into the file at the last close,
+    /// unless the file was replaced: then the log is deleted.
     fn drop(&mut self) {
         if self.process.is_some() {
             let _ = self.leave();

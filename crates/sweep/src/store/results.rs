@@ -25,7 +25,8 @@ const AFTER: &str = "cpu_time_s, viscosity_part_1, viscosity_part_2, viscosity_p
 /// Description of a result.
 pub(super) const WORDS: &str = "the result of a run";
 
-/// The columns covered by the digest of a result, from the tables `c` of cases, `p` of points and `r` of results; then the digest.
+/// The columns covered by the digest of a result, from the tables `c` of cases, `p` of points and
+/// `r` of results; then the digest.
 pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
     format!(
         "c.key, p.digest AS point_digest, c.state, c.steps_done, c.samples_digest, r.{}, r.digest",
@@ -59,7 +60,8 @@ pub(super) struct Covered {
     pub(super) samples: Option<i64>,
 }
 
-/// Writes the result of the first `steps` of the run of a case, some of them discarded, and its state.
+/// Writes the result of the first `steps` of the run of a case, some of them discarded, and its
+/// state.
 pub(super) fn put(
     connection: &Connection,
     case: &Covered,
@@ -154,7 +156,8 @@ pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> 
     })
 }
 
-/// Selects the columns covered by the digests of all results that count, the digests, and the row numbers.
+/// Selects the columns covered by the digests of all results that count, the digests, and the row
+/// numbers.
 pub(super) fn select() -> String {
     format!(
         "SELECT {}, r.rowid FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point

@@ -1,6 +1,8 @@
 //! Seeds under a requested precision: which of them count, and the order of their batches.
 //!
-//! All seeds that a point may get are in the store from the beginning. The rule marks those that count whenever a case of the point ends, in the same transaction, so that they depend only on the results.
+//! All seeds that a point may get are in the store from the beginning. The rule marks those that
+//! count whenever a case of the point ends, in the same transaction, so that they depend only on
+//! the results.
 
 use super::digest::{DigestMismatch, Sealed, whole};
 use super::statements::Statements;
@@ -40,7 +42,8 @@ pub(super) const SEALED: Sealed = Sealed {
 /// Description of the damage if the seeds that count contradict the rules.
 const COUNTED_SEEDS: &str = "which seeds count";
 
-/// Replaces the rules by those of a campaign. Its cases are in the store, and all count: [`apply_all`] then excludes seeds.
+/// Replaces the rules by those of a campaign. Its cases are in the store, and all count:
+/// [`apply_all`] then excludes seeds.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
     connection.execute("DELETE FROM rules", [])?;
     connection.execute(
@@ -177,7 +180,8 @@ pub(super) fn first_batch(
     .transpose()
 }
 
-/// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the grid.
+/// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the
+/// grid.
 pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
     for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;

@@ -8,7 +8,8 @@ use rusqlite::Connection;
 use rusqlite::types::{FromSqlError, Type, ValueRef};
 
 impl Store {
-    /// All runs of the campaign in its order, one row each: the columns of the view `runs`, by their names. Pending runs have no results.
+    /// All runs of the campaign in its order, one row each: the columns of the view `runs`, by
+    /// their names. Pending runs have no results.
     ///
     /// # Errors
     /// [`StoreError::Damaged`], and I/O or SQLite errors.

@@ -135,7 +135,8 @@ pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
         .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }
 
-/// Checks that each of our tables is an ordinary table: no view, no virtual table, no generated columns.
+/// Checks that each of our tables is an ordinary table: no view, no virtual table, no generated
+/// columns.
 fn has_plain_tables(connection: &Connection) -> rusqlite::Result<bool> {
     let names = STATEMENTS
         .lines()

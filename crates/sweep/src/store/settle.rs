@@ -1,6 +1,7 @@
 //! The result of a run that the campaign requests.
 //!
-//! A run is computed once: its beginning is the run of less strain, and its last state continues to more.
+//! A run is computed once: its beginning is the run of less strain, and its last state continues to
+//! more.
 
 use super::claims::Claim;
 use super::ends::{self, RunEnd, SEALED};
@@ -81,7 +82,8 @@ impl Computed {
         }
     }
 
-    /// Sets the state and the result that are requested; `run` is its end and its samples, if already loaded.
+    /// Sets the state and the result that are requested; `run` is its end and its samples, if
+    /// already loaded.
     fn settle(
         &self,
         connection: &Connection,
@@ -125,7 +127,8 @@ impl Computed {
     }
 }
 
-/// Stores a completed run, replacing any other of its case, and sets the state and the result that the protocol requests. For a discarded strain chosen by point, see [`settle_point_of`].
+/// Stores a completed run, replacing any other of its case, and sets the state and the result that
+/// the protocol requests. For a discarded strain chosen by point, see [`settle_point_of`].
 pub(super) fn keep(
     connection: &Connection,
     (case, key): (i64, &str),
@@ -183,7 +186,8 @@ pub(super) fn continue_shorter_runs(
     Ok(())
 }
 
-/// Sets the state and the result that the protocol requests for every completed case of the grid. Running cases are skipped.
+/// Sets the state and the result that the protocol requests for every completed case of the grid.
+/// Running cases are skipped.
 pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
     let of_grid = "c.position IS NOT NULL AND c.state != 'running'";
     let computed = Computed::of(connection, of_grid, [])?;
@@ -207,7 +211,9 @@ pub(super) fn settle_point_of(connection: &Connection, case: i64) -> rusqlite::R
     settle_point(connection, &Computed::of(connection, of_point, [case])?)
 }
 
-/// Updates the results of a point with the discarded strain that MSER-5 chooses from the mean over done runs. Under a requested precision only the first batch is used, so that the discarded strain does not change while seeds are added.
+/// Updates the results of a point with the discarded strain that MSER-5 chooses from the mean over
+/// done runs. Under a requested precision only the first batch is used, so that the discarded
+/// strain does not change while seeds are added.
 fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result<()> {
     let Some(first) = point.first() else {
         return Ok(());
@@ -293,7 +299,8 @@ pub struct Finished {
 }
 
 impl Store {
-    /// Stores the results of cases and their last states in one transaction. Returns for each whether this process still owned it; otherwise nothing is stored.
+    /// Stores the results of cases and their last states in one transaction. Returns for each
+    /// whether this process still owned it; otherwise nothing is stored.
     pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
         let me = self.me();
         self.write(|connection| {

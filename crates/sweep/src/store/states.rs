@@ -29,7 +29,8 @@ pub(super) fn free(connection: &Connection, process: i64) -> rusqlite::Result<us
     free_where(connection, "owner = ?2 AND state = 'running'", &[process])
 }
 
-/// Sets cases that meet a condition to pending, with parameters from ?2 on; started ones continue first.
+/// Sets cases that meet a condition to pending, with parameters from ?2 on; started ones continue
+/// first.
 pub(super) fn free_where(
     connection: &Connection,
     condition: &str,
@@ -45,7 +46,8 @@ pub(super) fn free_where(
     )
 }
 
-/// The same for cases that ended or whose data changed: earlier deaths are reset, and they continue from the last stored state.
+/// The same for cases that ended or whose data changed: earlier deaths are reset, and they continue
+/// from the last stored state.
 pub(super) fn reopen(
     connection: &Connection,
     condition: &str,
@@ -64,7 +66,8 @@ pub(super) fn reopen(
     free_where(connection, condition, parameters)
 }
 
-/// The rank of a case by its steps done, as SQL: before the others if it was started, after them if it kills its processes.
+/// The rank of a case by its steps done, as SQL: before the others if it was started, after them if
+/// it kills its processes.
 pub(super) fn turn(steps_done: &str) -> String {
     format!(
         "((turn + {AHEAD}) % {AHEAD} + CASE WHEN deaths >= {SUSPECT} THEN {AHEAD}

@@ -67,7 +67,8 @@ pub struct Work {
     pub counts: Counts,
     /// Total work.
     pub total: f64,
-    /// Work done: finished cases, and others up to their last checkpoint, except those running in this process.
+    /// Work done: finished cases, and others up to their last checkpoint, except those running in
+    /// this process.
     pub done: f64,
     /// Failed cases, which are not retried automatically.
     pub given_up: f64,
@@ -198,7 +199,8 @@ impl Store {
         Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
     }
 
-    /// Estimated seconds until running and pending cases are done, scaled by finished ones; `None` without running processes or finished cases.
+    /// Estimated seconds until running and pending cases are done, scaled by finished ones; `None`
+    /// without running processes or finished cases.
     pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
@@ -227,7 +229,8 @@ impl Store {
         )
     }
 
-    /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on this machine.
+    /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on
+    /// this machine.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
         let here = (process::Identity::of_this_process().host, process::build());
         let mut runs = Vec::new();

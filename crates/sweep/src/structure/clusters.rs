@@ -1,6 +1,10 @@
 //! Clusters of contacts, and whether they percolate.
 //!
-//! A cluster percolates if a path along its contacts leads from a sphere to an image of the same sphere. The displacements of such paths, counted in cells, are the windings of the cluster. The image above in y is shifted along x by the offset, and wrapping this offset changes the count along x of every winding with a component along y: so only windings without one determine percolation along the flow. Under cross shear the same holds along the vorticity.
+//! A cluster percolates if a path along its contacts leads from a sphere to an image of the same
+//! sphere. The displacements of such paths, counted in cells, are the windings of the cluster. The
+//! image above in y is shifted along x by the offset, and wrapping this offset changes the count
+//! along x of every winding with a component along y: so only windings without one determine
+//! percolation along the flow. Under cross shear the same holds along the vorticity.
 
 use super::network::{Link, Network};
 use sd_core::Space;
@@ -131,7 +135,8 @@ mod tests {
         clusters(&network, network.links.iter())
     }
 
-    /// A column of four spheres in a cell of 8 × 8: the top one touches the image of the lowest only where the offset brings it there.
+    /// A column of four spheres in a cell of 8 × 8: the top one touches the image of the lowest
+    /// only where the offset brings it there.
     fn column(offset: f64, lean: f64) -> Clusters {
         let centres = (0..4).map(|k| [1.0 + lean * f64::from(k), 1.0 + 2.0 * f64::from(k)].into());
         let cell = Cell::<Layer>::equal_sides(8.0, offset).unwrap();
@@ -140,7 +145,8 @@ mod tests {
 
     #[test]
     fn a_column_that_touches_itself_through_the_sheared_image_percolates_along_the_gradient() {
-        // Each sphere leans by a quarter of the offset, so that the fourth touches the first in the cell above.
+        // Each sphere leans by a quarter of the offset, so that the fourth touches the first in the
+        // cell above.
         for (offset, lean) in [
             (0.0, 0.0),
             (2.0, 0.5),

@@ -71,8 +71,8 @@ fn over_mean(forces: impl Iterator<Item = f64>) -> Vec<f64> {
     counts
 }
 
-/// Deviation of a fabric from that of isotropic contacts: in a layer the difference of its principal values, in
-/// general √(d/(d−1) F':F') of its traceless part F'.
+/// Deviation of a fabric from that of isotropic contacts: in a layer the difference of its
+/// principal values, in general √(d/(d−1) F':F') of its traceless part F'.
 pub(super) fn deviator(fabric: &[[f64; 3]; 3], dimensions: usize) -> f64 {
     let d = dimensions as f64;
     let trace: f64 = (0..dimensions).map(|k| fabric[k][k]).sum();

@@ -50,7 +50,8 @@ impl<S: Space> Link<S> {
 }
 
 impl<S: Space> Network<S> {
-    /// The network of spheres and of pairs with a normal force, a friction force and a state each. Pairs refer to nearest images: spheres in contact are closer than half a side of the cell.
+    /// The network of spheres and of pairs with a normal force, a friction force and a state each.
+    /// Pairs refer to nearest images: spheres in contact are closer than half a side of the cell.
     pub(crate) fn new(
         cell: Cell<S>,
         centres: Vec<S::Vector>,

@@ -12,7 +12,8 @@ const FARTHEST: f64 = 10.0;
 const FARTHEST_WITH_ANGLE: f64 = 6.0;
 /// Bins of the angle over half a turn: a pair has two opposite ones.
 pub(super) const ANGLES: usize = 36;
-/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between them is at most this: a quarter of all pairs in an isotropic suspension.
+/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between
+/// them is at most this: a quarter of all pairs in an isotropic suspension.
 const IN_PLANE: f64 = 0.25;
 
 /// The pair distributions of one instant.
@@ -20,7 +21,8 @@ const IN_PLANE: f64 = 0.25;
 pub(super) struct Pairs {
     /// g(r) in each bin of [`radial_bins`].
     pub(super) radial: Vec<f64>,
-    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance one after the other.
+    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance
+    /// one after the other.
     pub(super) with_angle: Vec<f64>,
 }
 
@@ -37,7 +39,8 @@ fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     }
 }
 
-/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak is, and of 0.02 beyond.
+/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak
+/// is, and of 0.02 beyond.
 pub(super) fn radial_bins<S: Space>(cell: &Cell<S>) -> Bins {
     Bins::equal(0.0, 1.9, 19)
         .and_then(2.1, 1e-3)
@@ -54,7 +57,8 @@ pub(super) fn angle_bins() -> Bins {
     Bins::equal(0.0, PI, ANGLES)
 }
 
-/// The angle of a direction and its opposite from the flow direction towards the gradient direction, in [0, π).
+/// The angle of a direction and its opposite from the flow direction towards the gradient
+/// direction, in [0, π).
 pub(super) fn angle_of<S: Space>(direction: &S::Vector) -> f64 {
     let angle = direction[1].atan2(direction[0]);
     let half_turn = if angle < 0.0 { angle + PI } else { angle };

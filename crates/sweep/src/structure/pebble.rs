@@ -1,6 +1,11 @@
-//! Rigid clusters of a layer by the frictional pebble game (Henkes, Quint, Fily and Schwarz, PRL 116, 028301 (2016)).
+//! Rigid clusters of a layer by the frictional pebble game (Henkes, Quint, Fily and Schwarz, PRL
+//! 116, 028301 (2016)).
 //!
-//! Each sphere has three degrees of freedom in its plane, represented by three pebbles. A sticking contact takes two of them, a sliding or frictionless one takes one: constraints are counted without regard to their geometry. A constraint between two spheres is independent of earlier ones if four pebbles can be gathered on the two, as a rigid body of both keeps three; one of them covers it. Spheres on which no fourth pebble can finally be gathered move as one body.
+//! Each sphere has three degrees of freedom in its plane, represented by three pebbles. A sticking
+//! contact takes two of them, a sliding or frictionless one takes one: constraints are counted
+//! without regard to their geometry. A constraint between two spheres is independent of earlier
+//! ones if four pebbles can be gathered on the two, as a rigid body of both keeps three; one of
+//! them covers it. Spheres on which no fourth pebble can finally be gathered move as one body.
 
 /// Degrees of freedom of a sphere in a layer, and of a rigid body of several.
 const FREEDOMS: usize = 3;
@@ -22,7 +27,8 @@ pub(crate) struct PebbleGame {
 }
 
 impl PebbleGame {
-    /// Plays the game for a number of spheres with these constraints between pairs. A sticking contact counts as two.
+    /// Plays the game for a number of spheres with these constraints between pairs. A sticking
+    /// contact counts as two.
     pub(crate) fn play(
         spheres: usize,
         constraints: impl IntoIterator<Item = (usize, usize)>,
@@ -63,7 +69,8 @@ impl PebbleGame {
         self.independent += 1;
     }
 
-    /// Moves one more pebble onto a sphere, but not from the other one. Returns whether one was found.
+    /// Moves one more pebble onto a sphere, but not from the other one. Returns whether one was
+    /// found.
     fn gather(&mut self, sphere: usize, not_from: Option<usize>) -> bool {
         self.search += 1;
         self.seen[sphere] = self.search;
@@ -104,7 +111,8 @@ impl PebbleGame {
         }
     }
 
-    /// The number of the rigid cluster of each sphere, counted from 0 in the order of their first spheres; a free sphere is its own cluster.
+    /// The number of the rigid cluster of each sphere, counted from 0 in the order of their first
+    /// spheres; a free sphere is its own cluster.
     pub(crate) fn rigid_clusters(mut self) -> Vec<usize> {
         const NONE: usize = usize::MAX;
         let n = self.covered.len();
@@ -161,12 +169,14 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Rigid clusters and rank by the null space of the matrix of bars at random places: bar k between bodies i and j along a line
-    /// `x cos φ + y sin φ = d` takes away their relative motion along it.
+    /// Rigid clusters and rank by the null space of the matrix of bars at random places: bar k
+    /// between bodies i and j along a line `x cos φ + y sin φ = d` takes away their relative motion
+    /// along it.
     fn by_rank(spheres: usize, constraints: &[(usize, usize)], seed: u64) -> (usize, Vec<usize>) {
         use rand::{RngExt as _, SeedableRng as _};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        // At least as many rows as columns, so that the decomposition has every vector of the null space.
+        // At least as many rows as columns, so that the decomposition has every vector of the null
+        // space.
         let columns = FREEDOMS * spheres;
         let mut matrix = DMatrix::<f64>::zeros(constraints.len().max(columns), columns);
         for (row, &(i, j)) in constraints.iter().enumerate() {

@@ -112,7 +112,9 @@ pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
     ]
 }
 
-/// Shares of spheres in rigid clusters and in the largest one, and of redundant constraints. In layers only: no correct constraint counting of this kind is known for spheres in three dimensions.
+/// Shares of spheres in rigid clusters and in the largest one, and of redundant constraints. In
+/// layers only: no correct constraint counting of this kind is known for spheres in three
+/// dimensions.
 fn rigidity<S: Space>(network: &Network<S>) -> [f64; 3] {
     if S::DIMENSIONS != Layer::DIMENSIONS {
         return [f64::NAN; 3];

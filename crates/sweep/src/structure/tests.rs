@@ -28,7 +28,8 @@ fn touching<S: Space>(
     Network::new(cell, centres, radii, found)
 }
 
-/// A hexagonal layer of spheres that touch: rows along x, as many as fill the cell, which is wrapped with an offset of whole spacings.
+/// A hexagonal layer of spheres that touch: rows along x, as many as fill the cell, which is
+/// wrapped with an offset of whole spacings.
 fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
     let height = 3.0_f64.sqrt();
     let sides = [2.0 * f64::from(columns), height * f64::from(rows)];
@@ -190,7 +191,8 @@ fn a_random_gas_has_no_structure() {
         })
         .collect();
     let structure = Structure::of(&gases).unwrap();
-    // Beyond the fine bins each mean lies within four of its own errors, and most within one interval.
+    // Beyond the fine bins each mean lies within four of its own errors, and most within one
+    // interval.
     let far = structure
         .radial
         .x

@@ -66,7 +66,8 @@ fn takes_no_more(place: &Path) -> bool {
     refused
 }
 
-/// The name of the network file system of a file, if it is on one, where several machines cannot share a store.
+/// The name of the network file system of a file, if it is on one, where several machines cannot
+/// share a store.
 pub fn network_file_system(path: &Path) -> Option<&'static str> {
     #[cfg(target_os = "linux")]
     {

@@ -6,7 +6,8 @@ pub const DONE: u8 = 0;
 pub const FAILED: u8 = 1;
 /// Bad input: nothing was computed and nothing was written.
 pub const BAD_INPUT: u8 = 2;
-/// The store failed (disk full, lock held, file gone, damage found), or the output could not be written: finished results stay, and the same command continues once the cause is removed.
+/// The store failed (disk full, lock held, file gone, damage found), or the output could not be
+/// written: finished results stay, and the same command continues once the cause is removed.
 pub const STORE: u8 = 3;
 
 /// The time limit was reached with work left: the same command continues.

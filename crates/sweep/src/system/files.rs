@@ -29,7 +29,8 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Reads a whole file. Every file named by a user is read by this, without blocking and with limited memory.
+/// Reads a whole file. Every file named by a user is read by this, without blocking and with
+/// limited memory.
 ///
 /// # Errors
 /// System errors; a non-regular file, such as a pipe or a device; more bytes than the limit.
@@ -70,7 +71,8 @@ pub(crate) fn read_limited(from: impl io::Read, limit: u64) -> io::Result<Vec<u8
     Ok(bytes)
 }
 
-/// Writes a file under a temporary name, syncs it, and renames it: readers never see a partial file, and the old one stays until then.
+/// Writes a file under a temporary name, syncs it, and renames it: readers never see a partial
+/// file, and the old one stays until then.
 ///
 /// # Errors
 /// System errors. No temporary file is left.
@@ -93,7 +95,8 @@ pub(crate) fn write_whole(
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
-    // The name itself must be on the disk too. Not every shared file system lets a folder be synced.
+    // The name itself must be on the disk too. Not every shared file system lets a folder be
+    // synced.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
     Ok(())
 }

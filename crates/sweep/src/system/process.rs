@@ -49,7 +49,8 @@ impl Identity {
         }
     }
 
-    /// Whether the process `other`, with its last heartbeat `silence` ago, still lives, as far as this process can determine.
+    /// Whether the process `other`, with its last heartbeat `silence` ago, still lives, as far as
+    /// this process can determine.
     pub(crate) fn judge(&self, other: &Self, silence: Duration) -> ProcessState {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
             return if runs(other) {
@@ -110,7 +111,8 @@ fn read(path: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Age of a heartbeat. One so far ahead of the clock that it would keep its process alive indefinitely is ignored.
+/// Age of a heartbeat. One so far ahead of the clock that it would keep its process alive
+/// indefinitely is ignored.
 pub(crate) fn silence(heartbeat: i64) -> Duration {
     let since = now().saturating_sub(heartbeat);
     let ahead = Duration::from_millis(since.min(0).unsigned_abs());
@@ -135,7 +137,8 @@ pub(crate) fn build() -> String {
     static BUILD: LazyLock<String> = LazyLock::new(|| {
         let hash = || {
             let mut hasher = blake3::Hasher::new();
-            // The system keeps the file of a running program even after its name was removed by an update.
+            // The system keeps the file of a running program even after its name was removed by an
+            // update.
             let program = std::fs::File::open("/proc/self/exe")
                 .or_else(|_| std::fs::File::open(std::env::current_exe()?))?;
             hasher.update_reader(program)?;

@@ -1,6 +1,8 @@
-//! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and kept in the user's cache.
+//! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and
+//! kept in the user's cache.
 //!
-//! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read back has the same bits as the computed one.
+//! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read
+//! back has the same bits as the computed one.
 
 use crate::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
@@ -43,7 +45,8 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
     Ok(all)
 }
 
-/// The tables of these size ratios, from the cache or computed; `note` is called before one is computed.
+/// The tables of these size ratios, from the cache or computed; `note` is called before one is
+/// computed.
 ///
 /// # Errors
 /// A size ratio out of range.

@@ -226,7 +226,8 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// Wraps text for a terminal of this width, at spaces. Lines of tables, which begin with a space or a rule, are unchanged.
+/// Wraps text for a terminal of this width, at spaces. Lines of tables, which begin with a space or
+/// a rule, are unchanged.
 pub fn wrapped(text: &str, width: Option<u16>) -> String {
     let Some(width) = width.map(usize::from) else {
         return text.to_owned();

@@ -1,12 +1,15 @@
 //! Text for people, with control sequences made visible.
 //!
-//! Names of files, excerpts and contents of stores are untrusted. A control character in them, such as the escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as the same character.
+//! Names of files, excerpts and contents of stores are untrusted. A control character in them, such
+//! as the escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as
+//! the same character.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// Whether a character controls the terminal: control characters except line ends and tabs, and those that change the direction of writing.
+/// Whether a character controls the terminal: control characters except line ends and tabs, and
+/// those that change the direction of writing.
 fn is_control_sequence(c: char) -> bool {
     (c.is_control() && c != '\n' && c != '\t')
         || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

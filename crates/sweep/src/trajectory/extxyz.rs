@@ -20,10 +20,14 @@ pub(crate) struct FrameSource {
     pub key: String,
 }
 
-/// Writes frames, each with its step, as extended XYZ: the sheared cell and the run, then one line per sphere.
+/// Writes frames, each with its step, as extended XYZ: the sheared cell and the run, then one line
+/// per sphere.
 ///
-/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z. Spheres of the
-/// smallest radius are of the species S, larger ones of the species L. A suspension fills a cell that is periodic along z too. Velocities are means over the strain to the next frame, for the last frame over that from the one before; a single frame has none.
+/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
+/// quaternions about z. Spheres of the smallest radius are of the species S, larger ones of the
+/// species L. A suspension fills a cell that is periodic along z too. Velocities are means over the
+/// strain to the next frame, for the last frame over that from the one before; a single frame has
+/// none.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
     filmed: &FrameSource,
@@ -152,9 +156,11 @@ fn in_space(point: &[f64]) -> [f64; 3] {
     [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
 }
 
-/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a strain.
+/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a
+/// strain.
 ///
-/// A sphere that left the cell re-entered as one of its images; the images in the later frame determine its path, since they move with the flow.
+/// A sphere that left the cell re-entered as one of its images; the images in the later frame
+/// determine its path, since they move with the flow.
 fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sheared: f64, sphere: usize) -> [f64; 3] {
     let time = to.strain - from.strain;
     let [x, y, z] = in_space(from.centres[sphere].as_ref());

@@ -97,7 +97,8 @@ fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     table.columns
 }
 
-/// The contacts of frames; in a suspension with the vectors of the forces perpendicular to the line of centres.
+/// The contacts of frames; in a suspension with the vectors of the forces perpendicular to the line
+/// of centres.
 fn contacts<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     let mut table = FrameTable::of(frames, |frame| frame.contacts.len());
     for (name, of) in [("i", 0), ("j", 1)] {
@@ -146,7 +147,8 @@ pub fn sphere_table(frames: &[(u64, &AnyFrame)]) -> Vec<DataColumn> {
     }
 }
 
-/// The contacts of frames of a run, each with its step, as a table with a row per contact and frame.
+/// The contacts of frames of a run, each with its step, as a table with a row per contact and
+/// frame.
 pub fn contact_table(frames: &[(u64, &AnyFrame)]) -> Vec<DataColumn> {
     let (layers, suspensions) = by_space(frames);
     if suspensions.is_empty() {

@@ -79,7 +79,8 @@ fn pipes_and_devices_are_no_stores() {
     assert!(!at.join("new.sqlite").exists());
 }
 
-/// The message of a command that must refuse its input immediately, without a panic and without filling the screen.
+/// The message of a command that must refuse its input immediately, without a panic and without
+/// filling the screen.
 fn refused_immediately(directory: &Path, arguments: &[&str]) -> String {
     let output = ends(directory, arguments);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
@@ -122,7 +123,8 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
         ] {
             let told = refused_immediately(at, arguments);
             assert!(told.contains(why), "{arguments:?}: {told}");
-            // Files that the user gives as a campaign, a style or an instant are shown where they are wrong.
+            // Files that the user gives as a campaign, a style or an instant are shown where they
+            // are wrong.
             if arguments.contains(&"start.toml") || arguments.contains(&"--slices") {
                 assert!(!told.contains("$6$"), "{arguments:?}: {told}");
                 assert!(!told.contains("hushed"), "{arguments:?}: {told}");

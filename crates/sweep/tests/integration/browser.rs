@@ -1,4 +1,5 @@
-//! The page and the live page in a real browser, headless. Skipped with a note on a machine without Chromium, unless CI is set.
+//! The page and the live page in a real browser, headless. Skipped with a note on a machine without
+//! Chromium, unless CI is set.
 
 mod chromium;
 mod keyboard;

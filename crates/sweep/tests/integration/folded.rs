@@ -1,4 +1,5 @@
-//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without
+//! friction.
 
 use crate::harness::{folder, json, refused, run, sweep, words};
 
@@ -88,7 +89,8 @@ fn check_folding(campaign: &str) {
 
 #[test]
 fn the_same_layers_without_folding_have_the_same_numbers() {
-    // With springs in units of the flow the shear rate has no effect without friction; with springs in units of F_crit it has.
+    // With springs in units of the flow the shear rate has no effect without friction; with springs
+    // in units of F_crit it has.
     let spring = |unit: &str| {
         CAMPAIGN
             .replace("friction = [0.0, 0.3]", "friction = 0.0")

@@ -1,4 +1,5 @@
-//! Common helpers: the program in a separate folder, stores that are computed once, and waiting for other processes.
+//! Common helpers: the program in a separate folder, stores that are computed once, and waiting for
+//! other processes.
 
 use assert_cmd::cargo::cargo_bin;
 use rustix::process::{Pid, Signal, kill_process};
@@ -8,7 +9,8 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// After this time a test gives up on another process. It guards against a hang and measures nothing.
+/// After this time a test gives up on another process. It guards against a hang and measures
+/// nothing.
 pub(crate) const PATIENCE: Duration = Duration::from_mins(2);
 
 /// The repository.
@@ -16,7 +18,8 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The program in a folder, without arguments. Its cache is there too, so that tests are independent.
+/// The program in a folder, without arguments. Its cache is there too, so that tests are
+/// independent.
 pub(crate) fn program(at: &Path) -> Command {
     let mut command = Command::new(cargo_bin("sweep"));
     command

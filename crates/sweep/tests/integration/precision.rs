@@ -1,4 +1,5 @@
-//! A campaign with a requested precision: it ends by itself, and gives the same bits however often it is interrupted.
+//! A campaign with a requested precision: it ends by itself, and gives the same bits however often
+//! it is interrupted.
 
 use crate::harness::{folder, json, spawn, sweep};
 use std::path::Path;

@@ -1,9 +1,11 @@
-//! Published results: none of an older version of the physics is presented as current. `scripts/published --check` compares tables, figures and quoted numbers with the CSV files.
+//! Published results: none of an older version of the physics is presented as current.
+//! `scripts/published --check` compares tables, figures and quoted numbers with the CSV files.
 
 use crate::harness::root;
 use sweep::case::PHYSICS_VERSION;
 
-/// The versions of the physics that a report names: `... by sweep 0.1.0 (physics 12, build a22173902e77)`.
+/// The versions of the physics that a report names:
+/// `... by sweep 0.1.0 (physics 12, build a22173902e77)`.
 fn physics(report: &str) -> Vec<u32> {
     let named = report.split("(physics ").skip(1);
     let named = named.filter_map(|rest| rest.split_once(',')?.0.parse().ok());

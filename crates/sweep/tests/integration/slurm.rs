@@ -1,4 +1,5 @@
-//! Campaigns on a cluster, with substitutes for Slurm's programs on PATH. `scripts/slurm-test` uses a real Slurm.
+//! Campaigns on a cluster, with substitutes for Slurm's programs on PATH. `scripts/slurm-test` uses
+//! a real Slurm.
 
 mod cluster;
 mod shards;

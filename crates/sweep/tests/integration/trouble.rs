@@ -191,7 +191,8 @@ fn status_works_while_a_run_writes_and_without_write_access() {
     // A user who may only read: needs a user to be, so root only.
     if rustix::process::geteuid().is_root() && Path::new("/usr/bin/setpriv").exists() {
         use std::os::unix::fs::PermissionsExt as _;
-        // A reader at the end of the run prevented the log from being moved into the file that is copied.
+        // A reader at the end of the run prevented the log from being moved into the file that is
+        // copied.
         let again = run(directory.path(), &["run", "small.toml", "--quiet"]);
         assert_eq!(again.status.code(), Some(0));
         let readable = tempfile::tempdir_in("/tmp").unwrap();
@@ -199,7 +200,8 @@ fn status_works_while_a_run_writes_and_without_write_access() {
             readable.path().join("sweep"),
             readable.path().join("s.sqlite"),
         );
-        // By another process: a program still open for writing in a test forked meanwhile would be busy.
+        // By another process: a program still open for writing in a test forked meanwhile would be
+        // busy.
         let copied = Command::new("cp")
             .arg(cargo_bin("sweep"))
             .arg(&program)
@@ -360,7 +362,8 @@ fn what_is_whole_of_a_damaged_store_is_merged_and_the_rest_computed_again() {
         .and_then(|store| store.execute_batch("VACUUM"))
         .unwrap();
     let mut bytes = std::fs::read(&store).unwrap();
-    // The end is lost, as after an interrupted copy: its last two pages hold results of the later runs.
+    // The end is lost, as after an interrupted copy: its last two pages hold results of the later
+    // runs.
     bytes.truncate(bytes.len() - 2 * 4096);
     std::fs::write(&store, bytes).unwrap();
     let error = run(directory.path(), &["report", "small.toml"]);

@@ -1,4 +1,5 @@
-//! Versions of a campaign file: two versions on one store, longer and shorter runs, stores of older schemas.
+//! Versions of a campaign file: two versions on one store, longer and shorter runs, stores of older
+//! schemas.
 
 use crate::harness::{command, json, run, spawn, until};
 use rusqlite::types::Value;

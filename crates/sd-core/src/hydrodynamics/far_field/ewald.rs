@@ -12,7 +12,8 @@ use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Chunks of pairs that one thread sums before they are written: enough to amortize sharing, few enough for the cache.
+/// Chunks of pairs that one thread sums before they are written: enough to amortize sharing, few
+/// enough for the cache.
 const BATCH: usize = 8;
 /// Minimum number of spheres for sharing the sums with an idle thread.
 const LARGE: usize = 100;
@@ -64,7 +65,9 @@ pub(super) struct CutOffs {
 
 /// The smallest cut-offs whose remainders stay below the tolerance.
 ///
-/// The remainder in real space is estimated from the images in the ring where the summand falls by e, as random terms; in wave space, where a sphere's own term adds coherently, from the full sum over the ring.
+/// The remainder in real space is estimated from the images in the ring where the summand falls by
+/// e, as random terms; in wave space, where a sphere's own term adds coherently, from the full sum
+/// over the ring.
 pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> CutOffs {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let size = FiniteSize::new(largest);
@@ -259,7 +262,8 @@ impl Ewald {
     }
 }
 
-/// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the mobility of the uniform force.
+/// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the
+/// mobility of the uniform force.
 #[expect(
     clippy::inline_always,
     reason = "must be compiled for the caller's instruction set"
@@ -335,7 +339,8 @@ impl<'a> Target<'a> {
                 3 * (n + j) + c,
                 column_of(&blocks.velocity_force, c),
             );
-            // The velocity of j from the stresslet of i is the transpose of the strain of i from the force of j.
+            // The velocity of j from the stresslet of i is the transpose of the strain of i from
+            // the force of j.
             self.write(velocity_j, 3 * i + c, blocks.strain_force[c]);
         }
     }

@@ -1,8 +1,9 @@
 //! The periodic mobility as an operator: `M x` in O(N log N), M never formed.
 //!
-//! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes through a grid
-//! (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`], but **without the uniform force
-//! mode**: a force common to all spheres moves none of them here, where the dense matrix has an arbitrary constant.
+//! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes
+//! through a grid (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`],
+//! but **without the uniform force mode**: a force common to all spheres moves none of them here,
+//! where the dense matrix has an arbitrary constant.
 
 use super::check;
 use super::ewald::{CutOffs, cut_offs};
@@ -18,8 +19,8 @@ use crate::space::modes::Vec2;
 use crate::space::neighbours::NeighbourList;
 use std::f64::consts::PI;
 
-/// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by columns; modes are
-/// `(s1, s2, s3, F_x, F_y, T)`.
+/// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by
+/// columns; modes are `(s1, s2, s3, F_x, F_y, T)`.
 #[derive(Debug, Clone, Copy)]
 struct NearPair {
     /// Sphere that moves.
@@ -29,7 +30,8 @@ struct NearPair {
     block: [[f64; 6]; 6],
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
+/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
+/// last given.
 pub struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
@@ -48,7 +50,8 @@ pub struct FarOperator {
     /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
     pairs: Vec<NearPair>,
-    /// Self mobility minus the grid's part of a sphere's own image: a diagonal, modes as in [`NearPair`].
+    /// Self mobility minus the grid's part of a sphere's own image: a diagonal, modes as in
+    /// [`NearPair`].
     own: Vec<[f64; 6]>,
     /// Force modes of each sphere, for all current vectors.
     sources: Vec<[f64; 6]>,
@@ -64,10 +67,12 @@ impl FarOperator {
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
     /// - `radii`: one per sphere, in a.
-    /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a few 1e-9.
+    /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a
+    ///   few 1e-9.
     ///
     /// # Errors
-    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
+    /// bounds.
     pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let [length_x, length_y] = periodic_sides(cell)?;
@@ -80,7 +85,8 @@ impl FarOperator {
             if cut_offs.distance > longest {
                 continue;
             }
-            // Measured nanoseconds for each near pair, and for each wave vector on its share of the grid.
+            // Measured nanoseconds for each near pair, and for each wave vector on its share of the
+            // grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
             let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
             let cost = 40.0 * pairs + 50.0 * points;
@@ -151,7 +157,8 @@ impl FarOperator {
         })
     }
 
-    /// Sets new positions. Allocates only when the number of near pairs exceeds its previous maximum.
+    /// Sets new positions. Allocates only when the number of near pairs exceeds its previous
+    /// maximum.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -207,10 +214,13 @@ impl FarOperator {
         Ok(())
     }
 
-    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such vectors in sequence, for which the near pairs are read once. Two threads may share the work, with the same bits.
+    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques
+    /// or velocities; or several such vectors in sequence, for which the near pairs are read once.
+    /// Two threads may share the work, with the same bits.
     ///
     /// # Accuracy
-    /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
+    /// The tolerance of the plan, relative to the largest entry of M; test
+    /// `operator_is_the_dense_mobility`.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let n = self.radii.len();
         self.sources.clear();
@@ -304,7 +314,8 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Maximum range of the near part: beyond half a side a sphere would have two images of one neighbour in range.
+/// Maximum range of the near part: beyond half a side a sphere would have two images of one
+/// neighbour in range.
 fn longest(sides: [f64; 2]) -> f64 {
     0.499 * sides[0].min(sides[1])
 }

@@ -1,7 +1,9 @@
-//! The short-ranged part of the periodic mobility: a sum over images of the kernels of `f = r erfc(αr)`.
+//! The short-ranged part of the periodic mobility: a sum over images of the kernels of
+//! `f = r erfc(αr)`.
 //!
-//! The radial functions are tabulated as polynomials in r². The intervals of the table divide every octave of r²
-//! evenly, so that the bits of r² are the index, and narrow where the functions are steep.
+//! The radial functions are tabulated as polynomials in r². The intervals of the table divide every
+//! octave of r² evenly, so that the bits of r² are the index, and narrow where the functions are
+//! steep.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use super::unbounded::{self, RadialChain};
@@ -22,7 +24,8 @@ impl RadialChain {
         let distance = square.sqrt();
         let gauss = (-alpha * alpha * square).exp();
         let slope = 2.0 * alpha / PI.sqrt();
-        // With D = 1/r d/dr: f₁ = h − slope·gauss, h = erfc(αr)/r, D gauss = −2α² gauss, and (−D)ᵏ h by recurrence.
+        // With D = 1/r d/dr: f₁ = h − slope·gauss, h = erfc(αr)/r, D gauss = −2α² gauss, and (−D)ᵏ
+        // h by recurrence.
         let mut derivatives = [0.0; 6];
         let mut h = libm::erfc(alpha * distance) / distance;
         let mut gaussian = slope * gauss;
@@ -68,7 +71,8 @@ struct RadialTable {
 }
 
 impl RadialTable {
-    /// Fits `function` at Chebyshev points for `from ≤ r² ≤ to`, with 2^digits intervals per octave.
+    /// Fits `function` at Chebyshev points for `from ≤ r² ≤ to`, with 2^digits intervals per
+    /// octave.
     fn new(from: f64, to: f64, digits: u32, function: impl Fn(f64) -> [f64; RADIAL]) -> Self {
         let (first, last) = (index(from, digits), index(to, digits));
         let nodes: [f64; DEGREE + 1] =
@@ -247,7 +251,8 @@ impl RealSpace {
         sums
     }
 
-    /// The term of one separation within the cut-off: lanes of equal spheres and zeros, or those of f and of ∇²f.
+    /// The term of one separation within the cut-off: lanes of equal spheres and zeros, or those of
+    /// f and of ∇²f.
     #[inline(always)]
     pub(crate) fn single(&self, separation: Vec2) -> [Lanes; 2] {
         let square = separation.norm_squared();
@@ -263,7 +268,8 @@ impl RealSpace {
         lanes
     }
 
-    /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and table.
+    /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and
+    /// table.
     #[expect(
         clippy::inline_always,
         reason = "must be compiled for the caller's instruction set"
@@ -416,7 +422,8 @@ mod tests {
 
     #[test]
     fn own_image_and_screened_part_make_up_the_whole() {
-        // r erf(αr) near 0 tends to its series; r − r erfc(αr) cancels there, so compare at moderate αr.
+        // r erf(αr) near 0 tends to its series; r − r erfc(αr) cancels there, so compare at
+        // moderate αr.
         let (alpha, r) = (0.05, 2.0_f64);
         let (whole, screened, own) = (
             RadialChain::distance(r * r),

@@ -8,7 +8,8 @@ use crate::linalg::join::tests::assert_same_with_any_threads;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A triangular layer of `columns × rows` spheres at an area fraction, each displaced by at most `shake`.
+/// A triangular layer of `columns × rows` spheres at an area fraction, each displaced by at most
+/// `shake`.
 pub(super) fn layer(
     columns: usize,
     rows: usize,

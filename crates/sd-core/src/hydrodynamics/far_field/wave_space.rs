@@ -6,8 +6,8 @@
 //! J0 = e^(−q²) α/√π,  J1 = erfc(q)/(2k),  J2 = [erfc(q)(1 − 2q²) + 2q e^(−q²)/√π]/(4k³)
 //! J₋₁ = J0 (k² + 1/2σ),  J₋₂ = J0 ((k² + 1/2σ)² + 1/2σ²);   σ = 1/(4α²),  q = k/(2α)
 //! ```
-//! Per pair the twenty lanes are sums over k of weights times cos k·x (even lanes) or sin k·x (odd ones): with one row
-//! per pair, two products of a tall matrix and a narrow one.
+//! Per pair the twenty lanes are sums over k of weights times cos k·x (even lanes) or sin k·x (odd
+//! ones): with one row per pair, two products of a tall matrix and a narrow one.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use crate::linalg::dense::{Matrix, product};
@@ -98,7 +98,8 @@ pub(crate) struct WaveSpace {
     cosines: Matrix,
     /// sin k·x of every sphere `[N × K]`.
     sines: Matrix,
-    /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice coordinate.
+    /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice
+    /// coordinate.
     powers_x: Matrix,
     /// The same powers of the second coordinate.
     powers_y: Matrix,

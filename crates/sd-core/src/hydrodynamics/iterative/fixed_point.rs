@@ -4,7 +4,8 @@
 //! given q and c:   contact forces and velocities under sparse hydrodynamics and the forces −δ of the far field
 //! next:            P x + δ of both parts as in `split`
 //! ```
-//! One evaluation solves one contact problem, whose forces and states change little between evaluations.
+//! One evaluation solves one contact problem, whose forces and states change little between
+//! evaluations.
 
 use super::{Convergence, IterativeFarField};
 use crate::error::Error;
@@ -19,17 +20,20 @@ pub struct Progress {
     pub residual: f64,
 }
 
-/// The map whose fixed point is sought along with the far field: a contact problem under sparse hydrodynamics.
+/// The map whose fixed point is sought along with the far field: a contact problem under sparse
+/// hydrodynamics.
 pub trait FixedPointMap {
     /// Evaluates the map once.
     ///
     /// # Arguments
     /// - `forces`: `[6N]`, on part N and on part T, without contact forces.
     /// - `progress`: forces and velocities need only be slightly more accurate than its residual.
-    /// - `velocities`: v_N, then v_T `[6N]`; v_T is zero where the contact law does not read the motion without friction.
+    /// - `velocities`: v_N, then v_T `[6N]`; v_T is zero where the contact law does not read the
+    ///   motion without friction.
     ///
     /// # Returns
-    /// Whether the problem itself has changed since the last evaluation, as by an update of the active set. It may change only finitely often.
+    /// Whether the problem itself has changed since the last evaluation, as by an update of the
+    /// active set. It may change only finitely often.
     ///
     /// # Errors
     /// Any error of the stage.
@@ -51,10 +55,12 @@ const WORSE: f64 = 10.0;
 impl<S: Fluid> IterativeFarField<S> {
     /// Disturbance velocities `[3N]` with contacts; their forces are kept in `map`.
     ///
-    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
-    /// evaluation, and [`IterativeFarField::correct`] then has the far field of both parts.
+    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities
+    /// are v = v_N + v_T of the last evaluation, and [`IterativeFarField::correct`] then has the
+    /// far field of both parts.
     ///
-    /// States of contacts that are consistent with the far field of their own motion may not exist or may not be found: then the residual is above the tolerance.
+    /// States of contacts that are consistent with the far field of their own motion may not exist
+    /// or may not be found: then the residual is above the tolerance.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
@@ -102,7 +108,8 @@ impl<S: Fluid> IterativeFarField<S> {
                 break Ok(found.residual <= WORST);
             }
             found.iterations += 1;
-            // An update of the active set changes few directions: earlier steps remain useful, except the one across the update.
+            // An update of the active set changes few directions: earlier steps remain useful,
+            // except the one across the update.
             if changed {
                 work.anderson.skip_step();
             }

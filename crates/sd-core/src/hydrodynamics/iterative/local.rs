@@ -1,4 +1,5 @@
-//! P, the approximation of the far field's resistance by near pairs: see `far_pairs` of the resistance.
+//! P, the approximation of the far field's resistance by near pairs: see `far_pairs` of the
+//! resistance.
 
 use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
 use crate::linalg::simd::vectorised;

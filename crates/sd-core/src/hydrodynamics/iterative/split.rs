@@ -5,9 +5,12 @@
 //! R_P v_N = F + (R_n + P)_FE E + Cᵀ f − δ_N,   R_P v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
 //! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                       q = P x + δ, Vᵀ q = 0 for each part
 //! ```
-//! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the forces −δ. Given q and c, take
-//! `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is the next q, and c moves by what the pair terms would need to
-//! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. The preconditioned conjugate gradients of [`super`] iterate the same map; contacts make it piecewise linear, and friction makes it unsymmetric: [`super::fixed_point`] accelerates it with a history of many steps.
+//! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the
+//! forces −δ. Given q and c, take `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is
+//! the next q, and c moves by what the pair terms would need to take up the force on the layer,
+//! `(Vᵀ R_n V)⁻¹ Vᵀ q`. The preconditioned conjugate gradients of [`super`] iterate the same map;
+//! contacts make it piecewise linear, and friction makes it unsymmetric: [`super::fixed_point`]
+//! accelerates it with a history of many steps.
 
 use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
@@ -18,7 +21,8 @@ use std::marker::PhantomData;
 /// Length of the history of the acceleration.
 const DEPTH: usize = 40;
 
-/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where noted also c of both parts, four numbers.
+/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where noted also c
+/// of both parts, four numbers.
 pub(super) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
@@ -96,7 +100,8 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Norm of the residual, as a change of `scaled` under isolated drag, over that of the next `√M₀ q` of both parts together: near jamming the two are large and nearly cancel.
+    /// Norm of the residual, as a change of `scaled` under isolated drag, over that of the next
+    /// `√M₀ q` of both parts together: near jamming the two are large and nearly cancel.
     pub(super) fn relative_residual(&self) -> f64 {
         let part = (self.roots.len() - 4) / 2;
         let next: f64 = (0..part)
@@ -157,7 +162,8 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Computes the residual of the velocities found, and the changes for them: `√M₀ P (x − M q − V c)`, and that of c.
+    /// Computes the residual of the velocities found, and the changes for them:
+    /// `√M₀ P (x − M q − V c)`, and that of c.
     pub(super) fn take_change(
         &mut self,
         uniform: &Uniform<S>,

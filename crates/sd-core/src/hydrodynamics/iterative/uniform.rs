@@ -1,4 +1,5 @@
-//! Uniform translations of the layer: their resistance, and the constraint that the far field's forces sum to zero.
+//! Uniform translations of the layer: their resistance, and the constraint that the far field's
+//! forces sum to zero.
 
 use super::local::LocalResistance;
 use super::near_solver::NearSolver;
@@ -6,7 +7,8 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::add_scaled;
 
-/// Resistance of the pair terms to a translation, over isolated drag, below which it counts as zero.
+/// Resistance of the pair terms to a translation, over isolated drag, below which it counts as
+/// zero.
 const LEAST: f64 = 1e-9;
 
 /// The two translations V at one set of positions, under sparse hydrodynamics.
@@ -32,7 +34,8 @@ pub(super) struct Uniform<S: Fluid> {
 }
 
 impl<S: Fluid> Uniform<S> {
-    /// Computes the resistance of the pair terms to translations; `drag` is that of the velocity rows, `[3N]`.
+    /// Computes the resistance of the pair terms to translations; `drag` is that of the velocity
+    /// rows, `[3N]`.
     pub(super) fn update(
         &mut self,
         near: &Resistance<S>,
@@ -91,7 +94,8 @@ impl<S: Fluid> Uniform<S> {
         Ok(())
     }
 
-    /// Inverts the products of V with two vectors, symmetric up to rounding; the total drag is the scale.
+    /// Inverts the products of V with two vectors, symmetric up to rounding; the total drag is the
+    /// scale.
     fn invert(&mut self, m: [[f64; 2]; 2]) {
         let least = LEAST * self.drag;
         let off = 0.5 * (m[0][1] + m[1][0]);
@@ -106,7 +110,8 @@ impl<S: Fluid> Uniform<S> {
         };
     }
 
-    /// The translation of the layer, against the fluid, that adds to a net force on it the opposite one.
+    /// The translation of the layer, against the fluid, that adds to a net force on it the opposite
+    /// one.
     pub(super) fn against(&self, net: [f64; 2]) -> [f64; 2] {
         self.inverse.map(|row| row[0] * net[0] + row[1] * net[1])
     }

@@ -25,7 +25,8 @@ impl Fluid for Bulk {
     const ENDS_AT_CUTOFF: bool = true;
     /// The wave vector k = 0 is left out: there is no mean flow.
     const DRIFTS: usize = 0;
-    /// The values of the layer cause more fill-in: a Ball-Melrose instant of 1000 spheres at φ = 0.45 then takes 0.09 s instead of 0.035 s.
+    /// The values of the layer cause more fill-in: a Ball-Melrose instant of 1000 spheres at φ =
+    /// 0.45 then takes 0.09 s instead of 0.035 s.
     const REACHES: [Reach; 2] = [Reach {
         needed: 2.02,
         taken: 2.05,

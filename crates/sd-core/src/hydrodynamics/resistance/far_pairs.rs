@@ -1,9 +1,13 @@
-//! The far field of near pairs, each pair alone: a sparse approximation of the far field, whose remainder is iterated.
+//! The far field of near pairs, each pair alone: a sparse approximation of the far field, whose
+//! remainder is iterated.
 //!
 //! ```text
 //! P = D + Σ_near θ_ij (R2B∞ − D_ij),   θ_ij = min(1, LARGEST / max(w_i, w_j)),   w_i = Σ_j w_ij
 //! ```
-//! With θ = 1 a pair far from others is exact. For a sphere among many neighbours the sum over pairs overestimates collective motion: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least `(1 − LARGEST) D`. With isolated spheres only, `P = D`, the iteration takes about twice as many steps.
+//! With θ = 1 a pair far from others is exact. For a sphere among many neighbours the sum over
+//! pairs overestimates collective motion: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least
+//! `(1 − LARGEST) D`. With isolated spheres only, `P = D`, the iteration takes about twice as many
+//! steps.
 
 use super::fluid::{Fluid, NearTerm};
 use super::tables::{BySizes, largest_of_many};
@@ -19,7 +23,8 @@ const LARGEST: f64 = 0.95;
 /// The far field of twists is left out, as it is small: P need not be exact.
 const NO_TWIST: [f64; 3] = [0.0; 3];
 
-/// Logarithmic step of the size ratios of the tables for many sizes. Radii are then approximated within a quarter of it, so that `R2B∞ − D ≥ −1.015 w D`, and P stays positive definite.
+/// Logarithmic step of the size ratios of the tables for many sizes. Radii are then approximated
+/// within a quarter of it, so that `R2B∞ − D ≥ −1.015 w D`, and P stays positive definite.
 const STEP: f64 = 0.02;
 
 /// `R2B∞ − D` of all pairs.

@@ -24,7 +24,8 @@ pub trait Fluid: Space {
     const ENDS_AT_CUTOFF: bool;
     /// Directions of uniform translation that the far field does not resist.
     const DRIFTS: usize;
-    /// Range of pairs of the near part under Ball-Melrose and lubrication, and under an iterated far field.
+    /// Range of pairs of the near part under Ball-Melrose and lubrication, and under an iterated
+    /// far field.
     const REACHES: [Reach; 2];
 
     /// The resistance of a pair; `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.

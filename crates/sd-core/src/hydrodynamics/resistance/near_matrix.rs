@@ -166,7 +166,8 @@ impl<S: Space> NearMatrix<S> {
         self.blocks.factor(&pattern.blocks)
     }
 
-    /// Refactors a matrix of the same pattern as at the last factorization: updates only what changed values affect.
+    /// Refactors a matrix of the same pattern as at the last factorization: updates only what
+    /// changed values affect.
     ///
     /// # Errors
     /// As there.

@@ -1,4 +1,5 @@
-//! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part for a sparse factor.
+//! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part
+//! for a sparse factor.
 
 use super::fluid::{Fluid, NearTerm as _};
 use super::near_matrix::{NearMatrix, NearPattern};
@@ -14,7 +15,8 @@ pub struct Reach {
     pub(super) needed: f64,
     /// A new pattern includes pairs up to this range, so that it stays valid for several steps.
     pub(super) taken: f64,
-    /// Required gap, in s' − 2, beyond the height of contacts, since approaching contacts are stiff.
+    /// Required gap, in s' − 2, beyond the height of contacts, since approaching contacts are
+    /// stiff.
     pub(super) ahead: f64,
 }
 
@@ -34,7 +36,8 @@ impl Reach {
 pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Block of each sphere with itself.
     own: Vec<S::Block>,
-    /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the numbers are short.
+    /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the
+    /// numbers are short.
     couplings: Vec<([u32; 2], S::Block)>,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
@@ -109,7 +112,8 @@ impl<S: Fluid> PairwiseResistance<S> {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
         let Reach { needed, taken, .. } = self.reach;
-        // An empty pattern is rebuilt each time: a snapshot does not distinguish it from a missing one.
+        // An empty pattern is rebuilt each time: a snapshot does not distinguish it from a missing
+        // one.
         let serves = self.number(pairs, |pair| closer(pair, needed));
         if !serves || self.pattern_pairs.is_empty() {
             let near = pairs.iter().filter(|pair| closer(pair, taken));
@@ -191,7 +195,8 @@ impl<S: Fluid> PairwiseResistance<S> {
                         y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
                     }
                 }
-                // All pairs of a sphere i are consecutive: their contributions are summed before writing.
+                // All pairs of a sphere i are consecutive: their contributions are summed before
+                // writing.
                 for of_one in self.couplings.chunk_by(|([a, _], _), ([b, _], _)| a == b) {
                     let i = of_one[0].0[0] as usize;
                     let (v_i, mut y_i) = (v[i], y[i]);
@@ -212,7 +217,8 @@ impl<S: Fluid> PairwiseResistance<S> {
         );
     }
 
-    /// Copies the near part to a matrix of the pattern: all diagonal blocks, and couplings of the pattern.
+    /// Copies the near part to a matrix of the pattern: all diagonal blocks, and couplings of the
+    /// pattern.
     pub(crate) fn fill(&self, pattern: &NearPattern<S>, matrix: &mut NearMatrix<S>) {
         matrix.reset(pattern);
         for (sphere, block) in self.own.iter().enumerate() {

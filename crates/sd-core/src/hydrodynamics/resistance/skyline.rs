@@ -1,4 +1,5 @@
-//! Ball-Melrose hydrodynamics with `R_FU` factored: with spheres ordered along the gradient, only near ones couple.
+//! Ball-Melrose hydrodynamics with `R_FU` factored: with spheres ordered along the gradient, only
+//! near ones couple.
 
 use super::fluid::Fluid;
 use super::pair_terms;

@@ -1,4 +1,5 @@
-//! Sources of near-field terms: tables of any size ratios, shared between runs, and the terms of the pairs of sizes in one layer.
+//! Sources of near-field terms: tables of any size ratios, shared between runs, and the terms of
+//! the pairs of sizes in one layer.
 
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::{
@@ -9,7 +10,8 @@ use crate::linalg::simd::vectorised;
 use crate::model::{Hydrodynamics, LeadingOrder};
 use std::sync::{Arc, OnceLock};
 
-/// Maximum number of sizes with one table per pair; with more sizes, one table covers all size ratios up to the largest.
+/// Maximum number of sizes with one table per pair; with more sizes, one table covers all size
+/// ratios up to the largest.
 const FEW_SIZES: usize = 6;
 
 /// Near-field tables by size ratio, shared between runs.
@@ -39,8 +41,8 @@ pub(super) fn largest_of_many(radii: &[f64]) -> Option<f64> {
 }
 
 impl NearFields {
-    /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that of 1: those of its pairs, or for many
-    /// sizes those that [`NearFieldRange`] is made from.
+    /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that
+    /// of 1: those of its pairs, or for many sizes those that [`NearFieldRange`] is made from.
     pub fn ratios(radii: &[f64]) -> Vec<f64> {
         if let Some(largest) = largest_of_many(radii) {
             // A size ratio out of range is refused where the tables are used.
@@ -177,7 +179,8 @@ impl ManySizes {
 }
 
 impl NearTerms {
-    /// The terms of spheres of the given radii; tables missing in `tables` are computed here, which takes seconds per size ratio.
+    /// The terms of spheres of the given radii; tables missing in `tables` are computed here, which
+    /// takes seconds per size ratio.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
@@ -221,7 +224,8 @@ impl NearTerms {
         Ok(Self::Exact(pairs))
     }
 
-    /// Computes the terms of all pairs, given by their spheres and gaps; below the gap `least` they are those at that gap.
+    /// Computes the terms of all pairs, given by their spheres and gaps; below the gap `least` they
+    /// are those at that gap.
     ///
     /// `finish`: final operation on the term of spheres at a gap.
     pub(crate) fn evaluate<T>(

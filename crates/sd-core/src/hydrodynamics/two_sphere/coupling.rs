@@ -1,18 +1,22 @@
-//! Coupling of the modes of two spheres in three dimensions, by fifteen numbers and the direction between them.
+//! Coupling of the modes of two spheres in three dimensions, by fifteen numbers and the direction
+//! between them.
 //!
-//! Eleven modes a sphere, ordered `(U 3, Ω 3, e 5)`, the strain in the orthonormal basis of symmetric traceless tensors
+//! Eleven modes a sphere, ordered `(U 3, Ω 3, e 5)`, the strain in the orthonormal basis of
+//! symmetric traceless tensors
 //!
 //! ```text
 //! e1 = (E_xx − E_yy)/√2   e2 = √2 E_xy   e3 = √(3/2)(E_xx + E_yy)   e4 = √2 E_xz   e5 = √2 E_yz
 //! ```
-//! A coupling that depends only on the unit vector n decomposes velocities and strains into parts along and across n:
+//! A coupling that depends only on the unit vector n decomposes velocities and strains into parts
+//! along and across n:
 //!
 //! ```text
 //! E = √(3/2) a (nn − I/3) + (nσ + σn)/√2 + W,   a = √(3/2) n·E·n,   σ = √2 (E·n − n (n·E·n)),   W across n
 //! F = ∥ U∥ + ⊥ U⊥ + f n×Ω + (axial a) n + shear σ        T = t n×U + ∥ Ω∥ + ⊥ Ω⊥ + s n×σ
 //! a of S = axial U∥ + axial a,   σ of S = shear U⊥ + s n×Ω + shear σ,   W of S = transverse W
 //! ```
-//! The same form serves resistances and mobilities. Its orders about n are 0, ±1 and ±2: the X, Y and Z functions.
+//! The same form serves resistances and mobilities. Its orders about n are 0, ±1 and ±2: the X, Y
+//! and Z functions.
 
 use super::pair_frame::{axial, odd, transverse};
 use super::pair_term::PairTerm;
@@ -211,8 +215,8 @@ impl Coupling {
 }
 
 impl PairTerm {
-    /// The blocks (i, i), (j, i) and (j, j) of the term in three dimensions, n from i to j; `twist`: entries (i, i), (i, j), (j, j) of
-    /// X^C in mu·a³.
+    /// The blocks (i, i), (j, i) and (j, j) of the term in three dimensions, n from i to j;
+    /// `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
     #[inline(always)]
     pub(crate) fn couplings(&self, twist: [f64; 3]) -> [Coupling; 3] {
         let entries = self.entries();

@@ -12,7 +12,8 @@ use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use nalgebra::SVector;
 use std::f64::consts::PI;
 
-/// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test `polynomials_meet_the_inverse_mobility`.
+/// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test
+/// `polynomials_meet_the_inverse_mobility`.
 const NODES: usize = 8;
 /// The entries, and w.
 const LANES: usize = ENTRIES + 1;
@@ -65,8 +66,9 @@ impl FarPair {
         (PairTerm::new(entries), sums[ENTRIES])
     }
 
-    /// The term of spheres of about the size ratio of this table, of which the first has radius 1 and the second is no smaller, and w:
-    /// that of spheres of this size ratio and with the same product of the radii.
+    /// The term of spheres of about the size ratio of this table, of which the first has radius 1
+    /// and the second is no smaller, and w: that of spheres of this size ratio and with the same
+    /// product of the radii.
     #[inline(never)]
     pub(crate) fn evaluate_near(
         &self,

@@ -4,12 +4,13 @@
 //! X functions: g1/x,   Y functions: g2 ln(1/x),   Z^M = 0,   x = max(ξ, 0) + δ,   zero for ξ ≥ cutoff
 //! ```
 //!
-//! No regular terms and no far field of the pair are added, so the term directly complements the drag of isolated spheres. It is positive
-//! semidefinite while x ≤ 1, and finite where surfaces overlap.
+//! No regular terms and no far field of the pair are added, so the term directly complements the
+//! drag of isolated spheres. It is positive semidefinite while x ≤ 1, and finite where surfaces
+//! overlap.
 //!
 //! # Source
-//! Ball & Melrose, Physica A 247, 444 (1997); Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), with all of the force, torque and
-//! stresslet terms. Coefficients: `near_contact`.
+//! Ball & Melrose, Physica A 247, 444 (1997); Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014),
+//! with all of the force, torque and stresslet terms. Coefficients: `near_contact`.
 
 use super::Scalars;
 use super::near_contact;
@@ -79,7 +80,8 @@ impl LeadingOrderPair {
         PairTerm::new(&self.entries(gap))
     }
 
-    /// Resistance K to slip at the contact of the pair alone, as [`super::NearField::slip_resistance`]: the term and isolated drags.
+    /// Resistance K to slip at the contact of the pair alone, as
+    /// [`super::NearField::slip_resistance`]: the term and isolated drags.
     pub(crate) fn slip_resistance(&self, gap: f64) -> f64 {
         let mut entries = self.entries(gap);
         for (sphere, a) in self.radii.into_iter().enumerate() {
@@ -117,7 +119,8 @@ mod tests {
             };
             let (near, nearer) = (rest(1e-4), rest(1e-6));
             let change = nearer - near;
-            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; the omitted terms of X grow as the logarithm, and those of Y do not grow.
+            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; the omitted terms of
+            // X grow as the logarithm, and those of Y do not grow.
             for row in 0..12 {
                 for column in 0..12 {
                     let most = 6.0 * PI * mean.powi(3) * 8.0;
@@ -187,7 +190,8 @@ mod tests {
 
     #[test]
     fn slip_of_a_free_pair_under_a_force_is_that_of_its_resistance() {
-        // K is defined by a whole solve of the pair: forces ±1 across and the torques l that go with them.
+        // K is defined by a whole solve of the pair: forces ±1 across and the torques l that go
+        // with them.
         let (radii, gap) = ([1.0, 1.4], 0.004);
         let pair = LeadingOrderPair::new(radii, LeadingOrder::DEFAULT);
         let term = pair.evaluate(gap).matrix();

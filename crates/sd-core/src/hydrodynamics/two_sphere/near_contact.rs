@@ -4,8 +4,8 @@
 //! f(ξ) = g1/ξ + g2 ln(1/ξ) + g3 ξ ln(1/ξ) + c0 + c1 ξ + Σ_{k≥2} ξ^k (p_k ln ξ + q_k)
 //! ```
 //!
-//! The c, p and q are fitted to values solved at larger gaps, where solving is cheap and exact. Below the
-//! fitted range the result is better than solving there, whose rounding grows as 1/ξ².
+//! The c, p and q are fitted to values solved at larger gaps, where solving is cheap and exact.
+//! Below the fitted range the result is better than solving there, whose rounding grows as 1/ξ².
 
 use super::{Scalars, ordered, series};
 use crate::linalg::dense::Matrix;
@@ -13,7 +13,8 @@ use crate::linalg::lu;
 
 /// Fitted terms, and gaps solved for them.
 pub(super) const TERMS: usize = 12;
-/// Gap over the smaller radius below which this form replaces solving: a quarter of the fitted range.
+/// Gap over the smaller radius below which this form replaces solving: a quarter of the fitted
+/// range.
 const SWITCH: f64 = 5e-2;
 
 /// A polynomial, lowest power first.
@@ -24,8 +25,8 @@ fn polynomial(coefficients: &[f64], x: f64) -> f64 {
 /// Coefficients of `1/ξ`, `ln(1/ξ)` and `ξ ln(1/ξ)` in every function, with λ = a2/a1.
 ///
 /// # Source
-/// Jeffrey & Onishi (1984), Jeffrey (1992), in the normalisation of [`Scalars`]. In `Y12M` the coefficient of
-/// `ξ ln(1/ξ)` is often given as 728 instead of 748; solved values confirm 748, test
+/// Jeffrey & Onishi (1984), Jeffrey (1992), in the normalisation of [`Scalars`]. In `Y12M` the
+/// coefficient of `ξ ln(1/ξ)` is often given as 728 instead of 748; solved values confirm 748, test
 /// `logarithmic_term_of_y12m_is_748`.
 #[rustfmt::skip]
 pub(super) fn singular(l: f64) -> [Scalars; 3] {

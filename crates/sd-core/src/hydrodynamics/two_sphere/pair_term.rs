@@ -101,7 +101,8 @@ impl PairTerm {
         self.entries[odd(row, column)]
     }
 
-    /// The whole matrix in the frame of the pair: modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of j.
+    /// The whole matrix in the frame of the pair: modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of
+    /// j.
     pub fn matrix(&self) -> PairMatrix {
         pair_frame::expand(&self.entries)
     }
@@ -122,7 +123,8 @@ impl PairTerm {
         out
     }
 
-    /// Block (p, q) of [`PairTerm::force_velocity`], by columns: forces and torque on sphere p from the velocities of sphere q.
+    /// Block (p, q) of [`PairTerm::force_velocity`], by columns: forces and torque on sphere p from
+    /// the velocities of sphere q.
     #[inline(always)]
     pub(crate) fn block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 3]; 3] {
         let along = self.axial(2 * p, 2 * q);
@@ -142,14 +144,16 @@ impl PairTerm {
         ]
     }
 
-    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
+    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from
+    /// `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
     #[inline]
     pub(crate) fn mode_block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
         let (velocity, strain) = (|k: usize| 2 * k, |k: usize| 2 * k + 1);
         let transverse = self.entries[transverse(p, q)];
         let stretch = self.axial(strain(p), strain(q));
         let mut block = [[0.0; 6]; 6];
-        // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one (−1/2, ·, √3/2).
+        // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one
+        // (−1/2, ·, √3/2).
         block[0][0] = 0.75 * stretch + 0.25 * transverse;
         block[2][2] = 0.25 * stretch + 0.75 * transverse;
         block[0][2] = 0.5 * ROOT * (stretch - transverse);

@@ -9,7 +9,8 @@
 //! x1 = b1 + K12 x2,   x2 = b2 + K21 x1   ⟹   (I − K12 K21) x1 = b1 + K12 b2
 //! ```
 //!
-//! where the unknowns of the sphere with fewer multipoles are kept. All coefficients are rational multiples of
+//! where the unknowns of the sphere with fewer multipoles are kept. All coefficients are rational
+//! multiples of
 //!
 //! ```text
 //! T(n,s) = C(n+s, n) t^n t'^s,   t = a/r,   T(n,s) = t T(n−1,s) + t' T(n,s−1)
@@ -404,7 +405,8 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
     response
 }
 
-/// Both labellings of the resistance functions of one pair: with the first sphere as 1, and with the second.
+/// Both labellings of the resistance functions of one pair: with the first sphere as 1, and with
+/// the second.
 ///
 /// `effort` multiplies the number of multipoles; 1 gives 1e-11.
 pub(super) fn solve(size_ratio: f64, xi: f64, effort: f64) -> [Scalars; 2] {

@@ -3,8 +3,9 @@
 //! ```text
 //! R2B − R2B∞ = g1/ξ + g2 ln(1/ξ) + g3 ξ ln(1/ξ) + p(ln ξ)
 //! ```
-//! for each of the 34 entries of the pair frame; p is a polynomial on every interval of a uniform grid in ln ξ.
-//! R2B∞ is the inverse of the far-field mobility of the two spheres alone. Beyond ξ = 1 the singular terms are included in p.
+//! for each of the 34 entries of the pair frame; p is a polynomial on every interval of a uniform
+//! grid in ln ξ. R2B∞ is the inverse of the far-field mobility of the two spheres alone. Beyond ξ =
+//! 1 the singular terms are included in p.
 
 mod range;
 
@@ -48,13 +49,14 @@ const SLIP: usize = ENTRIES;
 /// Evaluating allocates nothing.
 ///
 /// # Accuracy
-/// Within 1e-9 of [`super::two_sphere_resistance`] at the same gap, relative to each entry or, if larger, the geometric mean
-/// of the two isolated drags it joins: tests `table_meets_solutions` (1e-8 asserted). Beyond ξ = 54 the term is
-/// zero; it is below 1e-9 of those drags, test `correction_beyond_the_table_is_negligible`.
+/// Within 1e-9 of [`super::two_sphere_resistance`] at the same gap, relative to each entry or, if
+/// larger, the geometric mean of the two isolated drags it joins: tests `table_meets_solutions`
+/// (1e-8 asserted). Beyond ξ = 54 the term is zero; it is below 1e-9 of those drags, test
+/// `correction_beyond_the_table_is_negligible`.
 ///
 /// # Cost
-/// 0.2 µs per evaluation. [`NearField::new`] takes 0.2 s at size ratio 1, 0.3 s at 2, 0.9 s at 10 and 5 s at 100; reading a
-/// stored table 2 ms.
+/// 0.2 µs per evaluation. [`NearField::new`] takes 0.2 s at size ratio 1, 0.3 s at 2, 0.9 s at 10
+/// and 5 s at 100; reading a stored table 2 ms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Stored", into = "Stored")]
 pub struct NearField {
@@ -87,7 +89,8 @@ struct Stored {
     size_ratio: f64,
     /// ξ at which the near-contact variable is 1.
     scale: f64,
-    /// Near-contact coefficients: smaller sphere as 1, then the larger; the functions in their order.
+    /// Near-contact coefficients: smaller sphere as 1, then the larger; the functions in their
+    /// order.
     fitted: Vec<Vec<f64>>,
     /// Values at the nodes: all with the smaller sphere as 1, then all with the larger.
     nodes: Vec<Vec<f64>>,
@@ -153,7 +156,8 @@ fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
     })
 }
 
-/// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these radii.
+/// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these
+/// radii.
 #[inline(always)]
 pub(super) fn scaled(sums: &[f64], radius_i: f64, radius_j: f64) -> PairTerm {
     let mut entries = [0.0; ENTRIES];
@@ -174,7 +178,8 @@ pub(super) fn scaled(sums: &[f64], radius_i: f64, radius_j: f64) -> PairTerm {
     PairTerm::new(&entries)
 }
 
-/// The value of a polynomial at the position x of an interval of ln ξ; below the grid it is continued linearly.
+/// The value of a polynomial at the position x of an interval of ln ξ; below the grid it is
+/// continued linearly.
 fn with_tail(powers: &[f64; NODES], logarithm: f64, x: f64) -> f64 {
     let (mut sum, mut slope) = (0.0, 0.0);
     for power in powers.iter().rev() {
@@ -309,7 +314,8 @@ impl NearField {
     ///
     /// # Arguments
     /// - `radius_i`, `radius_j`: in a; their ratio is that of the table or its inverse.
-    /// - `gap`: surface to surface, in a; positive. Below ξ = 1e-8 the regular part is that of 1e-8.
+    /// - `gap`: surface to surface, in a; positive. Below ξ = 1e-8 the regular part is that of
+    ///   1e-8.
     #[inline(always)]
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
         let xi = 2.0 * gap / (radius_i + radius_j);

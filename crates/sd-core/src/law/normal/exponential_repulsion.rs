@@ -1,4 +1,5 @@
-//! Surfaces that never touch: only the repulsion of [`crate::law::repulsion`] separates the spheres.
+//! Surfaces that never touch: only the repulsion of [`crate::law::repulsion`] separates the
+//! spheres.
 
 use crate::law::Quantity;
 

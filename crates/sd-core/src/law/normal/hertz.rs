@@ -5,8 +5,8 @@
 //! ```
 //!
 //! k in mu·a^(1/2)·rate, c in mu·a; for two equal spheres of modulus E and Poisson number σ it is
-//! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson, Contact Mechanics (1985),
-//! eq. (4.23).
+//! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson,
+//! Contact Mechanics (1985), eq. (4.23).
 
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;

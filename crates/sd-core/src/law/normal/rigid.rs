@@ -4,7 +4,8 @@
 //! f ≥ 0,   d ≤ 0,   f d = 0
 //! ```
 //!
-//! The force is the reaction that keeps them apart. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017), eq. (12)-(13).
+//! The force is the reaction that keeps them apart. Source: Townsend & Wilson, Phys. Fluids 29,
+//! 121607 (2017), eq. (12)-(13).
 
 use crate::law::Quantity;
 

@@ -4,8 +4,8 @@
 //! |F_t| < ν f: u_t = 0 (sticks);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of tangential springs in Cundall &
-//! Strack, Géotechnique 29, 47 (1979).
+//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of
+//! tangential springs in Cundall & Strack, Géotechnique 29, 47 (1979).
 
 use super::Halt;
 use crate::law::Quantity;

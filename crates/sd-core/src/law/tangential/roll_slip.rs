@@ -5,7 +5,8 @@
 //! |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! Forces in mu·a²·rate, K in mu·a. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017), steps 4 to 6, with a sign error of (19) corrected: friction opposes slip.
+//! Forces in mu·a²·rate, K in mu·a. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017),
+//! steps 4 to 6, with a sign error of (19) corrected: friction opposes slip.
 
 use super::Halt;
 use crate::law::Quantity;
@@ -24,7 +25,8 @@ pub fn bound(friction: f64, load: f64) -> f64 {
     friction * load
 }
 
-/// The friction force at a slip u_t and a load, and whether the pair rolls; the force has the sign of the slip.
+/// The friction force at a slip u_t and a load, and whether the pair rolls; the force has the sign
+/// of the slip.
 pub fn force(slip: f64, slip_resistance: f64, bound: f64) -> (f64, bool) {
     let roll = slip_resistance * slip;
     if roll.abs() <= bound {

@@ -4,8 +4,10 @@
 //! f > 0 (and f > F_crit):   u_t = 0,   Ω_i = Ω_j
 //! ```
 //!
-//! They neither slip nor roll: a friction force without limit and a couple ±M hold them until the normal force vanishes. The friction coefficient has no effect. Source: the stick-rotate model of the paper's introduction (its ref. 19).
-//! The couple does no work, as Ω_i = Ω_j, and adds nothing to the symmetric stress.
+//! They neither slip nor roll: a friction force without limit and a couple ±M hold them until the
+//! normal force vanishes. The friction coefficient has no effect. Source: the stick-rotate model of
+//! the paper's introduction (its ref. 19). The couple does no work, as Ω_i = Ω_j, and adds nothing
+//! to the symmetric stress.
 
 use super::Halt;
 use crate::law::Quantity;

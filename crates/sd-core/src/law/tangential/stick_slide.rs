@@ -4,11 +4,16 @@
 //! F_t = k_t ξ,   |F_t| ≤ ρ(f),   ξ' = u_t while the spring sticks; at the limit the spring slides and keeps F_t = ±ρ
 //! ```
 //!
-//! In a layer the stretch ξ is a number along the tangent t of the pair, which rotates with the pair: it does not change under a rigid rotation of the pair. In a suspension it is a vector across the line of centres, carried along with it, and |F_t| its length. It starts at 0 when two spheres touch and friction acts, and is discarded when they separate or friction is deactivated.
-//! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58, 1693 (2014), eq. (9)-(11).
+//! In a layer the stretch ξ is a number along the tangent t of the pair, which rotates with the
+//! pair: it does not change under a rigid rotation of the pair. In a suspension it is a vector
+//! across the line of centres, carried along with it, and |F_t| its length. It starts at 0 when two
+//! spheres touch and friction acts, and is discarded when they separate or friction is deactivated.
+//! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58,
+//! 1693 (2014), eq. (9)-(11).
 //!
-//! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact forces do. In terms of the force
-//! s = k_t ξ at the start of the step, with r = s + 2 (F1 − s) terms that the second stage takes back:
+//! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact
+//! forces do. In terms of the force s = k_t ξ at the start of the step, with r = s + 2 (F1 − s)
+//! terms that the second stage takes back:
 //!
 //! ```text
 //! F1 = clamp(s + k_t γτ u1),             s2 = s + (F1 − s)/γ
@@ -16,7 +21,8 @@
 //! s  ← s + (3 (F1 − s) + F2 − s2)/(2γ)
 //! ```
 //!
-//! so that s follows u_t to second order while the spring sticks, and lands on a limit at which both stages slide.
+//! so that s follows u_t to second order while the spring sticks, and lands on a limit at which
+//! both stages slide.
 
 use super::Halt;
 use crate::law::Quantity;

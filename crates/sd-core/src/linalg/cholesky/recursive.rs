@@ -5,8 +5,9 @@
 //!     ( A21 A22 )    L22 from A22 − L21 L21ᵀ (one square, two triangles)
 //! ```
 //!
-//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it. In a pool of threads that runs several simulations, all are busy and nothing is shared; when one simulation remains, idle threads help.
-//! Outside a pool no thread is started.
+//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it.
+//! In a pool of threads that runs several simulations, all are busy and nothing is shared; when one
+//! simulation remains, idle threads help. Outside a pool no thread is started.
 
 use crate::linalg::error::BadPivot;
 use crate::linalg::join::join;

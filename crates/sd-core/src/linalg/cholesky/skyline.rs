@@ -7,7 +7,8 @@
 //!     ████
 //! ```
 //!
-//! A full matrix is the special case of a band that reaches the last row. Storage is that of the full matrix; entries outside are neither read nor written.
+//! A full matrix is the special case of a band that reaches the last row. Storage is that of the
+//! full matrix; entries outside are neither read nor written.
 
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
@@ -45,7 +46,8 @@ impl SkylineCholesky {
         }
     }
 
-    /// The matrix to fill (lower triangle) before [`SkylineCholesky::factor`], as a full matrix of any shape.
+    /// The matrix to fill (lower triangle) before [`SkylineCholesky::factor`], as a full matrix of
+    /// any shape.
     pub fn full_matrix(&mut self) -> &mut Matrix {
         self.ends.clear();
         self.full.matrix_mut()
@@ -53,7 +55,8 @@ impl SkylineCholesky {
 
     /// The matrix `[n × n]` to fill (lower triangle), zero in its profile.
     ///
-    /// `ends`: by column, the end of the rows before `tail` that are not zero; rows from `tail` on may all be nonzero.
+    /// `ends`: by column, the end of the rows before `tail` that are not zero; rows from `tail` on
+    /// may all be nonzero.
     pub fn matrix_of_skyline(
         &mut self,
         n: usize,

@@ -1,9 +1,14 @@
-//! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their Cholesky factors.
+//! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their
+//! Cholesky factors.
 //!
-//! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The order is that of approximate minimum degree on the graph of the spheres; faer determines the supernodes, columns with the same rows. Matrix and factor
-//! are in **single precision**: they precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate in double precision, with half the memory traffic.
+//! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The
+//! order is that of approximate minimum degree on the graph of the spheres; faer determines the
+//! supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
+//! precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate
+//! in double precision, with half the memory traffic.
 //!
-//! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in [`single`].
+//! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
+//! [`single`].
 
 mod eight;
 mod lanes;
@@ -61,7 +66,8 @@ pub(crate) struct BlockPattern {
 }
 
 impl BlockPattern {
-    /// Determines the order of elimination and the fill-in. `couplings`: pairs of different spheres, each once.
+    /// Determines the order of elimination and the fill-in. `couplings`: pairs of different
+    /// spheres, each once.
     ///
     /// `None` if out of memory.
     pub(crate) fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
@@ -263,7 +269,8 @@ impl BlockCholesky {
         self.factor_new(pattern)
     }
 
-    /// Refactors a matrix of the same pattern as at the last factorization: updates only what changed values affect, with the same bits.
+    /// Refactors a matrix of the same pattern as at the last factorization: updates only what
+    /// changed values affect, with the same bits.
     ///
     /// # Errors
     /// As there.
@@ -372,7 +379,8 @@ mod tests {
         pairs
     }
 
-    /// A matrix of a periodic lattice of `side²` spheres, some of whose neighbours are missing, and its pattern.
+    /// A matrix of a periodic lattice of `side²` spheres, some of whose neighbours are missing, and
+    /// its pattern.
     pub(super) fn lattice(side: usize) -> (BlockPattern, BlockCholesky) {
         let at = |x: usize, y: usize| (y % side) * side + x % side;
         let all = (0..side * side).flat_map(|i| {

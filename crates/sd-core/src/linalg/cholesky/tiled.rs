@@ -4,10 +4,13 @@
 //! row of tiles t: rows r_t .. r_(t+1) (at most TILE), columns 0 .. r_(t+1), by columns:  (i, j) at offset_t + TILE j + (i − r_t)
 //! L_ts = (A_ts − Σ_(u<s) L_tu L_suᵀ) L_ss⁻ᵀ        L_tt L_ttᵀ = A_tt − Σ_(u<t) L_tu L_tuᵀ
 //! ```
-//! The sum over u is one product of two contiguous strips `[TILE × K]`: the optimal shape and storage for a matrix product, twice as fast as on a large matrix stored by columns, with half the storage.
+//! The sum over u is one product of two contiguous strips `[TILE × K]`: the optimal shape and
+//! storage for a matrix product, twice as fast as on a large matrix stored by columns, with half
+//! the storage.
 //!
-//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it. In a pool of threads that runs several simulations, all are busy and nothing is shared; when one simulation remains, idle threads help.
-//! Outside a pool no thread is started.
+//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it.
+//! In a pool of threads that runs several simulations, all are busy and nothing is shared; when one
+//! simulation remains, idle threads help. Outside a pool no thread is started.
 
 mod inverse;
 
@@ -21,7 +24,8 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 use std::ops::Range;
 
-/// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes of a sphere.
+/// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes
+/// of a sphere.
 pub(crate) const TILE: usize = 48;
 /// Rows of a tile that are divided together: two columns of them fit in the registers.
 const ROWS: usize = 24;
@@ -44,7 +48,8 @@ pub struct TiledMatrix {
 }
 
 impl TiledMatrix {
-    /// Sets the shape to two square blocks of dimension `half` on the diagonal, each cut into its own tiles; entries are undefined.
+    /// Sets the shape to two square blocks of dimension `half` on the diagonal, each cut into its
+    /// own tiles; entries are undefined.
     pub fn reshape_halves(&mut self, half: usize) {
         if self.rows() == 2 * half {
             return;
@@ -79,8 +84,9 @@ impl TiledMatrix {
         &mut self.values
     }
 
-    /// Index of the entry (row, 0) among the values; (row, j) is `TILE` j further, for j up to the end of the row's tile. Rows below
-    /// follow up to the end of the tile: three rows beginning at a multiple of three of either half are always together.
+    /// Index of the entry (row, 0) among the values; (row, j) is `TILE` j further, for j up to the
+    /// end of the row's tile. Rows below follow up to the end of the tile: three rows beginning at
+    /// a multiple of three of either half are always together.
     pub fn position(&self, row: usize) -> usize {
         let tile = self.starts.partition_point(|&start| start <= row) - 1;
         self.offsets[tile] + row - self.starts[tile]
@@ -104,7 +110,8 @@ fn strip_mut(values: &mut [f64], height: usize, range: Range<usize>) -> MatMut<'
     MatMut::from_column_major_slice_with_stride_mut(part, height, range.len(), TILE)
 }
 
-/// `X ← X L⁻ᵀ` for one tile, L the lower triangle of a diagonal tile; both by columns, `TILE` apart.
+/// `X ← X L⁻ᵀ` for one tile, L the lower triangle of a diagonal tile; both by columns, `TILE`
+/// apart.
 fn divide(l: &[f64], x: &mut [f64], height: usize) {
     vectorised(
         #[inline(always)]
@@ -209,7 +216,8 @@ impl Shape<'_> {
         );
     }
 
-    /// Finishes the columns of a group in the rows of tiles `tiles`, all below the group; `rows` holds these alone.
+    /// Finishes the columns of a group in the rows of tiles `tiles`, all below the group; `rows`
+    /// holds these alone.
     fn finish_group(
         &self,
         upper: &[f64],
@@ -234,7 +242,8 @@ impl Shape<'_> {
         }
         let base = self.offsets[tiles.start];
         let known = self.starts[group.start];
-        // Complete pieces of the known columns first, each for all rows while the group's strips are in the cache.
+        // Complete pieces of the known columns first, each for all rows while the group's strips
+        // are in the cache.
         let mut first = 0;
         while first + DEPTH < known {
             for t in tiles.clone() {

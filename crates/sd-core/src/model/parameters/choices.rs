@@ -1,4 +1,5 @@
-//! Choices whose keywords set more than one field of the parameters: the contact scheme and friction.
+//! Choices whose keywords set more than one field of the parameters: the contact scheme and
+//! friction.
 
 use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};

@@ -23,7 +23,8 @@ use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, Lead
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
-/// A choice precedes the numbers that have a meaning under it. Values are therefore set in [`crate::Params`] from the last entry to the first.
+/// A choice precedes the numbers that have a meaning under it. Values are therefore set in
+/// [`crate::Params`] from the last entry to the first.
 pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         key: "hydrodynamics",

@@ -26,7 +26,8 @@ pub struct Frame<S: Space = Layer> {
     pub centres: Vec<S::Point>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
-    /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in mu·a³·rate.
+    /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in
+    /// mu·a³·rate.
     pub stresslets: Vec<S::Tensor>,
     /// Pairs with a normal force.
     pub contacts: Vec<FrameContact<S>>,
@@ -54,7 +55,8 @@ pub struct FrameContact<S: Space = Layer> {
 }
 
 impl<S: Started> Simulation<S> {
-    /// As [`Simulation::step`], and returns the frame of the sample too. The run itself is not affected.
+    /// As [`Simulation::step`], and returns the frame of the sample too. The run itself is not
+    /// affected.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].

@@ -3,7 +3,8 @@
 use crate::stress::{JAM_VISCOSITY, StressComponents};
 use serde::{Deserialize, Serialize};
 
-/// Measurements of a step: at its first stage, or with loaded rigid contacts in its middle, where forces are their mean over the step.
+/// Measurements of a step: at its first stage, or with loaded rigid contacts in its middle, where
+/// forces are their mean over the step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
     /// Strain at which the step begins.
@@ -28,9 +29,11 @@ pub struct Sample {
     pub rolling: u32,
     /// Activated pairs that slip.
     pub slipping: u32,
-    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without contacts.
+    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without
+    /// contacts.
     pub normal_velocity: f64,
-    /// Smallest gap in the layer at the start of the step, in a; infinite if no pair is in lubrication range.
+    /// Smallest gap in the layer at the start of the step, in a; infinite if no pair is in
+    /// lubrication range.
     pub minimum_gap: f64,
     /// Counters of the run so far, this step included.
     pub counters: Counters,
@@ -71,7 +74,9 @@ impl NetworkSample {
 /// Counters of a run since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: two per step, or four without loaded contacts or under the paper's procedure; more where steps are halved (see [`crate::Simulation::step`]). Those of rejected attempts are not counted.
+    /// Contact problems solved: two per step, or four without loaded contacts or under the paper's
+    /// procedure; more where steps are halved (see [`crate::Simulation::step`]). Those of rejected
+    /// attempts are not counted.
     pub stages: u64,
     /// Problems among these with violated conditions: friction is inexact, or the solver failed.
     pub unconverged_stages: u64,
@@ -85,7 +90,8 @@ pub struct Counters {
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
-    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the layer.)
+    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the
+    /// layer.)
     pub minimum_gap: f64,
     /// Number of times the viscosity rose above [`JAM_VISCOSITY`], or no admissible motion existed.
     pub jam_events: u64,

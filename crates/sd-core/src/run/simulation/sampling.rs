@@ -1,6 +1,9 @@
 //! Sampling of the stress in a step.
 //!
-//! Contacts that close within a step already have a force at its first stage, so that the viscosity there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the step is sampled, whose forces hold the initial gaps over the whole step and so are their mean. Other layers are sampled at the first stage.
+//! Contacts that close within a step already have a force at its first stage, so that the viscosity
+//! there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the
+//! step is sampled, whose forces hold the initial gaps over the whole step and so are their mean.
+//! Other layers are sampled at the first stage.
 
 use super::step::is_inexact;
 use super::{Sample, Simulation};

@@ -1,6 +1,9 @@
 //! Control of the shear, by rate or by stress.
 //!
-//! In units of the flow the rate is always 1; the critical load F_crit = 6π/Γ depends on it, and so does every force given in units of F_crit. Under an imposed stress F_crit is determined at every stage, see [`crate::run::balance`]; strain remains the independent variable, and a step takes the time strain/rate.
+//! In units of the flow the rate is always 1; the critical load F_crit = 6π/Γ depends on it, and so
+//! does every force given in units of F_crit. Under an imposed stress F_crit is determined at every
+//! stage, see [`crate::run::balance`]; strain remains the independent variable, and a step takes
+//! the time strain/rate.
 
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Laws;
@@ -16,7 +19,8 @@ use std::f64::consts::PI;
 
 /// Initial viscosity of the search for the first load of a run.
 const FIRST_VISCOSITY: f64 = 10.0;
-/// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of the law, no load may balance the stress.
+/// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of
+/// the law, no load may balance the stress.
 const MOST_DECISIONS: u32 = 6;
 /// Number of solves of a stage after which it counts as unconverged.
 const MOST_SOLVES: u32 = 60;
@@ -38,7 +42,8 @@ pub(super) enum ShearControl {
 }
 
 impl ShearControl {
-    /// The control of a run with these parameters, with the critical load of its last stage if it is resumed.
+    /// The control of a run with these parameters, with the critical load of its last stage if it
+    /// is resumed.
     pub(super) fn new(params: &Params, load: Option<f64>) -> Self {
         match params.shear_stress {
             None => Self::Rate,
@@ -251,7 +256,8 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Whether friction would act on the same contacts at another critical load. The paper's steps determine this themselves.
+    /// Whether friction would act on the same contacts at another critical load. The paper's steps
+    /// determine this themselves.
     fn acts_alike(&self, load: f64) -> bool {
         let mut contacts = self.stage.contacts.list.iter();
         contacts.all(|contact| contact.friction_acts == (contact.normal_force > load))

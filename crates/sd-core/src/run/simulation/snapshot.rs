@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Version of [`Snapshot`].
 pub const SNAPSHOT_VERSION: u32 = 3;
 
-/// The state needed by the next step. Restored with the same parameters, a run continues with the same bits.
+/// The state needed by the next step. Restored with the same parameters, a run continues with the
+/// same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct Snapshot<S: Space = Layer> {
@@ -36,13 +37,17 @@ pub struct Snapshot<S: Space = Layer> {
     pub orientations: Vec<S::Orientation>,
     /// Memory of contacts.
     pub memory: SchemeMemory<S>,
-    /// Ordered pairs of the near part's pattern, if the resistance is stored pair by pair: they determine the order of elimination.
+    /// Ordered pairs of the near part's pattern, if the resistance is stored pair by pair: they
+    /// determine the order of elimination.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
-    /// Initial guess of the next solve of an iterated far field, `[12N + 4]`: force modes of the last solution and associated values, in single precision. Empty before the first step, and without iteration.
+    /// Initial guess of the next solve of an iterated far field, `[12N + 4]`: force modes of the
+    /// last solution and associated values, in single precision. Empty before the first step, and
+    /// without iteration.
     #[serde(default)]
     pub far_field: Vec<f32>,
-    /// F_crit at the last stage, in mu·a²·rate, under an imposed stress; forces of tangential springs refer to it. `None` before the first stage, and under an imposed rate.
+    /// F_crit at the last stage, in mu·a²·rate, under an imposed stress; forces of tangential
+    /// springs refer to it. `None` before the first stage, and under an imposed rate.
     #[serde(default)]
     pub critical_load: Option<f64>,
     /// Counters.
@@ -76,7 +81,8 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Sets the springs of friction, of this stiffness, to the stretches of a layer; no effect without springs.
+    /// Sets the springs of friction, of this stiffness, to the stretches of a layer; no effect
+    /// without springs.
     pub(super) fn stretch(&mut self, layer: &Start<S>, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
@@ -116,7 +122,8 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// The reason why this is not the memory of a run of that scheme with this number of spheres, if any.
+    /// The reason why this is not the memory of a run of that scheme with this number of spheres,
+    /// if any.
     fn fault(&self, scheme: &ContactScheme, spheres: usize) -> Option<&'static str> {
         let there = |&(i, j): &(u32, u32)| i < j && (j as usize) < spheres;
         match (self, scheme) {

@@ -1,4 +1,5 @@
-//! The right-hand side: from positions to velocities, with the memory of contacts and the control of the shear.
+//! The right-hand side: from positions to velocities, with the memory of contacts and the control
+//! of the shear.
 
 use super::shear_control::ShearControl;
 use super::{SchemeMemory, Simulation};

@@ -41,7 +41,8 @@ enum Advance {
     Blocked,
 }
 
-/// Reason for an early end of an attempt: a gap that is too low is an outcome, anything else an error.
+/// Reason for an early end of an attempt: a gap that is too low is an outcome, anything else an
+/// error.
 enum Stop {
     LowGap,
     Failed(Error),
@@ -82,10 +83,16 @@ impl Part {
 }
 
 impl<S: Started> Simulation<S> {
-    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
-    /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without contact forces and under the paper's procedure.
+    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its
+    /// start held, under soft ones by [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without
+    /// contact forces and under the paper's procedure.
     ///
-    /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts falls below h within a step or at its end, or that soft spheres overlap excessively. Such a step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid contacts with inexact friction, or with a stage without admissible motion, down to a quarter; then the result is accepted and counted if the gaps hold. Otherwise the layer stays unchanged, and has jammed.
+    /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts
+    /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
+    /// step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid
+    /// contacts with inexact friction, or with a stage without admissible motion, down to a
+    /// quarter; then the result is accepted and counted if the gaps hold. Otherwise the layer stays
+    /// unchanged, and has jammed.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -152,7 +159,9 @@ impl<S: Started> Simulation<S> {
         Ok(sample)
     }
 
-    /// Whether contacts jam the layer: whether loaded, non-sliding contacts constrain as many motions as spheres with at least two contacts have (Maxwell counting). Such a network carries any load, and does not flow with stiffer contacts either.
+    /// Whether contacts jam the layer: whether loaded, non-sliding contacts constrain as many
+    /// motions as spheres with at least two contacts have (Maxwell counting). Such a network
+    /// carries any load, and does not flow with stiffer contacts either.
     fn is_held(&self) -> bool {
         let halted = S::TANGENTS * self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
@@ -203,7 +212,9 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// Moves the state of a soft layer over one step: undivided, or in two, four and more parts where spheres would overlap too much within it or at its end, which only the next step would detect.
+    /// Moves the state of a soft layer over one step: undivided, or in two, four and more parts
+    /// where spheres would overlap too much within it or at its end, which only the next step would
+    /// detect.
     fn advance_soft(
         &mut self,
         stepper: &mut Stepper<S>,
@@ -245,9 +256,12 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Moves the state of a rigid layer over a part of the step; in two halves if a gap becomes too small within it or at its end, or if the motion is doubtful.
+    /// Moves the state of a rigid layer over a part of the step; in two halves if a gap becomes too
+    /// small within it or at its end, or if the motion is doubtful.
     ///
-    /// If a gap is still too small in the smallest part, the layer moves with the velocities of its first stage, whose contact problem constrains the gaps at the end of exactly this motion. Without such a motion, the layer stays unchanged.
+    /// If a gap is still too small in the smallest part, the layer moves with the velocities of its
+    /// first stage, whose contact problem constrains the gaps at the end of exactly this motion.
+    /// Without such a motion, the layer stays unchanged.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint<S>,
@@ -343,7 +357,8 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.
+    /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure
+    /// needs.
     fn keep_mean_velocities(&mut self, dt: f64) {
         let SchemeMemory::Procedure { velocities, .. } = &mut self.memory else {
             return;

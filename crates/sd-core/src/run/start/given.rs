@@ -10,10 +10,12 @@ use crate::space::neighbours::NeighbourList;
 /// Relative tolerance of radii and cell of a given layer: files have single precision.
 const SAME: f64 = 1e-5;
 
-/// Converts a given layer to a start of a run with these parameters: radii and cell are exactly those of the parameters, the largest spheres come first, and centres are in the cell.
+/// Converts a given layer to a start of a run with these parameters: radii and cell are exactly
+/// those of the parameters, the largest spheres come first, and centres are in the cell.
 ///
 /// # Errors
-/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with overlaps that the contact law cannot handle.
+/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with overlaps
+/// that the contact law cannot handle.
 pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     let n = given.centres.len();
     if n != params.spheres {
@@ -124,7 +126,8 @@ fn near(given: f64, wanted: f64) -> bool {
     (given - wanted).abs() <= SAME * wanted
 }
 
-/// Refuses overlaps that the contact law cannot handle. `order`: indices of the spheres in the given layer.
+/// Refuses overlaps that the contact law cannot handle. `order`: indices of the spheres in the
+/// given layer.
 fn check_gaps(
     cell: &Cell,
     centres: &[Vec2],
@@ -132,7 +135,8 @@ fn check_gaps(
     order: &[usize],
     params: &Params,
 ) -> Result<(), Error> {
-    // The maximum overlap of soft contacts; for rigid ones, surfaces may touch only by their roughness.
+    // The maximum overlap of soft contacts; for rigid ones, surfaces may touch only by their
+    // roughness.
     let least = if params.contact.laws().is_soft() {
         -DEEPEST_OVERLAP
     } else {

@@ -1,7 +1,10 @@
 //! Random packing of spheres in a cell, without contact.
 //!
 //! Random points are relaxed as soft spheres of diameter `a_i + a_j + h + margin` (energy ½ Σ
-//! overlap², FIRE: Bitzek et al. 2006) until no overlap is left. The margin is the largest of a few that fits, so that dilute systems do not start with many pairs just at h. Dense systems that get stuck are shaken with decreasing amplitude and relaxed again. Relaxations and their steps are limited, so that packing ends, with centres or with the fraction reached.
+//! overlap², FIRE: Bitzek et al. 2006) until no overlap is left. The margin is the largest of a few
+//! that fits, so that dilute systems do not start with many pairs just at h. Dense systems that get
+//! stuck are shaken with decreasing amplitude and relaxed again. Relaxations and their steps are
+//! limited, so that packing ends, with centres or with the fraction reached.
 
 use crate::model::Sizes;
 use crate::space::Space;
@@ -28,7 +31,8 @@ pub(super) struct Density {
     pub(super) closest: f64,
     /// Shakes tried with each of [`SCATTERS`].
     pub(super) shakes: u32,
-    /// Net force on spheres over the forces of overlaps, as sums of squares, below which the system counts as jammed.
+    /// Net force on spheres over the forces of overlaps, as sums of squares, below which the system
+    /// counts as jammed.
     pub(super) balanced: f64,
 }
 
@@ -87,7 +91,8 @@ impl<S: Space> Packing<S> {
                     if gap >= self.gap {
                         break;
                     }
-                    // Shakes decrease from most of a radius, which melts the packing, to a tenth of it, several times.
+                    // Shakes decrease from most of a radius, which melts the packing, to a tenth of
+                    // it, several times.
                     let size = 0.8 * 0.125f64.powf(f64::from(shake % 10) / 9.0);
                     self.shake(size, &mut random);
                     gap = self.relax(density.balanced);
@@ -105,7 +110,9 @@ impl<S: Space> Packing<S> {
         Err(fraction * power((2.0 + smallest) / (2.0 + self.gap)))
     }
 
-    /// Numbers spheres row by row along the flow, by size, or for many sizes all together. Neighbours are then close in memory, and remain so for long, since shear moves whole rows past each other.
+    /// Numbers spheres row by row along the flow, by size, or for many sizes all together.
+    /// Neighbours are then close in memory, and remain so for long, since shear moves whole rows
+    /// past each other.
     pub(super) fn number_by_rows(&mut self, sizes: Option<Sizes>) {
         let in_rows = |a: &S::Vector, b: &S::Vector| {
             let rows = (1..S::DIMENSIONS).rev().map(|k| {
@@ -163,7 +170,8 @@ impl<S: Space> Packing<S> {
         let mut last_energy = f64::INFINITY;
         for step in 0..STEPS {
             let energy: f64 = self.forces.iter().map(S::norm_squared).sum();
-            // The spheres are jammed: forces no longer decrease, or are balanced, but overlaps remain.
+            // The spheres are jammed: forces no longer decrease, or are balanced, but overlaps
+            // remain.
             if step % 100 == 99 {
                 if energy > 0.8 * last_energy || energy < balanced * self.overlaps {
                     break;
@@ -208,7 +216,8 @@ impl<S: Space> Packing<S> {
         smallest
     }
 
-    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair overlap.
+    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair
+    /// overlap.
     fn range(&self) -> f64 {
         let least = self.radii.iter().copied().fold(f64::INFINITY, f64::min);
         (2.0 + (self.gap + self.margin) / least) * (1.0 + 1e-9)

@@ -1,4 +1,5 @@
-//! Two stages per step for rigid contacts: the midpoint rule, with the gaps of the step's start held over the whole step.
+//! Two stages per step for rigid contacts: the midpoint rule, with the gaps of the step's start
+//! held over the whole step.
 //!
 //! ```text
 //! v1 = v(x; contacts hold their gaps over τ)
@@ -6,7 +7,11 @@
 //! x ← x + τ v2
 //! ```
 //!
-//! Contacts close and open within a step, where velocities jump and a method of higher order has no advantage. The gaps must be preserved, and two spheres that move by v2 relative to the line of centres at the step's middle keep their gap up to O(τ³). Forces at the middle hold the layer over the whole step, and so are their mean over it, including contacts that close within the step.
+//! Contacts close and open within a step, where velocities jump and a method of higher order has no
+//! advantage. The gaps must be preserved, and two spheres that move by v2 relative to the line of
+//! centres at the step's middle keep their gap up to O(τ³). Forces at the middle hold the layer
+//! over the whole step, and so are their mean over it, including contacts that close within the
+//! step.
 //!
 //! A layer without contact forces moves smoothly, and is integrated by Runge-Kutta of order four.
 
@@ -28,7 +33,8 @@ pub(crate) struct Midpoint<S: Space> {
 }
 
 impl<S: Space> Midpoint<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and returns whether contacts have forces there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres,
+    /// and returns whether contacts have forces there.
     ///
     /// # Errors
     /// Errors of `rhs`; the state is then unchanged.

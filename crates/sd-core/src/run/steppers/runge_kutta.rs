@@ -72,7 +72,8 @@ impl<S: Space> RungeKutta<S> {
         let means = S::by_sphere(&self.mean).iter().zip(stages);
         for ((x, orientation), (mean, (first, last))) in spheres.zip(means) {
             *x += S::translation(mean) * dt;
-            // Rotations do not commute: with τ²/12 ω₄ × ω₁ orientations are of order four too (Magnus 1954).
+            // Rotations do not commute: with τ²/12 ω₄ × ω₁ orientations are of order four too
+            // (Magnus 1954).
             let commutator = S::commutator(&S::rotation(last), &S::rotation(first));
             let rotation = S::rotation(mean) * dt + commutator * (dt * dt / 12.0);
             *orientation = S::turned(orientation, &rotation);

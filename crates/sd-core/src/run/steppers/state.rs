@@ -36,7 +36,8 @@ pub struct Stage {
     pub number: usize,
     /// Time (strain) of the stage.
     pub time: f64,
-    /// Look-ahead time τ of contact laws: the time that Runge-Kutta moves the spheres by these velocities, γ steps of Rosenbrock.
+    /// Look-ahead time τ of contact laws: the time that Runge-Kutta moves the spheres by these
+    /// velocities, γ steps of Rosenbrock.
     pub span: f64,
     /// Kind of the stage for contact laws.
     pub phase: Phase,

@@ -1,4 +1,5 @@
-//! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
+//! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states
+//! of the contacts.
 
 use crate::contact::laws::{COMPLIANCE, RESTITUTION};
 use crate::contact::{Contact, Surface, tangent};

@@ -26,7 +26,8 @@ enum Scheme {
     Laws,
 }
 
-/// A contact problem in JSON. Which values belong to which scheme is checked afterwards: an enum tagged by `scheme` would accept unknown keys of `none`.
+/// A contact problem in JSON. Which values belong to which scheme is checked afterwards: an enum
+/// tagged by `scheme` would accept unknown keys of `none`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub(super) struct Contact<S: Space> {

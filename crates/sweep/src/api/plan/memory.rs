@@ -5,7 +5,8 @@ use crate::trajectory;
 use sd_core::simulation::{Frame, FrameContact};
 use sd_core::{Bulk, Layer, Params, Space, memory_bytes};
 
-/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored; measured.
+/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored;
+/// measured.
 const THREAD_BYTES: f64 = 1.0e6;
 /// Bytes that the program allocates after a plan begins: the store's cache, the report; measured.
 const PROGRAM_BYTES: f64 = 4.0e6;

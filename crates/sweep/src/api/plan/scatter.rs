@@ -3,12 +3,13 @@
 use crate::costs::StepCost;
 use crate::statistics::student_95;
 
-/// The runs of one kind, added point by point. With n runs of a point to come that take T in all, and m measured near with the relative
-/// scatter s, the half width of the 95 % interval is
+/// The runs of one kind, added point by point. With n runs of a point to come that take T in all,
+/// and m measured near with the relative scatter s, the half width of the 95 % interval is
 /// ```text
 /// t (√Σ (s T)²/n + Σ s T/√m)
 /// ```
-/// Future runs scatter independently at every point; the error of the measured mean is common to all of them.
+/// Future runs scatter independently at every point; the error of the measured mean is common to
+/// all of them.
 #[derive(Debug, Default)]
 pub(super) struct Sum {
     /// Steps of all.

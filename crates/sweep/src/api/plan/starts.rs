@@ -66,7 +66,8 @@ fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
     (numbers, params.sizes.map(Sizes::text))
 }
 
-/// Makes a start layer for every point, the hardest to pack first. Each point is given with one of its seeds.
+/// Makes a start layer for every point, the hardest to pack first. Each point is given with one of
+/// its seeds.
 pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<StartTrial> {
     let mut known = HashSet::new();
     let mut all: Vec<(Params, u64)> = points

@@ -52,7 +52,8 @@ pub(crate) struct Expected {
     pub(crate) scatter: f64,
     /// Whether it was measured.
     pub(crate) measured: bool,
-    /// Lengths of runs and the total strain that the precision needs with each, over that of the requested length; empty where nothing is measured.
+    /// Lengths of runs and the total strain that the precision needs with each, over that of the
+    /// requested length; empty where nothing is measured.
     pub(crate) lengths: Vec<Length>,
 }
 
@@ -215,7 +216,8 @@ fn expected(
     }))
 }
 
-/// The cost of runs of other lengths. The scatter between runs has a part that does not depend on their length, and one that falls with the number of independent samples of a run:
+/// The cost of runs of other lengths. The scatter between runs has a part that does not depend on
+/// their length, and one that falls with the number of independent samples of a run:
 /// ```text
 /// s² = b² + σ² τ/n
 /// ```

@@ -8,7 +8,8 @@ use std::io::{self, Write};
 
 /// Maximum characters of a kind on one line.
 const ONE_LINE: usize = 34;
-/// Columns of a terminal apart from the values of an axis: its name, their number, the spaces between.
+/// Columns of a terminal apart from the values of an axis: its name, their number, the spaces
+/// between.
 const COLUMNS_WITHOUT_VALUES: usize = 6;
 
 /// A column of the kinds of runs: name, heading, unit, rank at which it is dropped, and content.

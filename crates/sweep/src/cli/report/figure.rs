@@ -32,7 +32,8 @@ pub(crate) struct FigureArguments {
 #[derive(Debug, clap::Args)]
 #[group(requires = "figure")]
 struct FigureChoices {
-    /// Runs of a trace, by number in the campaign file or beginning of the key [default: the mean over the finished runs of each point]
+    /// Runs of a trace, by number in the campaign file or beginning of the key [default: the mean
+    /// over the finished runs of each point]
     #[arg(long, value_name = "KEY", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
@@ -47,7 +48,8 @@ struct FigureChoices {
     /// Style of intervals [default: bars]
     #[arg(long, value_enum, value_name = "FORM", hide_short_help = true)]
     intervals: Option<Intervals>,
-    /// TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend, intervals, dpi
+    /// TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend,
+    /// intervals, dpi
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     style: Option<PathBuf>,
 }

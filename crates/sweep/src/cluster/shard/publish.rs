@@ -64,7 +64,8 @@ impl Publisher {
     /// Copies the store into the folder.
     fn copy(&self) -> io::Result<()> {
         std::fs::create_dir_all(folder_of(&self.target))?;
-        // Under a unique name: a task that was started twice by mistake publishes from the same store.
+        // Under a unique name: a task that was started twice by mistake publishes from the same
+        // store.
         let snapshot = tempfile::Builder::new()
             .prefix(".sweep-snapshot-")
             .tempfile_in(folder_of(&self.work))?;

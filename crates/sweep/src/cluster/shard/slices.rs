@@ -1,4 +1,5 @@
-//! Slices assign cases to tasks. They are cut once, before any task starts, so that all tasks agree.
+//! Slices assign cases to tasks. They are cut once, before any task starts, so that all tasks
+//! agree.
 
 use super::ShardError;
 use crate::store::OpenCase;
@@ -23,7 +24,8 @@ pub(crate) struct Slices {
 }
 
 impl Slices {
-    /// Cuts open cases into slices of equal estimated cost: the most expensive first, each to the task with the least work so far. The same cases give the same slices.
+    /// Cuts open cases into slices of equal estimated cost: the most expensive first, each to the
+    /// task with the least work so far. The same cases give the same slices.
     pub(crate) fn cut(open: &[OpenCase], tasks: usize) -> Self {
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| open[*b].cost.total_cmp(&open[*a].cost).then(a.cmp(b)));

@@ -6,7 +6,8 @@ use sd_core::model::{Form, Number, Parameter, Quantity, Range};
 /// Key of the fraction that layers have.
 const OF_LAYERS: &str = "area_fraction";
 
-/// φ. Which fractions can be packed depends on the sizes, the roughness and the number of spheres: see [`crate::model::spaces::check_start`].
+/// φ. Which fractions can be packed depends on the sizes, the roughness and the number of spheres:
+/// see [`crate::model::spaces::check_start`].
 static QUANTITY: Quantity = Quantity {
     key: "volume_fraction",
     symbol: "φ",

@@ -6,7 +6,8 @@ use sd_core::{Bulk, Error, Params};
 
 /// Volume fraction of the densest lattice, π/√18.
 const CLOSEST: f64 = 0.740_480_489_693_061;
-/// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A hundred spheres with a roughness of 0.01 were packed at 0.62, but not at 0.63.
+/// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A
+/// hundred spheres with a roughness of 0.01 were packed at 0.62, but not at 0.63.
 const CLOSEST_AT_RANDOM: f64 = 0.645;
 
 /// Refuses spheres that no cell holds without contact, and cells narrower than the near field.
@@ -64,7 +65,8 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
     }
 }
 
-/// The number of spheres that make a cell of width `needed`, where the present number makes one of width `side`. The largest of more spheres may be larger.
+/// The number of spheres that make a cell of width `needed`, where the present number makes one of
+/// width `side`. The largest of more spheres may be larger.
 fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
     let mut more = params.clone();
     while more.spheres < Params::MOST_SPHERES {

@@ -1,7 +1,7 @@
 //! The font of figures: DejaVu Sans, of which every figure embeds the glyphs it needs.
 //!
-//! The file holds the Latin and Greek letters and the signs of mathematics of DejaVu Sans 2.37, without hints; its
-//! licence lies beside it.
+//! The file holds the Latin and Greek letters and the signs of mathematics of DejaVu Sans 2.37,
+//! without hints; its licence lies beside it.
 
 use std::sync::LazyLock;
 use ttf_parser::{Face, GlyphId};
@@ -32,7 +32,8 @@ pub(super) fn advance(glyph: GlyphId) -> f64 {
 /// Size of a subscript over that of the letters before it.
 pub(super) const SUBSCRIPT: f64 = 0.72;
 
-/// Splits a line of text into pieces with a flag for subscripts: letters after an underscore that follows a single letter, as in `F_crit/a²`. Names of several letters keep their underscores.
+/// Splits a line of text into pieces with a flag for subscripts: letters after an underscore that
+/// follows a single letter, as in `F_crit/a²`. Names of several letters keep their underscores.
 pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
     let mut pieces = Vec::new();
     let mut rest = text;

@@ -12,7 +12,8 @@ use crate::report::error::ReportError;
 /// A path: its entry in the legend and its points.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-/// Draws paths without a campaign between axes with these names, with this title in the metadata of the file.
+/// Draws paths without a campaign between axes with these names, with this title in the metadata of
+/// the file.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw.
@@ -64,7 +65,8 @@ pub(in crate::report) struct FitCurve {
     pub(in crate::report) fit: Vec<[f64; 2]>,
 }
 
-/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and infinity.
+/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and
+/// infinity.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there are more curves than can be distinguished.

@@ -44,7 +44,8 @@ impl LogAxis {
     }
 }
 
-/// Labels for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where numbers would be long.
+/// Labels for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where
+/// numbers would be long.
 pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
     let short = decades.iter().all(|decade| (-3.5..4.5).contains(decade));
     let word = |decade: &f64| {

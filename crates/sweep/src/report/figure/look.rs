@@ -1,4 +1,5 @@
-//! The style of figures: lengths, colours and markers, which a group keeps in a file, and options of a single figure.
+//! The style of figures: lengths, colours and markers, which a group keeps in a file, and options
+//! of a single figure.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use crate::axes::{AXES, Axis};
@@ -106,7 +107,8 @@ pub struct Style {
     pub line_width: Length,
     /// Radius of markers.
     pub marker_size: Length,
-    /// Colours of curves; more curves than these along a numeric axis use a map of increasing lightness.
+    /// Colours of curves; more curves than these along a numeric axis use a map of increasing
+    /// lightness.
     pub colours: Vec<Colour>,
     /// Markers of curves, repeated cyclically.
     pub markers: Vec<Marker>,
@@ -209,7 +211,8 @@ pub struct Look {
     /// One panel for every value of this axis
     #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), hide_possible_values = true)]
     pub panels: Option<&'static Axis>,
-    /// Logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
+    /// Logarithmic vertical axis [default: where the numbers are positive and span more than a
+    /// decade]
     #[arg(long, hide_short_help = true)]
     pub log_y: bool,
     /// Ends of the horizontal axis, such as 0.01..100; plateaus remain
@@ -265,7 +268,8 @@ impl Look {
         Ok(self)
     }
 
-    /// The width of a figure by its number of panels: one column of a journal, or the full page for several.
+    /// The width of a figure by its number of panels: one column of a journal, or the full page for
+    /// several.
     pub(super) fn width(&self, panels: usize) -> f64 {
         let usual = Length::mm(if panels > 1 { 180.0 } else { 85.0 });
         self.style.width.unwrap_or(usual).0

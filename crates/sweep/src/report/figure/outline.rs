@@ -75,7 +75,8 @@ pub(super) struct Curve {
     pub(super) dashes: Option<[f64; 2]>,
     /// Position, value, and extent of its interval down and up.
     pub(super) points: Vec<(f64, f64, f64, f64)>,
-    /// First and last point of each connected piece: lines stop at breaks of the axis and at points without a result.
+    /// First and last point of each connected piece: lines stop at breaks of the axis and at points
+    /// without a result.
     pub(super) pieces: Vec<(usize, usize)>,
     /// Whether any point has an interval.
     pub(super) has_intervals: bool,

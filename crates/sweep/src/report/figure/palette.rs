@@ -1,6 +1,8 @@
 //! Colours and markers of curves, declared once for every program that draws them.
 //!
-//! The eight colours are distinct for readers with deuteranopia, and dark enough on white. In grey print, markers distinguish the curves; every second marker is hollow. More curves use a map of increasing lightness (viridis without its yellow end), so that their order is visible.
+//! The eight colours are distinct for readers with deuteranopia, and dark enough on white. In grey
+//! print, markers distinguish the curves; every second marker is hollow. More curves use a map of
+//! increasing lightness (viridis without its yellow end), so that their order is visible.
 
 use serde::{Deserialize, Serialize};
 

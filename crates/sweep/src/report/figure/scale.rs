@@ -24,7 +24,8 @@ pub(super) struct Scale {
 impl Scale {
     /// A horizontal axis of decades with plateaus at its ends, in coordinates of [`LogAxis`].
     pub(super) fn of_decades(label: String, log: LogAxis, range: Option<Range>) -> Self {
-        // Without a plateau an axis ends close to its numbers, if two decades remain to be labelled.
+        // Without a plateau an axis ends close to its numbers, if two decades remain to be
+        // labelled.
         let [first, last] = [log.ends[0] - 0.3, log.ends[1] + 0.3];
         let is_enough = last.floor() > first.ceil();
         let [mut low, mut high] = if is_enough {

@@ -135,7 +135,9 @@ impl Height {
     }
 }
 
-/// Makes the sketch of reports, or of traces. If there are more curves than can be distinguished and splitting is allowed, each value of one axis has its own panel; the axis is the one with the fewest values among those that help.
+/// Makes the sketch of reports, or of traces. If there are more curves than can be distinguished
+/// and splitting is allowed, each value of one axis has its own panel; the axis is the one with the
+/// fewest values among those that help.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.

@@ -108,7 +108,8 @@ fn symbols(text: &str) -> String {
     })
 }
 
-/// Writes the points as a LaTeX table with the columns of the table on the screen, all default ones if it is wide.
+/// Writes the points as a LaTeX table with the columns of the table on the screen, all default ones
+/// if it is wide.
 pub(crate) fn write_latex(
     report: &Report,
     shape: Shape,

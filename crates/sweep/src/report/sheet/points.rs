@@ -8,7 +8,8 @@ use crate::report::axis_words::AxisWords;
 use crate::report::columns::Column;
 use crate::report::points::{Point, Report};
 
-/// Columns of a wide table: name, heading, significant digits, and rank at which it is dropped, the highest first.
+/// Columns of a wide table: name, heading, significant digits, and rank at which it is dropped, the
+/// highest first.
 #[rustfmt::skip]
 const DEFAULT: [(&str, &str, i32, u8); 24] = [
     ("seeds", "runs", 4, 1),
@@ -106,7 +107,8 @@ fn is_there(report: &Report, name: &str) -> bool {
     }
 }
 
-/// With the unit of its numbers: on the screen only after conversion, in print unless numbers are relative.
+/// With the unit of its numbers: on the screen only after conversion, in print unless numbers are
+/// relative.
 fn with_unit(head: Head, own: &'static str, shown: &'static str) -> Head {
     let unit = match shown {
         "" | "1" | "mu" | "mu rate" | "a rate" => "",

@@ -50,7 +50,8 @@ impl StructureReport {
         table
     }
 
-    /// All curves, one row per bin of each curve of each point: the axes that vary, the name, the centre of the bin, the mean and half its interval. g(r, θ) has both distance and angle.
+    /// All curves, one row per bin of each curve of each point: the axes that vary, the name, the
+    /// centre of the bin, the mean and half its interval. g(r, θ) has both distance and angle.
     pub fn curves(&self) -> Vec<DataColumn> {
         let mut rows: Vec<(&Params, &'static str, [Option<f64>; 4])> = Vec::new();
         for (params, (_, structure)) in self.params().zip(&self.points) {

@@ -1,4 +1,5 @@
-//! Progress as lines of JSON, one object each, for programs that monitor a run. Names and meanings are in `docs/json.md`.
+//! Progress as lines of JSON, one object each, for programs that monitor a run. Names and meanings
+//! are in `docs/json.md`.
 
 use crate::case::Case;
 use crate::store::{Claim, Counts};

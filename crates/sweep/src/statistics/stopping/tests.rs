@@ -89,7 +89,8 @@ fn a_mean_of_zero_is_never_precise() {
     assert_eq!((decision.wanted, decision.verdict), (64, Verdict::AtMost));
 }
 
-/// Coverage of the true mean 1 by 95 % intervals, and the mean number of seeds, for runs with this scatter, normal or log-normal.
+/// Coverage of the true mean 1 by 95 % intervals, and the mean number of seeds, for runs with this
+/// scatter, normal or log-normal.
 fn coverage(scatter: f64, skewed: bool, random: &mut ChaCha8Rng) -> (f64, f64) {
     const CAMPAIGNS: u32 = 20_000;
     let sigma = (1.0 + scatter * scatter).ln().sqrt();

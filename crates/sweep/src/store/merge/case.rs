@@ -1,4 +1,5 @@
-//! Merging one case by rank. All of it is read and checked by its digests before anything is written.
+//! Merging one case by rank. All of it is read and checked by its digests before anything is
+//! written.
 
 use super::{MergeMode, Merged};
 use crate::case::{Case, State};
@@ -133,7 +134,8 @@ impl Merging<'_> {
         look()
     }
 
-    /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree, the later attempt.
+    /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree,
+    /// the later attempt.
     fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let Some((end, process)) = ours.end else {
             // A case that a process of this store continues is skipped.
@@ -174,7 +176,8 @@ impl Merging<'_> {
         )
     }
 
-    /// First difference between a run and the stored one over their common steps, if any; times may differ.
+    /// First difference between a run and the stored one over their common steps, if any; times may
+    /// differ.
     fn difference(
         &self,
         case: i64,
@@ -230,7 +233,8 @@ impl Merging<'_> {
         self.take_frames(ours, theirs)
     }
 
-    /// Whether the attempt of a process is later than that of another. Processes of the store itself count as the latest.
+    /// Whether the attempt of a process is later than that of another. Processes of the store
+    /// itself count as the latest.
     fn is_later(&self, one: i64, other: i64) -> rusqlite::Result<bool> {
         // The name of a job starts with its number.
         let attempt = "SELECT coalesce(CAST(job AS INTEGER), 0x7fffffffffffffff), coalesce(restart, 0), started_at, host, pid

@@ -296,7 +296,8 @@ fn damaged(whole: &[u8], way: u8, at: usize, other: usize, put: &[u8]) -> Vec<u8
 }
 
 proptest::proptest! {
-    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides
+    // this number.
     #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn random_damage_crashes_no_reader_and_gives_no_other_table(

@@ -201,7 +201,8 @@ static SHARD: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
 });
 
 proptest::proptest! {
-    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides
+    // this number.
     #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn damaged_shards_crash_no_merge_and_bring_nothing_that_was_not_computed(

@@ -3,7 +3,8 @@
 use super::*;
 use crate::store::place::log_of;
 
-/// A store with one result in the file itself and more in its log, as a killed process leaves it; only the log holds the changes after the returned copy.
+/// A store with one result in the file itself and more in its log, as a killed process leaves it;
+/// only the log holds the changes after the returned copy.
 fn killed(directory: &Path) -> (std::path::PathBuf, Vec<u8>) {
     let mut store = open(directory);
     store.register(1).unwrap();
@@ -85,7 +86,8 @@ fn log_of_another_store_is_refused_and_a_merge_leaves_it_out() {
 fn log_of_a_later_day_of_the_same_store_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (path, _) = killed(directory.path());
-    // A copy of only the file, from before the first result: the log would continue from a state that it never had.
+    // A copy of only the file, from before the first result: the log would continue from a state
+    // that it never had.
     let fresh = tempfile::tempdir().unwrap();
     let backup = {
         let store = open(fresh.path());

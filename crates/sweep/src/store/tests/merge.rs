@@ -74,8 +74,8 @@ fn failure_of(error: &str) -> Attempt {
 fn shards_merge_in_any_order_and_repeatedly() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
-    // The first case is half done in one shard, further in another, complete in the third; the second failed and was begun;
-    // the third has checkpoints only.
+    // The first case is half done in one shard, further in another, complete in the third; the
+    // second failed and was begun; the third has checkpoints only.
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
     let claim = a.next().unwrap();

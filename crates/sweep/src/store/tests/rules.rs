@@ -32,7 +32,8 @@ fn run_of(viscosity: f64) -> Finished {
     run
 }
 
-/// The viscosity of a run in these tests: equal at the lower area fraction, scattered at the higher one.
+/// The viscosity of a run in these tests: equal at the lower area fraction, scattered at the higher
+/// one.
 fn viscosity(claim: &Claim) -> f64 {
     let scatter = if claim.case.params.area_fraction > 0.62 {
         1.0
@@ -67,7 +68,8 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
         let run = run_of(viscosity(&claim));
         store.end(&claim, &run).unwrap();
     }
-    // One seed of both points first, the rest of the first batches, the confirmation of one, the scatter of the other.
+    // One seed of both points first, the rest of the first batches, the confirmation of one, the
+    // scatter of the other.
     assert_eq!(&seeds[..2], [(0.6, 1), (0.65, 1)]);
     assert!(seeds[..6].iter().all(|(_, seed)| *seed <= 3));
     assert_eq!(
@@ -210,7 +212,8 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
     while let Some(claim) = store.next() {
         let mut run = run_of(10.0);
         run.protocol = campaign(&text).protocol;
-        // The first ten samples of the denser point are the initial transient; the steady part alternates slightly.
+        // The first ten samples of the denser point are the initial transient; the steady part
+        // alternates slightly.
         for (n, (_, sample)) in run.samples.iter_mut().enumerate() {
             let start = claim.case.params.area_fraction > 0.62 && n < 10;
             sample.viscosity = if start {

@@ -231,7 +231,8 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
     let whole = std::fs::read(&path).unwrap();
     let broken = directory.path().join("broken.sqlite");
     let (mut saved_some, mut refused) = (0, 0_u32);
-    // Half of such a small store is the list of tables, without which nothing can be found: a cut may destroy all.
+    // Half of such a small store is the list of tables, without which nothing can be found: a cut
+    // may destroy all.
     let pages = whole.len() / 4096;
     for (page, cut) in (0..pages)
         .map(|page| (page, false))

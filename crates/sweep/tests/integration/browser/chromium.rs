@@ -1,4 +1,5 @@
-//! Chromium, driven over a pipe by its own protocol: real windows, real keys, real pixels, and every request it makes.
+//! Chromium, driven over a pipe by its own protocol: real windows, real keys, real pixels, and
+//! every request it makes.
 
 use crate::harness::PATIENCE;
 use base64::Engine as _;

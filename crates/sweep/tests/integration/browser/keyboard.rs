@@ -179,7 +179,8 @@ fn table(page: &mut Page<'_>) {
     tab_to(page, "#text");
 }
 
-/// Controls that Tab does not reach. One point of a plot is reached, from which arrows lead to the others.
+/// Controls that Tab does not reach. One point of a plot is reached, from which arrows lead to the
+/// others.
 fn passed_over(page: &mut Page<'_>) -> Vec<String> {
     page.value(
         "window.usable = [...document.querySelectorAll('select, button, input, summary, pre, .scroll, #plot .point')]

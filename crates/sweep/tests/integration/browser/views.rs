@@ -163,7 +163,8 @@ pub(crate) fn look_at_everything(
 fn check_views(seen: &Value, report: &Value, window: Window) {
     assert_eq!(seen["dark"], window.1, "{window:?}");
     assert_eq!(seen["window"], window.0, "{window:?}");
-    // Two curves of three points; four kinds of contacts of each; six points; a map of three by two; two runs.
+    // Two curves of three points; four kinds of contacts of each; six points; a map of three by
+    // two; two runs.
     for (view, counts) in [
         ("curve", [2, 6, 0, 0, 2]),
         ("flow", [2, 4, 0, 0, 2]),
@@ -293,7 +294,8 @@ fn many_curves_repeat_no_colour() {
         colours.sort();
         colours.dedup();
         assert_eq!(colours.len(), 11, "{colours:?}");
-        // Of 33 histograms as many are shown at first as can be distinguished; the others can be switched on.
+        // Of 33 histograms as many are shown at first as can be distinguished; the others can be
+        // switched on.
         let seen = seen_by(
             &mut page,
             "pick('view', 'histogram'); seen.first = all('.bars'); seen.remark = $('remark').textContent;

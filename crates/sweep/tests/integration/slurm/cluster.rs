@@ -202,7 +202,8 @@ impl Cluster {
         }
     }
 
-    /// Runs a task in short intervals until its checkpoints have a number of steps, and leaves it stopped: on any machine it is then unfinished.
+    /// Runs a task in short intervals until its checkpoints have a number of steps, and leaves it
+    /// stopped: on any machine it is then unfinished.
     pub(crate) fn hold_at_steps(&self, child: &Child, task: Task, steps: i64) {
         until("checkpoints", || {
             run_for_a_moment(child);

@@ -113,7 +113,8 @@ fn killed_task_loses_no_more_than_since_it_published() {
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let mut task = Task::FIRST;
     let mut child = cluster.start(&script, task);
-    // Until a shard with a running case is published. Copies are made at intervals of real time, which pass while the task is stopped within a case.
+    // Until a shard with a running case is published. Copies are made at intervals of real time,
+    // which pass while the task is stopped within a case.
     cluster.hold_at_steps(&child, task, 8);
     until("a published shard", || {
         std::thread::sleep(Duration::from_secs(1));
@@ -150,7 +151,8 @@ fn task_that_runs_twice_simultaneously_is_harmless() {
         node: "n2",
         ..task
     };
-    // Stopped within its first case until the others are done, so that it computes that case a second time on any machine.
+    // Stopped within its first case until the others are done, so that it computes that case a
+    // second time on any machine.
     let held = cluster.start(&script, twin);
     cluster.hold_at_steps(&held, twin, 8);
     // Even under one name.

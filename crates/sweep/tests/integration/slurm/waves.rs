@@ -12,7 +12,8 @@ fn precise() -> String {
     )
 }
 
-/// Submits the next wave; returns its script and numbers of cases and tasks, or `None` if nothing remains.
+/// Submits the next wave; returns its script and numbers of cases and tasks, or `None` if nothing
+/// remains.
 fn next_wave(cluster: &Cluster) -> Option<(std::path::PathBuf, u64, usize)> {
     let arguments = ["submit", "small.toml", "--tasks", "3", "--quiet", "--json"];
     let answer = cluster.json(&arguments);

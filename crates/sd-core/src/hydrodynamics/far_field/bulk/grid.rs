@@ -1,11 +1,13 @@
-//! The long-ranged part of a suspension's mobility applied to a vector, by fast Fourier transforms on a grid in the sheared cell.
+//! The long-ranged part of a suspension's mobility applied to a vector, by fast Fourier transforms
+//! on a grid in the sheared cell.
 //!
 //! ```text
 //! u(x_i) = Σ_k e^(ik·x_i) G^ (P − k² Q),   v(x_i) = −Σ_k e^(ik·x_i) G^ k² P,   G^ = γ (I − kk/k²),   k ≠ 0
 //! P(k) = Σ_j e^(−ik·x_j) f_j,   Q(k) the same with every mode times its κ a²;   f_j: force, and dipoles as −Q_bc ∂_c
 //! velocity mode of i: read off u, plus κ a² times the same of v
 //! ```
-//! Window, its transform and its derivative are those of the layer's grid; reading is the transpose of writing.
+//! Window, its transform and its derivative are those of the layer's grid; reading is the transpose
+//! of writing.
 
 use super::dense::{Lattice, transform};
 use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
@@ -44,7 +46,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its largest entry.
+    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its
+    /// largest entry.
     pub(super) fn new(
         sides: Vector3<f64>,
         sizes: &[FiniteSize],
@@ -89,7 +92,8 @@ impl Grid {
     /// Sets the offsets and the centres for the next applications.
     pub(super) fn update(&mut self, offsets: [f64; 2], centres: &[Vector3<f64>]) {
         let old = std::mem::replace(&mut self.lattice.offsets, offsets);
-        // The plan depends only on the cell, not on earlier ones, so a resumed run has the same bits.
+        // The plan depends only on the cell, not on earlier ones, so a resumed run has the same
+        // bits.
         let is_crossed = offsets[1] != 0.0;
         if is_crossed != (old[1] != 0.0) {
             let lengths = lengths(&self.lattice.sides, is_crossed);
@@ -125,7 +129,8 @@ impl Grid {
         );
     }
 
-    /// Calls `visit` with the index of every kept wave vector, that of its opposite, and the wave vector, once per pair.
+    /// Calls `visit` with the index of every kept wave vector, that of its opposite, and the wave
+    /// vector, once per pair.
     fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
         let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
         let Lattice {
@@ -189,7 +194,8 @@ impl Grid {
         );
     }
 
-    /// Derivatives of the lattice coordinates: row c holds the components of `∂_c` along `∂_X, ∂_Y, ∂_Z`.
+    /// Derivatives of the lattice coordinates: row c holds the components of `∂_c` along
+    /// `∂_X, ∂_Y, ∂_Z`.
     fn slopes(&self) -> [[f64; 3]; 3] {
         let [x, y, z] = [0, 1, 2].map(|k| self.lattice.sides[k].recip());
         let [offset, cross_offset] = self.lattice.offsets;
@@ -209,7 +215,8 @@ impl Grid {
         for ((windows, size), modes) in self.windows.iter().zip(&self.sizes).zip(x) {
             let stress = dipole(&modes[6..]);
             let turn = rotation([modes[3], modes[4], modes[5]]);
-            // Weights of the window, and of its derivatives by the lattice coordinates; P and Q of each component in turn.
+            // Weights of the window, and of its derivatives by the lattice coordinates; P and Q of
+            // each component in turn.
             let mut value = [0.0_f64; 6];
             let mut by = [[0.0_f64; 6]; 3];
             for b in 0..3 {
@@ -364,7 +371,8 @@ impl Grid {
                     }
                 }
             }
-            // Gradients of u and v by component and direction; ∂ of the centre is minus that of the grid point.
+            // Gradients of u and v by component and direction; ∂ of the centre is minus that of the
+            // grid point.
             let gradient = |field: usize| {
                 [0, 1, 2].map(|b| {
                     slopes.map(|slopes| {
@@ -388,7 +396,8 @@ impl Grid {
     }
 }
 
-/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each. Offsets are at most half a side.
+/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each.
+/// Offsets are at most half a side.
 fn lengths(sides: &Vector3<f64>, is_crossed: bool) -> [f64; 3] {
     let above = sides.y.hypot(0.5 * sides.x);
     let above = if is_crossed {

@@ -1,6 +1,7 @@
 //! The periodic mobility of a suspension as an operator: `M x` in O(N log N), M never formed.
 //!
-//! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes through a grid.
+//! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes
+//! through a grid.
 
 use super::dense::{Lattice, Splitting, images};
 use super::grid::Grid;
@@ -29,7 +30,8 @@ struct NearPair {
     coupling: Coupling,
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
+/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
+/// last given.
 pub(crate) struct MobilityOperator {
     sizes: Vec<FiniteSize>,
     sides: Vector3<f64>,
@@ -119,7 +121,8 @@ impl MobilityOperator {
         })
     }
 
-    /// Whether the range of near pairs is less than half of every side, so that no sphere has two images of another in range.
+    /// Whether the range of near pairs is less than half of every side, so that no sphere has two
+    /// images of another in range.
     pub(super) fn reaches_one_image(&self) -> bool {
         self.splitting.distance < 0.499 * self.sides.min()
     }
@@ -189,7 +192,8 @@ impl MobilityOperator {
     /// `y ← M x`, modes of each sphere.
     ///
     /// # Accuracy
-    /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
+    /// The tolerance of the plan, relative to the largest entry of M; test
+    /// `operator_is_the_dense_mobility`.
     pub(crate) fn apply(&mut self, x: &[Modes], y: &mut [Modes]) {
         for ((y, x), own) in y.iter_mut().zip(x).zip(&self.own) {
             *y = std::array::from_fn(|k| own[k] * x[k]);

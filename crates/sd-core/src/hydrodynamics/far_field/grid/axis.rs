@@ -39,7 +39,8 @@ pub(in crate::hydrodynamics::far_field) struct Axis {
     pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
 }
 
-/// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their transforms need.
+/// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their
+/// transforms need.
 ///
 /// `lengths`: of each direction, in a: a wave vector k has at most k·length/2π waves along it.
 pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
@@ -66,7 +67,8 @@ pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
 }
 
 impl Axis {
-    /// An axis with wave numbers up to `highest` on a grid at least `oversampling` times as fine as required.
+    /// An axis with wave numbers up to `highest` on a grid at least `oversampling` times as fine as
+    /// required.
     pub(in crate::hydrodynamics::far_field) fn new(
         highest: usize,
         oversampling: f64,

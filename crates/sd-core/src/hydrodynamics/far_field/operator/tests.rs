@@ -19,7 +19,9 @@ fn whole(operator: &mut FarOperator) -> Matrix {
     all
 }
 
-/// Largest difference of the two, and the largest entry, in columns of force-free sources and up to a uniform translation of the layer: the response to a uniform force is arbitrary in both, and unequal spheres share it unequally.
+/// Largest difference of the two, and the largest entry, in columns of force-free sources and up to
+/// a uniform translation of the layer: the response to a uniform force is arbitrary in both, and
+/// unequal spheres share it unequally.
 fn worst(expected: &Matrix, found: &Matrix) -> (f64, f64) {
     let n = expected.rows();
     let (mut worst, mut largest): (f64, f64) = (0.0, 0.0);

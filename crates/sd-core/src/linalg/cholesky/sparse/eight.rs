@@ -1,8 +1,10 @@
-//! Solves with eight supernodes in parallel and one right-hand side, for vectorised callers: like [`super::single`] for one, with the same bits.
+//! Solves with eight supernodes in parallel and one right-hand side, for vectorised callers: like
+//! [`super::single`] for one, with the same bits.
 
 use super::lanes::{LANES, Lanes};
 
-/// Number of values of supernodes side by side: for each sphere its three columns, row after row from its own first row on.
+/// Number of values of supernodes side by side: for each sphere its three columns, row after row
+/// from its own first row on.
 pub(super) fn values(width: usize, below: usize) -> usize {
     start(width, width + below)
 }
@@ -59,7 +61,8 @@ fn subtracted<const ROWS: usize>(
     sums
 }
 
-/// Solves with the transpose of their columns, from the rows below; see [`lower`]. `whole`: the number of these that are summed in groups of eight.
+/// Solves with the transpose of their columns, from the rows below; see [`lower`]. `whole`: the
+/// number of these that are summed in groups of eight.
 #[inline(always)]
 pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[Lanes]) {
     let (width, height) = (own.len(), own.len() + below.len());
@@ -81,7 +84,8 @@ pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[
     }
 }
 
-/// Dot products of three columns with x: of the first `whole` rows in eight partial sums, then one by one.
+/// Dot products of three columns with x: of the first `whole` rows in eight partial sums, then one
+/// by one.
 #[inline(always)]
 fn dot_three(rows: &[[Lanes; 3]], x: &[Lanes], whole: usize) -> [Lanes; 3] {
     let mut totals = [[0.0; LANES]; 3];

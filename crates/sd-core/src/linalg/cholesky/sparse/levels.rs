@@ -1,8 +1,13 @@
 //! Solves with one right-hand side, eight supernodes in parallel.
 //!
-//! Most supernodes have few spheres, and each of their steps depends on the one before; independent supernodes can be solved in parallel. A level has all supernodes whose descendants are in earlier levels. Up to eight of a level are stored interleaved as a batch, padded with zeros where their sizes differ: in the first columns, and between the rows below that are summed in groups of eight and the others. So every sum has the same bits as in [`super::single`].
+//! Most supernodes have few spheres, and each of their steps depends on the one before; independent
+//! supernodes can be solved in parallel. A level has all supernodes whose descendants are in
+//! earlier levels. Up to eight of a level are stored interleaved as a batch, padded with zeros
+//! where their sizes differ: in the first columns, and between the rows below that are summed in
+//! groups of eight and the others. So every sum has the same bits as in [`super::single`].
 //!
-//! Vectors use the same order: eight interleaved entries for each column of a batch, consecutive ones for a single supernode.
+//! Vectors use the same order: eight interleaved entries for each column of a batch, consecutive
+//! ones for a single supernode.
 
 use super::lanes::{LANES, Lanes};
 use super::{Node, eight, narrow, single};
@@ -14,10 +19,12 @@ pub(super) struct SolveOrder {
     levels: Vec<Level>,
     batches: Vec<Batch>,
     singles: Vec<Single>,
-    /// Position of each row in a vector, and the length of vectors, in eights. The last eight are zeros.
+    /// Position of each row in a vector, and the length of vectors, in eights. The last eight are
+    /// zeros.
     places: Vec<u32>,
     length: usize,
-    /// Positions of the rows below: interleaved for batches, then for single supernodes. Padding refers to a zero.
+    /// Positions of the rows below: interleaved for batches, then for single supernodes. Padding
+    /// refers to a zero.
     batched_below: Vec<[u32; LANES]>,
     single_below: Vec<u32>,
     /// Updates of supernodes to rows of later levels.
@@ -117,7 +124,8 @@ impl Batch {
 }
 
 impl SolveOrder {
-    /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list `below`.
+    /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list
+    /// `below`.
     pub(super) fn new(nodes: &[Node], below: &[usize], size: usize) -> Self {
         let owner = Node::owners(nodes, size);
         let mut level = vec![0; nodes.len()];
@@ -135,7 +143,8 @@ impl SolveOrder {
         let mut slots = vec![Vec::new(); nodes.len()];
         for number in 0..count {
             let mut same: Vec<usize> = (0..nodes.len()).filter(|&k| level[k] == number).collect();
-            // Grouped by width first: with 10 000 spheres this needs an eighth fewer values, padding included, than grouping by height first.
+            // Grouped by width first: with 10 000 spheres this needs an eighth fewer values,
+            // padding included, than grouping by height first.
             same.sort_by_key(|&k| (nodes[k].width, nodes[k].below.len()));
             let (first_batch, first_single) = (all.batches.len(), all.singles.len());
             for eight in same.chunks(LANES) {
@@ -355,7 +364,8 @@ impl SolveOrder {
     }
 }
 
-/// Whether supernodes are faster as a batch: a single one takes the time of its steps in sequence, a batch that of all values.
+/// Whether supernodes are faster as a batch: a single one takes the time of its steps in sequence,
+/// a batch that of all values.
 fn is_worth_while(nodes: &[Node], eight: &[usize]) -> bool {
     let rows = eight.iter().map(|&k| nodes[k].height()).max().unwrap_or(0);
     eight.len() > 2 + rows / 16

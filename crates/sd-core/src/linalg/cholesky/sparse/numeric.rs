@@ -1,10 +1,13 @@
-//! The numeric factorization of a sparse matrix: columns of a supernode, then their updates of all later ones.
+//! The numeric factorization of a sparse matrix: columns of a supernode, then their updates of all
+//! later ones.
 //!
 //! ```text
 //! L_ss L_ssᵀ = A_ss,   L_bs = A_bs L_ss⁻ᵀ,   A_bb ← A_bb − L_bs L_bsᵀ          s: columns of a supernode, b: its rows below
 //! ```
 //!
-//! Supernodes have few spheres, so most time is spent in hundreds of small products. Their destinations are determined once for a pattern; faer factors the blocks of columns. The factor has the same bits as faer's own supernodal factorization, which is slower.
+//! Supernodes have few spheres, so most time is spent in hundreds of small products. Their
+//! destinations are determined once for a pattern; faer factors the blocks of columns. The factor
+//! has the same bits as faer's own supernodal factorization, which is slower.
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
@@ -29,7 +32,8 @@ const TWO_SPHERES: usize = 2 * COLUMNS;
 /// Positions of values in a factor.
 #[derive(Debug, Default)]
 pub(super) struct Schedule {
-    /// Position in the factor of each value of the matrix, and the values in the columns of each supernode.
+    /// Position in the factor of each value of the matrix, and the values in the columns of each
+    /// supernode.
     places: Vec<u32>,
     values: Vec<Range<usize>>,
     /// Updates of later supernodes, and their ranges by supernode.
@@ -50,12 +54,14 @@ struct Update {
     /// Start of the target, and its column stride.
     start: usize,
     height: usize,
-    /// The target's row for each of its own rows from the first on; for columns these are their indices too.
+    /// The target's row for each of its own rows from the first on; for columns these are their
+    /// indices too.
     rows: Range<usize>,
 }
 
 impl Schedule {
-    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the lower triangle.
+    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the
+    /// lower triangle.
     pub(super) fn new(
         nodes: &[Node],
         below: &[usize],
@@ -116,7 +122,8 @@ pub(super) fn scratch(nodes: &[Node]) -> StackReq {
 }
 
 impl Schedule {
-    /// Supernodes of a factor that change with the values of the matrix: their own, or those of a supernode they depend on.
+    /// Supernodes of a factor that change with the values of the matrix: their own, or those of a
+    /// supernode they depend on.
     pub(super) fn find_changes(&self, old: &[f32], new: &[f32], changes: &mut Vec<bool>) {
         changes.clear();
         changes.resize(self.values.len(), false);
@@ -131,7 +138,8 @@ impl Schedule {
     }
 }
 
-/// Whether values differ; all are compared, as most are equal, and a loop with an early exit is not vectorised.
+/// Whether values differ; all are compared, as most are equal, and a loop with an early exit is not
+/// vectorised.
 fn differ(old: &[f32], new: &[f32]) -> bool {
     let pairs = old.iter().zip(new);
     pairs.filter(|(old, new)| old != new).count() > 0
@@ -181,7 +189,8 @@ pub(super) fn factor(
     Ok(())
 }
 
-/// Applies the updates of a factored supernode to later ones, whose rows are those of the list, for vectorised callers.
+/// Applies the updates of a factored supernode to later ones, whose rows are those of the list, for
+/// vectorised callers.
 #[inline(always)]
 fn update<'u>(
     targets: &[u32],
@@ -190,7 +199,8 @@ fn update<'u>(
     factor: &mut [f32],
     rows: &mut Vec<f32>,
 ) {
-    // Its rows below, column after column, with space for an incomplete block at the end, whose content is arbitrary.
+    // Its rows below, column after column, with space for an incomplete block at the end, whose
+    // content is arbitrary.
     let count = node.below.len();
     let height = count.next_multiple_of(LAST_ROWS) + LAST_ROWS;
     rows.resize((node.width * height).max(rows.len()), 0.0);
@@ -211,7 +221,8 @@ fn update<'u>(
     }
 }
 
-/// Updates C columns of a later supernode, from `column` of the update on. Results above the diagonal are never read.
+/// Updates C columns of a later supernode, from `column` of the update on. Results above the
+/// diagonal are never read.
 #[inline(always)]
 fn subtract<const C: usize>(
     rows: &[f32],

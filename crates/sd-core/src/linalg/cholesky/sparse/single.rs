@@ -39,7 +39,8 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
     }
 }
 
-/// `x ← x − Σ weight · column` for the three columns of G spheres in sequence, in blocks of eight rows.
+/// `x ← x − Σ weight · column` for the three columns of G spheres in sequence, in blocks of eight
+/// rows.
 #[inline(always)]
 fn subtract<const G: usize>(x: &mut [f32], columns: [[&[f32]; 3]; G], weights: [[f32; 3]; G]) {
     let columns = columns.map(|three| three.map(|column| &column[..x.len()]));

@@ -1,4 +1,5 @@
-//! A square of the plane of flow and gradient, with a key to its colours beside it and a caption below.
+//! A square of the plane of flow and gradient, with a key to its colours beside it and a caption
+//! below.
 
 use super::{AXIS, Frame, Grid, TICK};
 use crate::report::error::ReportError;
@@ -52,7 +53,8 @@ pub(in crate::report) enum Mark {
 /// The key of the colours.
 #[derive(Debug)]
 pub(in crate::report) enum Key {
-    /// Numbers between two ends in the colours of [`Colour::heat`]; numbers beyond an open end have its colour.
+    /// Numbers between two ends in the colours of [`Colour::heat`]; numbers beyond an open end have
+    /// its colour.
     Numbers {
         label: String,
         ends: [f64; 2],

@@ -54,7 +54,8 @@ impl Frame<'_> {
         texts.into_iter().flat_map(Text::shapes).collect()
     }
 
-    /// Labelled ticks of the lower axis: all, or every nth where labels would overlap. Plateaus beyond breaks are always labelled.
+    /// Labelled ticks of the lower axis: all, or every nth where labels would overlap. Plateaus
+    /// beyond breaks are always labelled.
     fn named_ticks(&self, size: f64) -> Vec<(f64, &str)> {
         let scale = &self.panel.x;
         let places: Vec<f64> = scale.ticks.iter().map(|tick| tick.0).collect();

@@ -15,7 +15,8 @@ const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η
 const LEAST_COLUMNS: usize = 2;
 const LEAST_POINTS: usize = 3;
 
-/// The axes of a state diagram: those requested, or the area fraction and the stress, or the rate where no stress is imposed.
+/// The axes of a state diagram: those requested, or the area fraction and the stress, or the rate
+/// where no stress is imposed.
 ///
 /// # Errors
 /// [`ReportError::Argument`] on unsuitable axes.
@@ -57,7 +58,8 @@ impl Draft<'_> {
     /// The diagram: a marker for every point, and lines where slopes pass the limits.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] if other axes have several values, and if there are too few points for slopes.
+    /// [`ReportError::Argument`] if other axes have several values, and if there are too few points
+    /// for slopes.
     pub(super) fn diagram(&self, y: &'static Axis) -> Result<Sketch, ReportError> {
         let x = self.along;
         let mut lines = Vec::new();
@@ -149,7 +151,8 @@ impl Draft<'_> {
         lines
     }
 
-    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted where a column has none.
+    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted
+    /// where a column has none.
     fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
         let mut lines = Vec::new();
         for (number, (limit, name)) in LIMITS.into_iter().enumerate() {

@@ -140,7 +140,8 @@ impl<'r> Draft<'r> {
         Ok(())
     }
 
-    /// Whether numbers of this unit, and the position along the axis, have a value in the requested units.
+    /// Whether numbers of this unit, and the position along the axis, have a value in the requested
+    /// units.
     fn has_scale(&self, unit: &str, point: &Point) -> bool {
         let has_place = point.place(self.along).is_nan() || !self.value(point).is_nan();
         self.units.factor(unit, point.at()).is_some() && has_place
@@ -242,7 +243,8 @@ impl<'r> Draft<'r> {
             })
         };
         let lines = self.curves().into_iter().filter_map(|mut curve| {
-            // A result without a value here, such as a stress at an infinite rate, is left out and not marked as missing.
+            // A result without a value here, such as a stress at an infinite rate, is left out and
+            // not marked as missing.
             let is_shown = |point: &Point| match measured.read(point) {
                 Some(height) => height.value.is_finite() && self.has_scale(unit, point),
                 None => true,
@@ -386,7 +388,8 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all flowing points among viscosities.
+    /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow
+    /// curve, above all flowing points among viscosities.
     pub(super) fn jammed(&self, kind: Kind, sketch: &Sketch) -> Vec<Line> {
         let spots = sketch.lines.iter().flat_map(|line| &line.points);
         let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.value)));
