@@ -4,13 +4,15 @@ use super::{LUBRICATION, laws, params, rigid, sheared, springs, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::ContactState;
-use sd_core::contact::laws::Laws;
+use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::memory::PairForces;
+use sd_core::contact::{ContactState, Pass};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Surface;
 use sd_core::modes::{Background as Planar, Vec2};
-use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, NearFields, Space, TangentialLaw};
+use sd_core::{
+    Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, StageContact, TangentialLaw,
+};
 
 fn request<S: Space>(
     laws: &ContactLaws,
@@ -49,6 +51,7 @@ const TORQUES: [f64; 7] = [10.0, -7.0, 4.0, 9.0, -12.0, 3.0, -5.0];
 
 #[test]
 fn spheres_in_a_plane_touch_as_in_the_layer() {
+    let (mut compared, mut inexact) = (0, 0);
     for (name, choice) in laws() {
         // In units of a critical load of 0 there are neither.
         if choice.repulsion > 0.0 || choice.adhesion > 0.0 {
@@ -71,6 +74,16 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                 &NearFields::default(),
             )
             .unwrap();
+            // Friction without a load: no solution was found, and what was depends on the way there.
+            if layer
+                .contacts
+                .iter()
+                .any(|c| c.normal_force == 0.0 && c.tangential_force != 0.0)
+            {
+                inexact += 1;
+                continue;
+            }
+            compared += 1;
             let flat = |x: [f64; 2]| Vector3::new(x[0], x[1], 0.0);
             let across = flat(PLACES[1]).normalize();
             let tangent = Vector3::new(-across.y, across.x, 0.0);
@@ -118,6 +131,10 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
             }
         }
     }
+    assert!(
+        inexact <= 2 && compared >= 12,
+        "{compared} compared, {inexact} left out"
+    );
 }
 
 /// Clusters of a sheared suspension in unbounded fluid.
@@ -352,4 +369,39 @@ fn friction_opposes_slip_and_stays_within_its_disc() {
         let solved = solve(&configuration, &coulomb, &NearFields::default()).unwrap();
         assert!(check_disc(&solved, friction) > 2, "{friction}");
     }
+}
+
+#[test]
+fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
+    let params = params(rigid(TangentialLaw::Coulomb), Hydrodynamics::BallMelrose);
+    let tables = NearFields::default();
+    let mut suspension = sheared(&params, 60);
+    let (mut systems, mut sliding) = (0, 0);
+    for _ in 0..20 {
+        let sample = suspension.step().unwrap();
+        sliding += sample.slipping;
+        let snapshot = suspension.snapshot();
+        let sd_core::simulation::SchemeMemory::Laws(mut memory) = snapshot.memory else {
+            unreachable!()
+        };
+        let cell = suspension.cell_at(suspension.strain()).unwrap();
+        let mut stage = Method::of(&params)
+            .solver::<Bulk>(params.hydrodynamics, &cell, &snapshot.radii, &tables, &[])
+            .unwrap();
+        stage.assemble(&cell, suspension.centres()).unwrap();
+        let contact = StageContact::Laws {
+            laws: &Laws::new(params.contact.laws(), surface(params.friction)),
+            span: Span::alone(params.time_step),
+            memory: &mut memory,
+        };
+        let quality = stage
+            .solve(&Background::SHEAR, &[], contact, Pass::First)
+            .unwrap();
+        assert!(quality.converged(), "{quality:?}");
+        systems += quality.systems;
+    }
+    // As the proximal point method would solve every third of these stages, in some eighty systems, if contacts that
+    // close were to stick at once and steps of Newton's method were whole.
+    assert!(sliding > 200, "{sliding} slides are no test");
+    assert!(systems < 20 * 10, "{systems} systems");
 }

@@ -4,12 +4,15 @@
 //! is linear. Each iteration solves the linear problem of the present active set and changes what
 //! the solution contradicts (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92, 353 (1991);
 //! primal-dual active set: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13, 865 (2002)). Started from
-//! the active set of the stage before it mostly takes two to eight systems. On which contacts friction is active is part of the active
-//! set. It converges locally and superlinearly, and can cycle far from a solution.
+//! the active set of the stage before it mostly takes two to eight systems. On which contacts friction
+//! is active is part of the active set. The method converges locally and superlinearly, and can cycle
+//! far from a solution.
 //!
-//! In a suspension a step is shortened until the conditions are violated less than before it (line search on the natural map), which ends
-//! nearly all cycles there. In a layer, where a slip has two directions only, it does not pay: as many stages fail.
-//! Where Newton's method fails [`super::proximal`] takes over.
+//! In a suspension a step after one without progress is shortened until the conditions are violated
+//! less than before it (line search on the natural map), which ends nearly all cycles: of 320 stages of
+//! 500 spheres at φ = 0.50, ν = 0.5 none fails, where 131 did. In a layer, where a slip has two
+//! directions only, as many stages fail with it as without. Where the method fails,
+//! [`super::proximal`] takes over.
 
 use super::ProblemSolver;
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
@@ -66,7 +69,7 @@ impl<S: Space> ProblemSolver<S> {
             let Some(roundoff) = solved else {
                 return (false, count);
             };
-            let least = before.filter(|_| !last);
+            let least = before.filter(|_| !last && stalled > 0);
             let (violation, is_whole) = self.shorten(problem, system, least);
             let refined = refine(problem, &self.forces);
             let (changed, turn) = self.update_states(problem, system, roundoff, is_whole);
@@ -272,6 +275,9 @@ fn next_slide<S: Space>(
     let row = &problem.tangential[m];
     if !row.active {
         return (Inactive, 0.0);
+    }
+    if row.coefficient.is_infinite() {
+        return (Stick, 0.0);
     }
     let own = mobility + row.compliance;
     // A contact that has just closed bears no force yet. Were it to stick at once, it could lift off again in the next
