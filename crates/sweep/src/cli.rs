@@ -33,6 +33,7 @@ use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, LazyLock};
 
@@ -79,12 +80,12 @@ static HELP: LazyLock<String> = LazyLock::new(|| {
     let commands = Command::augment_subcommands(clap::Command::new("sweep"));
     let mut help = "{about-with-newline}\n{usage-heading} {usage}\n".to_owned();
     for (heading, names) in GROUPS {
-        help += &format!("\n{heading}:\n");
+        let _ = writeln!(help, "\n{heading}:");
         for name in names {
             let command = commands.find_subcommand(name);
             let about = command.and_then(clap::Command::get_about);
             let about = about.map(ToString::to_string).unwrap_or_default();
-            help += &format!("  {name:<12} {about}\n");
+            let _ = writeln!(help, "  {name:<12} {about}");
         }
     }
     help + "\nOptions:\n{options}{after-help}"
