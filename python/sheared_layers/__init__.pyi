@@ -44,6 +44,7 @@ def solve(
     radii: ArrayLike | None = None,
     cell: Sequence[float] | None = None,
     offset: float | None = None,
+    cross_offset: float | None = None,
     hydrodynamics: _Hydrodynamics | None = "stokesian-dynamics",
     background: Mapping[str, Any] | None = None,
     forces: ArrayLike | None = None,

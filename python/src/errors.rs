@@ -64,7 +64,8 @@ fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
             None,
         ],
         Error::Report(ReportError::Argument { argument, message }) => [
-            own(argument.trim_start_matches('-')),
+            // A file is not an argument of a function.
+            own(argument.trim_start_matches('-')).filter(|key| key != "FILE"),
             None,
             own(message),
             None,
@@ -107,8 +108,9 @@ fn exception(error: &Error, words: String) -> PyErr {
 fn words(error: &Error) -> String {
     match error {
         // Arguments have the names of the keywords here.
-        Error::Report(ReportError::Argument { argument, message }) => {
-            format!("{}: {message}", argument.trim_start_matches('-'))
+        // As on the command line, without the dashes.
+        Error::Report(error @ ReportError::Argument { .. }) => {
+            error.to_string().trim_start_matches('-').to_owned()
         }
         error => {
             let text = ErrorRenderer::plain().explain(error);

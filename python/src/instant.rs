@@ -192,7 +192,9 @@ impl Solution {
 /// cell : (float, float), optional
 ///     Sides of the periodic cell; none is unbounded fluid.
 /// offset : float, optional
-///     Offset of the cell above, with `cell`; 0.
+///     Offset of the cell above along the flow, with `cell`; 0.
+/// cross_offset : float, optional
+///     Of a suspension the offset of the cell above along the vorticity, with `cell`; 0.
 /// hydrodynamics : str
 ///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as
 ///     `lubrication`.
@@ -213,8 +215,8 @@ impl Solution {
 /// Solution
 #[pyfunction]
 #[pyo3(signature = (
-    centres, *, radii=None, cell=None, offset=None, hydrodynamics=None, background=None, forces=None, torques=None, contact=None, **more
-), text_signature = "(centres, *, radii=None, cell=None, offset=None, hydrodynamics='stokesian-dynamics', background=None, forces=None, torques=None, contact=None, **more)")]
+    centres, *, radii=None, cell=None, offset=None, cross_offset=None, hydrodynamics=None, background=None, forces=None, torques=None, contact=None, **more
+), text_signature = "(centres, *, radii=None, cell=None, offset=None, cross_offset=None, hydrodynamics='stokesian-dynamics', background=None, forces=None, torques=None, contact=None, **more)")]
 #[expect(
     clippy::too_many_arguments,
     reason = "keywords of Python, each with a default"
@@ -225,6 +227,7 @@ pub(crate) fn solve(
     radii: Option<&Bound<'_, PyAny>>,
     cell: Option<&Bound<'_, PyAny>>,
     offset: Option<&Bound<'_, PyAny>>,
+    cross_offset: Option<&Bound<'_, PyAny>>,
     hydrodynamics: Option<&Bound<'_, PyAny>>,
     background: Option<&Bound<'_, PyAny>>,
     forces: Option<&Bound<'_, PyAny>>,
@@ -237,6 +240,7 @@ pub(crate) fn solve(
     for (name, given) in [
         ("cell", cell),
         ("offset", offset),
+        ("cross_offset", cross_offset),
         ("hydrodynamics", hydrodynamics),
         ("background", background),
         ("contact", contact),

@@ -337,3 +337,13 @@ def test_segments_of_a_protocol(tmp_path):
     assert oscillation["eta_prime"] > 1.0
     with pytest.raises(ValueError, match="`strain` = 0.0 is out of range"):
         sl.Campaign("bad", protocol={"segment": [{"strain": 0.0}]}, grid=[{**PARAMS, "shear_rate": 1.0, "seeds": 1}])
+
+
+def test_errors_about_a_store_name_no_argument(store):
+    with pytest.raises(ValueError, match="^the campaign has no segments") as refused:
+        store.segments()
+    assert refused.value.key is None
+    with pytest.raises(ValueError, match="^where: ") as refused:
+        store.points(where={"shear_rat": 1.0})
+    assert "did you mean shear_rate?" in str(refused.value)
+    assert refused.value.key == "where"

@@ -54,6 +54,19 @@ def test_solve_is_the_command(body):
     assert set(contacts.dtype.names) == set(there["contacts"][0] if there["contacts"] else contacts.dtype.names)
 
 
+def test_cross_offset_is_that_of_the_command():
+    # In contact across the upper face where the cell above is shifted along the vorticity.
+    centres = np.array([[4.0, 0.5, 3.0], [4.0, 6.4, 2.0]])
+    given = {"hydrodynamics": "ball-melrose", "cell": [8.0, 8.0, 8.0], "forces": [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]}
+    viscosities = []
+    for cross_offset in [0.0, -1.0]:
+        there = command("solve", "-", text=json.dumps({"centres": centres.tolist(), "cross_offset": cross_offset, **given}))
+        here = sl.solve(centres, cross_offset=cross_offset, **given)
+        assert here.viscosity == there["viscosity"]
+        viscosities.append(here.viscosity)
+    assert viscosities[0] != viscosities[1]
+
+
 def test_scalars_are_the_command():
     there = command("scalars", "--size-ratio", 0.5, "--separation", 2.1)
     here = sl.scalars(0.5, 2.1)

@@ -17,6 +17,7 @@ pub use crate::model::order::{Order, Priority};
 pub use crate::protocol::{Discard, Protocol, Steps};
 pub use error::{CampaignError, Fault};
 pub(crate) use folded::WrittenPoints;
+pub(crate) use reader::nearest;
 
 use crate::axes::identity;
 use crate::case::{Case, CaseKey};
@@ -104,7 +105,8 @@ fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Pro
         Err(error) => {
             let at = error.span().unwrap_or(0..0);
             problems.push(
-                Problem::at(&at, error.message(), instead_of(text, &at)).labelled("not TOML"),
+                Problem::at(&at, error.message(), instead_of(text, &at, error.message()))
+                    .labelled("not TOML"),
             );
             return nothing();
         }
@@ -150,7 +152,11 @@ fn protocol_of(top: &Table<'_>, first_line: Range<usize>, problems: &mut Vec<Pro
 }
 
 /// A suggestion for a syntax error of TOML.
-fn instead_of(text: &str, at: &Range<usize>) -> String {
+fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
+    if message == "duplicate key" {
+        return "each key once in its table; tables that may be repeated have two brackets: [[grid]], [[protocol.segment]]"
+            .into();
+    }
     let rest = text.get(at.start..).unwrap_or_default();
     let word: String = rest
         .trim_start_matches(['[', ',', ' '])

@@ -74,7 +74,8 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                 &NearFields::default(),
             )
             .unwrap();
-            // Friction without a load: no solution was found, and what was depends on the way there.
+            // Friction without a load: no solution was found, and what was depends on the way
+            // there.
             if layer
                 .contacts
                 .iter()
@@ -375,7 +376,7 @@ fn friction_opposes_slip_and_stays_within_its_disc() {
 fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
     let params = params(rigid(TangentialLaw::Coulomb), Hydrodynamics::BallMelrose);
     let tables = NearFields::default();
-    let mut suspension = sheared(&params, 60);
+    let mut suspension = sheared(&params, 160);
     let (mut systems, mut sliding) = (0, 0);
     for _ in 0..20 {
         let sample = suspension.step().unwrap();
@@ -400,8 +401,8 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
         assert!(quality.converged(), "{quality:?}");
         systems += quality.systems;
     }
-    // As the proximal point method would solve every third of these stages, in some eighty systems, if contacts that
-    // close were to stick at once and steps of Newton's method were whole.
+    // 584 of them if contacts that close were to stick at once and the steps of Newton's method
+    // were whole: many of these stages would need the proximal point method.
     assert!(sliding > 200, "{sliding} slides are no test");
-    assert!(systems < 20 * 10, "{systems} systems");
+    assert!(systems < 200, "{systems} systems");
 }

@@ -29,41 +29,33 @@ impl ErrorRenderer {
         } else {
             miette::GraphicalTheme::unicode_nocolor()
         };
-        let mut text = String::new();
-        let rendered = miette::GraphicalReportHandler::new_themed(theme)
+        let handler = miette::GraphicalReportHandler::new_themed(theme)
             .with_width(self.width)
-            .without_cause_chain()
-            .render_report(&mut text, &Shown::of(error));
-        match rendered {
-            Ok(()) => text,
-            Err(_) => visible(&error.to_string()).into_owned(),
+            .without_cause_chain();
+        let mut text = String::new();
+        // One after the other: the handler itself prints an empty heading above every further
+        // error.
+        let others = error.related().into_iter().flatten();
+        for one in std::iter::once(error as &dyn Diagnostic).chain(others) {
+            if !text.is_empty() {
+                text.push('\n');
+            }
+            if handler.render_report(&mut text, &Shown(one)).is_err() {
+                text.push_str(&visible(&one.to_string()));
+            }
         }
+        text
     }
 }
 
 /// An error whose texts are [`visible`]. Excerpts become visible where they are cut from their
 /// files.
 #[derive(Debug)]
-struct Shown<'e> {
-    error: &'e dyn Diagnostic,
-    related: Vec<Shown<'e>>,
-}
-
-impl<'e> Shown<'e> {
-    fn of(error: &'e dyn Diagnostic) -> Self {
-        Self {
-            error,
-            related: error
-                .related()
-                .map(|related| related.map(Self::of).collect())
-                .unwrap_or_default(),
-        }
-    }
-}
+struct Shown<'e>(&'e dyn Diagnostic);
 
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&visible(&self.error.to_string()))
+        f.write_str(&visible(&self.0.to_string()))
     }
 }
 
@@ -71,20 +63,20 @@ impl std::error::Error for Shown<'_> {}
 
 impl Diagnostic for Shown<'_> {
     fn severity(&self) -> Option<Severity> {
-        self.error.severity()
+        self.0.severity()
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        let help = self.error.help()?.to_string();
+        let help = self.0.help()?.to_string();
         Some(Box::new(visible(&help).into_owned()))
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.error.source_code()
+        self.0.source_code()
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let labels = self.error.labels()?;
+        let labels = self.0.labels()?;
         Some(Box::new(labels.map(|label| {
             let text = label.label().map(|text| visible(text).into_owned());
             let span = *label.inner();
@@ -94,12 +86,5 @@ impl Diagnostic for Shown<'_> {
                 LabeledSpan::new_with_span(text, span)
             }
         })))
-    }
-
-    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
-        if self.related.is_empty() {
-            return None;
-        }
-        Some(Box::new(self.related.iter().map(|other| other as _)))
     }
 }

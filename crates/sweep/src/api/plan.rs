@@ -10,7 +10,7 @@ use crate::axes::{AXES, Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
 use crate::costs::{COMPARABLE, Costs, Trial, trials};
-use crate::format::count;
+use crate::format::{count, significant};
 use crate::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store};
 use scatter::Sum;
@@ -166,11 +166,11 @@ pub(crate) fn make(
     let trials = trials(&costs, &points, Instant::now());
     let tried = trials
         .iter()
-        .filter_map(|(_, outcome)| outcome.as_ref().ok());
+        .filter_map(|(_, outcome, _)| outcome.as_ref().ok());
     tried.for_each(|record| costs.learn(record));
     let reasons: Vec<(&Params, &String)> = trials
         .iter()
-        .filter_map(|(params, outcome)| Some((params, outcome.as_ref().err()?)))
+        .filter_map(|(params, outcome, _)| Some((params, outcome.as_ref().err()?)))
         .collect();
     let kinds = kinds(&work, &costs, &trials, &reasons);
     let program_s = if kinds.is_empty() { 0.0 } else { PROGRAM_S };
@@ -218,9 +218,20 @@ pub(crate) fn make(
         warnings: starts
             .iter()
             .filter_map(starts::StartTrial::warning)
+            .chain(measured_early(&trials))
             .collect(),
         kinds,
     })
+}
+
+/// A warning that steps were measured before contacts form, when they cost less than later.
+fn measured_early(trials: &[Trial]) -> Option<String> {
+    let measured = trials.iter().filter(|(_, outcome, _)| outcome.is_ok());
+    let strain = measured.filter_map(|trial| trial.2).reduce(f64::min)?;
+    Some(format!(
+        "steps were measured at a strain of {} only, where contacts are still few: dense runs may take several times as long",
+        significant(strain, 2)
+    ))
 }
 
 /// The word of a choice.
@@ -240,8 +251,8 @@ fn kinds(
 ) -> Vec<Kind> {
     let tried: HashSet<_> = trials
         .iter()
-        .filter(|(_, outcome)| outcome.is_ok())
-        .map(|(params, _)| identity(params))
+        .filter(|(_, outcome, _)| outcome.is_ok())
+        .map(|(params, ..)| identity(params))
         .collect();
     let mut kinds: Vec<Kind> = Vec::new();
     let mut sums: Vec<Sum> = Vec::new();

@@ -54,13 +54,15 @@ impl Grid {
         let known: Vec<&str> = AXES.iter().map(|axis| axis.key).chain([SEEDS]).collect();
         let table = Table::new(entries, span.clone(), "[[grid]]", &known, problems);
         let before = problems.len();
+        let mut shear = AXES.iter().filter(|axis| axis.is_of_shear());
+        let imposes = shear.any(|axis| table.get(axis.key).is_some());
         let axes: Vec<Option<Values>> = AXES
             .iter()
             .map(|axis| match table.get(axis.key) {
                 // A layer, which is no number.
                 Some(_) if axis.key == START => None,
                 Some(written) => values(written, axis.key, problems, |value| of_axis(value, axis)),
-                None => protocol.value_of(axis),
+                None => protocol.value_of(axis, imposes),
             })
             .collect();
         let seeds = if let Some(written) = table.get(SEEDS) {

@@ -52,6 +52,8 @@ pub(super) struct Written {
     table: ops::Range<usize>,
     places: HashMap<&'static str, ops::Range<usize>>,
     segments: Vec<WrittenSegment>,
+    /// The rate or stress of grids that impose none, with its axis.
+    shear: Option<(&'static str, Values)>,
 }
 
 impl Written {
@@ -63,6 +65,7 @@ impl Written {
             table,
             places: HashMap::new(),
             segments: Vec::new(),
+            shear: None,
         }
     }
 
@@ -137,6 +140,7 @@ impl Written {
             }
             segments::read(written, problems)
         });
+        let shear = segments::shear(&segments);
         if problems.len() > before_segments {
             // Their faults are reported once, not for every grid.
             segments.clear();
@@ -159,6 +163,7 @@ impl Written {
             table: span,
             places,
             segments,
+            shear,
         };
         if problems.len() == before {
             written.check_averages(problems);
@@ -171,11 +176,16 @@ impl Written {
         self.places.get(key).unwrap_or(&self.table)
     }
 
-    /// Values of an axis for grids that have none of their own.
-    pub(super) fn value_of(&self, axis: &Axis) -> Option<Values> {
-        (axis.key == TIME_STEP)
-            .then(|| self.time_step.clone())
-            .flatten()
+    /// Values of an axis for grids without their own; `imposes`: whether they impose a rate or a
+    /// stress.
+    pub(super) fn value_of(&self, axis: &Axis, imposes: bool) -> Option<Values> {
+        if axis.key == TIME_STEP {
+            return self.time_step.clone();
+        }
+        let shear = self.shear.as_ref().filter(|_| !imposes);
+        shear
+            .filter(|(key, _)| *key == axis.key)
+            .map(|(_, values)| values.clone())
     }
 
     /// Refuses a time step at which runs are too long, or of which lengths are no multiples;

@@ -105,7 +105,7 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
 }
 
 /// The key suggested for an unknown one.
-pub(super) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
     let known: Vec<&str> = known.collect();
     // Names used elsewhere match exactly only: short ones resemble many keys.
     if let Some(axis) = Axis::named(written)
@@ -114,6 +114,13 @@ pub(super) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
         return Some(known[place]);
     }
     let written = shortened(written);
+    // By a word that no other key has.
+    let mut with_it = known
+        .iter()
+        .filter(|name| name.split(['_', '-']).any(|part| part == written));
+    if let (Some(name), None) = (with_it.next(), with_it.next()) {
+        return Some(name);
+    }
     known
         .into_iter()
         .map(|name| (strsim::damerau_levenshtein(name, written), name))

@@ -2,8 +2,8 @@
 
 use super::error::Problem;
 use super::protocol::{DISCARDED, LENGTH};
-use super::reader::{Table, number, whole, wrong_type};
-use crate::axes::Axis;
+use super::reader::{Located, Table, Values, number, whole, wrong_type};
+use crate::axes::{Axis, Value};
 use crate::protocol::PlannedSegment;
 use sd_core::model::{CrossShear, Form, Range, Segment};
 use std::ops;
@@ -32,6 +32,24 @@ impl WrittenSegment {
     fn place_of(&self, key: &str) -> &ops::Range<usize> {
         let found = self.places.iter().find(|(name, _)| *name == key);
         found.map_or(&self.place, |(_, place)| place)
+    }
+
+    /// The rate or stress that it imposes, if any, with its axis.
+    fn shear(&self) -> Option<(&'static str, Values)> {
+        let imposed = &self.segment.imposed;
+        let named = [
+            ("shear_rate", imposed.shear_rate),
+            ("shear_stress", imposed.shear_stress),
+        ];
+        let (key, value) = named
+            .into_iter()
+            .find_map(|(key, value)| Some((key, value?)))?;
+        let span = self.place_of(key).clone();
+        let all = vec![Located {
+            value: Value::Number(value),
+            span: span.clone(),
+        }];
+        Some((key, Values { all, span }))
     }
 
     /// Sets the oscillation of the table.
@@ -129,6 +147,12 @@ impl<'t> Reader<'t, '_> {
         let read = number(written, key, &of.quantity.range, &of.quantity.allowed());
         read.map_err(|problem| self.problems.push(problem)).ok()
     }
+}
+
+/// The rate or stress of the first segment, for grids where each segment names its own.
+pub(super) fn shear(segments: &[WrittenSegment]) -> Option<(&'static str, Values)> {
+    let each = segments.iter().map(WrittenSegment::shear);
+    each.collect::<Option<Vec<_>>>()?.into_iter().next()
 }
 
 /// Reads the segments of a protocol.

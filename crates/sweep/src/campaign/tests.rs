@@ -287,6 +287,21 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
             "a layer is chosen by its `area_fraction`",
         ),
         (
+            "shear_rate = [0, 0.1, inf]",
+            "stress = 1",
+            "did you mean `shear_stress`?",
+        ),
+        (
+            "\"ball-melrose\"",
+            "\"ball-melrose\"\ncontact = \"spring\"",
+            "did you mean \"linear-spring\"?",
+        ),
+        (
+            "[[grid]]",
+            "[protocol]\n[[grid]]",
+            "tables that may be repeated have two brackets",
+        ),
+        (
             "\"ball-melrose\"",
             "\"Ball-Melrose\"",
             "did you mean \"ball-melrose\"?",

@@ -235,9 +235,13 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     };
     match super::report::write(&store, output) {
         // The reader closed standard output; the exit code stays that of the runs.
-        Err(error) if error.is_closed_pipe() => Ok(code),
-        written => written.map(|()| code),
+        Err(error) if error.is_closed_pipe() => {}
+        written => written?,
     }
+    if stop.reason().is_some() && !is_over {
+        style.note("stopped: the same command continues from the last checkpoints");
+    }
+    Ok(code)
 }
 
 /// Notes how a changed campaign compares with its store: runs kept, new, and no longer in the

@@ -7,7 +7,7 @@ use super::place::{StoreArguments, print_warning};
 use crate::api::Error;
 use crate::api::status::Status;
 use crate::exit;
-use crate::format::duration;
+use crate::format::{counted, duration};
 use crate::report::{FailureGroup, table};
 use std::path::Path;
 
@@ -104,10 +104,10 @@ fn write_text(
     for process in &status.processes {
         writeln!(
             out,
-            "process {} on {}: {} cases, last heartbeat {} ago",
+            "process {} on {}: {}, last heartbeat {} ago",
             process.pid,
             process.host,
-            process.running,
+            counted(process.running, "case"),
             duration(process.silent_s)
         )?;
     }
@@ -115,8 +115,8 @@ fn write_text(
     if status.unmerged_shards > 0 {
         writeln!(
             out,
-            "{} shards are newer than the store: sweep merge {file}",
-            status.unmerged_shards
+            "newer than the store: {}, for sweep merge {file}",
+            counted(status.unmerged_shards, "shard")
         )?;
     }
     if !status.disagreements.is_empty() {

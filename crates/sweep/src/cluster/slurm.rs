@@ -1,7 +1,7 @@
 //! Slurm: one array job, submitted with `sbatch`, without queries to an accounting database.
 
 use super::{ActiveTask, Job, Requeue, SchedulerError, quoted_path};
-use crate::format::parse_duration;
+use crate::format::{counted, parse_duration};
 use crate::store::TaskName;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -134,14 +134,14 @@ impl Slurm {
         // found at submission.
         let _ = write!(
             script,
-            "# Campaign {}: {} tasks, one slice of the open cases each. Made by sweep submit.
+            "# Campaign {}: {}, one slice of the open cases each. Made by sweep submit.
 unset SLURM_JWT
 PATH=${{PATH:-/usr/bin:/bin}}:{}
 export PATH
 exec {command}
 ",
             job.campaign,
-            job.tasks,
+            counted(job.tasks, "task"),
             quoted_path(&folder_of_slurm())?,
         );
         Ok(script)

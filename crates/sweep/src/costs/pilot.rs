@@ -28,8 +28,9 @@ const SHORTEST: f64 = 8.0;
 /// Minimum number of measured steps, and of preceding steps that allocate memory for them.
 const LEAST_MEASURED: u32 = 2;
 
-/// The parameters of a short run, and its outcome or the reason for its failure.
-pub(crate) type Trial = (Params, Result<Record, String>);
+/// The parameters of a short run; its outcome or the reason for its failure; and, where there was
+/// no time for contacts to form, the strain from which it was measured.
+pub(crate) type Trial = (Params, Result<Record, String>, Option<f64>);
 
 /// Progress of a short run.
 #[derive(Debug, Default)]
@@ -42,6 +43,8 @@ struct Progress {
     step_begun: Option<Instant>,
     /// Whether it has ended, or why it failed.
     ended: Option<Result<(), String>>,
+    /// The strain from which it is measured, if contacts had no time to form.
+    early: Option<f64>,
 }
 
 /// A short run: a case, possibly with another seed.
@@ -132,7 +135,7 @@ impl ShortRun {
             _ if steps == 0 => Err("no step was completed in the available time".into()),
             _ => Ok(record),
         };
-        (self.case.params.clone(), outcome)
+        (self.case.params.clone(), outcome, progress.early)
     }
 
     /// Makes the run in about that time.
@@ -151,7 +154,10 @@ impl ShortRun {
         let mut layer = lead_in.map_err(|e| e.to_string())?;
         layer.step().map_err(|e| e.to_string())?;
         // From here on steps are those of the case; the lead-in is not measured.
-        *self.progress() = Progress::default();
+        *self.progress() = Progress {
+            early: Some(layer.strain()).filter(|strain| *strain < self.lead_in_strain()),
+            ..Progress::default()
+        };
         let mut before = None;
         let mut measured = 0;
         while measured < LEAST_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
@@ -181,6 +187,11 @@ impl ShortRun {
         done
     }
 
+    /// The strain after which its layer has its contacts.
+    fn lead_in_strain(&self) -> f64 {
+        LEAD_IN.min(0.25 * self.case.strain())
+    }
+
     /// A layer with contacts, sheared up to [`LEAD_IN`] if time permits, that continues with the
     /// steps of the case.
     fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<AnySimulation, Error> {
@@ -189,7 +200,7 @@ impl ShortRun {
         let params = &case.params;
         let is_short = |factor: &u32| f64::from(*factor) * params.time_step <= LEAD_IN_STEP;
         let factor = (1..=LEAD_IN_FACTOR).rev().find(is_short).unwrap_or(1);
-        let strain = LEAD_IN.min(0.25 * case.strain());
+        let strain = self.lead_in_strain();
         let coarse = Params {
             time_step: f64::from(factor) * params.time_step,
             ..params.clone()
@@ -254,5 +265,24 @@ mod tests {
         assert_eq!(run.measured(|| 3), 3);
         let progress = run.progress();
         assert_eq!((progress.steps, progress.step_begun), (1, None));
+    }
+
+    #[test]
+    fn what_is_measured_before_contacts_have_formed_is_said_to_be() {
+        let case = Case {
+            params: params(),
+            seed: 1,
+            steps: 1000,
+            sample_stride: 1,
+        };
+        for (time, is_early) in [(Duration::ZERO, true), (Duration::from_hours(1), false)] {
+            let run = ShortRun::new(&case, 1);
+            let layer = run.lead_in(&NearFields::default(), time).unwrap();
+            assert_eq!(layer.strain() < run.lead_in_strain(), is_early);
+        }
+        let case = Case { steps: 2, ..case };
+        let run = ShortRun::new(&case, 1);
+        run.make(Duration::from_hours(1)).unwrap();
+        assert_eq!(run.trial().2, None);
     }
 }

@@ -12,7 +12,7 @@ pub enum ReportError {
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
     /// An invalid argument.
-    #[error("{argument}: {message}")]
+    #[error("{}{message}", before(argument))]
     Argument {
         /// The argument of the command line.
         argument: &'static str,
@@ -31,5 +31,13 @@ impl ReportError {
             argument,
             message: message.into(),
         }
+    }
+}
+
+/// Prefix of a message: the argument, unless it is the file, which is not an option.
+fn before(argument: &str) -> String {
+    match argument {
+        "FILE" => String::new(),
+        option => format!("{option}: "),
     }
 }

@@ -93,7 +93,7 @@ const NUMBERS: [Number; 10] = [
     Number {
         name: "recovery_strain",
         heading: "strain of\nrecovery",
-        meaning: "strain after which half of the drop at a reversal has recovered",
+        meaning: "strain after which half of the drop at a reversal has recovered; none where some run does not recover it",
         rank: 1,
         of: |s, _| s.reversal?.recovery_strain,
     },
@@ -355,7 +355,8 @@ impl SegmentReport {
             count("segment", "number of the segment, from 1", &|row| {
                 row.1 as u64 + 1
             }),
-            number("start", "strain of the run at its start", &|s| {
+            // `start` is the name of an axis.
+            number("segment_start", "strain of the run at its start", &|s| {
                 Some(s.imposed.start)
             }),
             number(

@@ -3,6 +3,7 @@
 use super::error::ReportError;
 use super::units::Units;
 use crate::axes::{AXES, Axis, Value};
+use crate::campaign::nearest;
 use crate::store::{PointRun, Store};
 use sd_core::Params;
 use std::fmt;
@@ -52,8 +53,10 @@ impl Selection {
             })?;
             let axis = Axis::named(key.trim()).ok_or_else(|| {
                 let known = AXES.iter().map(|axis| axis.key).collect::<Vec<_>>();
+                let meant = nearest(key.trim(), known.iter().copied());
+                let meant = meant.map_or_else(String::new, |axis| format!(" (did you mean {axis}?)"));
                 refused(format!(
-                    "{key:?} is not an axis of a campaign; the axes are {}, also by their symbols",
+                    "{key:?} is not an axis of a campaign{meant}; the axes are {}, also by their symbols",
                     known.join(", ")
                 ))
             })?;

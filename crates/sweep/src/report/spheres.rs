@@ -143,11 +143,19 @@ fn drawn<S: Kept>(
         .map(|x| network.cell.wrap(*x))
         .collect();
     let is_deep = S::DIMENSIONS > 2;
-    let depth = |sphere: usize| if is_deep { centres[sphere][2] } else { 0.0 };
     let shown = in_slab::<S>(&centres, view.slab, frame.side)?;
     // Spheres from back to front; in a layer they do not overlap, and lines are above all of them.
-    let mut order: Vec<usize> = (0..centres.len()).filter(|sphere| shown[*sphere]).collect();
-    order.sort_by(|a, b| depth(*a).total_cmp(&depth(*b)));
+    let mut order: Vec<(usize, [f64; 3])> = Vec::new();
+    for (sphere, centre) in centres.iter().enumerate() {
+        let depth = if is_deep { centre[2] } else { 0.0 };
+        let images = images(frame, [centre[0], centre[1], depth], network.radii[sphere]);
+        order.extend(images.into_iter().map(|image| (sphere, image)));
+    }
+    order.retain(|(_, image)| {
+        let within = |Range { low, high }| (low..=high).contains(&image[2]);
+        view.slab.is_none_or(within)
+    });
+    order.sort_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]));
     let forces = network.links.iter().map(|link| link.normal_force);
     let largest = forces.fold(0.0, f64::max);
     // Each sphere draws half of the line of each of its contacts.
@@ -164,27 +172,24 @@ fn drawn<S: Kept>(
     // Spheres, outlines of lines, lines; in a suspension the lines of a sphere lie on it, and all
     // are in the first list.
     let mut marks = <[Vec<Mark>; 3]>::default();
-    for sphere in order {
-        let (place, radius) = (&centres[sphere], network.radii[sphere]);
-        for centre in images(frame, [place[0], place[1]], radius) {
-            marks[0].push(Mark::Sphere {
-                centre,
-                radius,
-                colour: colours[sphere],
-                is_shaded: is_deep,
-            });
-            for (number, place) in if is_deep { [0, 0] } else { [1, 2] }
-                .into_iter()
-                .enumerate()
-            {
-                marks[place].extend(halves[sphere].iter().map(|(reach, strokes)| Mark::Line {
-                    ends: [centre, [centre[0] + reach[0], centre[1] + reach[1]]],
-                    width: strokes[number].1,
-                    colour: strokes[number].0,
-                    // In a suspension the outline of a line ends with its sphere.
-                    is_round: !is_deep || number == 1,
-                }));
-            }
+    for (sphere, [x, y, _]) in order {
+        marks[0].push(Mark::Sphere {
+            centre: [x, y],
+            radius: network.radii[sphere],
+            colour: colours[sphere],
+            is_shaded: is_deep,
+        });
+        for (number, place) in if is_deep { [0, 0] } else { [1, 2] }
+            .into_iter()
+            .enumerate()
+        {
+            marks[place].extend(halves[sphere].iter().map(|(reach, strokes)| Mark::Line {
+                ends: [[x, y], [x + reach[0], y + reach[1]]],
+                width: strokes[number].1,
+                colour: strokes[number].0,
+                // In a suspension the outline of a line ends with its sphere.
+                is_round: !is_deep || number == 1,
+            }));
         }
     }
     caption.push(format!("strain {:.2}", frame.strain));
@@ -296,12 +301,19 @@ fn in_slab<S: Kept>(
     Ok(shown)
 }
 
-/// The images of a sphere that are visible in the cell.
-fn images<S: Kept>(frame: &Frame<S>, [x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
-    let (side, offset) = (frame.side, frame.offset);
+/// The images of a sphere that are visible in the cell. Those above and below have another depth
+/// under cross shear.
+fn images<S: Kept>(frame: &Frame<S>, [x, y, z]: [f64; 3], radius: f64) -> Vec<[f64; 3]> {
+    let (side, offset, cross) = (frame.side, frame.offset, frame.cross_offset);
     let cells = (-1..=1).flat_map(|row| (-2..=2).map(move |column| [column, row].map(f64::from)));
-    let all = cells.map(|[column, row]| [x + column * side + row * offset, y + row * side]);
-    let is_seen = |centre: &[f64; 2]| centre.iter().all(|x| (-radius..=side + radius).contains(x));
+    let all = cells.map(|[column, row]| {
+        let depth = (z + row * cross).rem_euclid(side);
+        [x + column * side + row * offset, y + row * side, depth]
+    });
+    let is_seen = |image: &[f64; 3]| {
+        let mut seen = image[..2].iter();
+        seen.all(|x| (-radius..=side + radius).contains(x))
+    };
     all.filter(is_seen).collect()
 }
 

@@ -7,7 +7,7 @@ use super::failures::FailureGroup;
 use super::points::Report;
 use super::sheet::{NumberFormat, Shape, Sheet};
 use crate::campaign::Discard;
-use crate::format::duration;
+use crate::format::{counted, duration};
 use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Row, Table, Width, presets};
 use notes::notes;
 use std::io::Write;
@@ -63,9 +63,10 @@ pub(super) fn doubtful(report: &Report) -> String {
     } else {
         "not averaged; --with-doubtful includes them"
     };
+    let have = if report.doubtful == 1 { "has" } else { "have" };
     format!(
-        "{} finished runs have doubtful numbers: {what}. `sweep show` gives the reason",
-        report.doubtful
+        "{} {have} doubtful numbers: {what}. `sweep show` gives the reason",
+        counted(report.doubtful, "finished run")
     )
 }
 

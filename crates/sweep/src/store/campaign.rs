@@ -183,8 +183,9 @@ impl Store {
         let entry = Entry::of(campaign, Order::default(), &self.path)?;
         // Copies must be complete: readers compare digests with the data shown.
         self.point_runs()?;
-        let shown =
-            schema::shadow(&self.connection).and_then(|()| entry.enter(&self.connection, false));
+        let shown = schema::shadow(&self.connection)
+            .and_then(|()| entry.enter(&self.connection, false))
+            .and_then(|()| settle::count_shorter_runs(&self.connection, campaign));
         self.read(shown)?;
         if last.request != request.hash {
             self.last_run_with = Some(last.file.into());

@@ -4,6 +4,7 @@
 //! more.
 
 use super::claims::Claim;
+use super::digest::whole;
 use super::ends::{self, RunEnd, SEALED};
 use super::failures::{self, Attempt};
 use super::results::{self, Covered};
@@ -149,6 +150,32 @@ pub(super) fn continue_shorter_runs(
     connection: &Connection,
     campaign: &Campaign,
 ) -> rusqlite::Result<()> {
+    each_shorter_run(connection, campaign, |(id, key), of, end| {
+        let samples = samples::of(connection, of)?;
+        keep(connection, (id, key), end, &samples, &campaign.protocol)?;
+        states::reopen(connection, "id = ?2", &[id]).map(drop)
+    })
+}
+
+/// Counts the steps that new runs in segments would reuse as done, in a store opened for reading.
+pub(super) fn count_shorter_runs(
+    connection: &Connection,
+    campaign: &Campaign,
+) -> rusqlite::Result<()> {
+    each_shorter_run(connection, campaign, |(id, _), _, end| {
+        let steps = end.state.as_ref().map_or(0, |_| end.steps);
+        let done = "UPDATE cases SET steps_done = ?2 WHERE id = ?1";
+        connection.run(done, (id, whole(steps)))
+    })
+}
+
+/// Calls `take` for every new run in segments whose beginning was computed, with the run, its key,
+/// and the case and end of that beginning.
+fn each_shorter_run(
+    connection: &Connection,
+    campaign: &Campaign,
+    mut take: impl FnMut((i64, &str), i64, &RunEnd) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     for (key, case) in &campaign.cases {
         let mut shorter = case.params.before_last_segment();
         if shorter.is_none() {
@@ -175,9 +202,7 @@ pub(super) fn continue_shorter_runs(
                 && !end.jammed
                 && end.steps <= most
             {
-                let samples = samples::of(connection, of)?;
-                keep(connection, (id, &key), &end, &samples, &campaign.protocol)?;
-                states::reopen(connection, "id = ?2", &[id])?;
+                take((id, &key), of, &end)?;
                 break;
             }
             shorter = known.params.before_last_segment();

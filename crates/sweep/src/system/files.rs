@@ -87,11 +87,17 @@ pub(crate) fn write_whole(
     let followed = std::fs::canonicalize(path);
     let path = followed.as_deref().unwrap_or(path);
     let folder = folder_of(path);
+    if !folder.is_dir() {
+        let message = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, message));
+    }
     let mut file = tempfile::Builder::new()
         .prefix(".sweep-part-")
         // With the usual permissions, within the user's mask.
         .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder)?;
+        .tempfile_in(folder)
+        // The name of the temporary file would not help the user.
+        .map_err(|error| error.kind())?;
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
@@ -123,6 +129,13 @@ mod tests {
         write_whole(&link, |file| file.write_all(b"new")).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_is_named_and_not_the_file_that_was_to_be_there() {
+        let error = write_whole(Path::new("/none/of/it"), |_| Ok(())).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::NotFound);
+        assert_eq!(error.to_string(), "there is no folder /none/of");
     }
 
     #[test]

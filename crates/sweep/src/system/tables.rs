@@ -4,6 +4,7 @@
 //! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read
 //! back has the same bits as the computed one.
 
+use crate::format::counted;
 use crate::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
 use sd_core::model::Sizes;
@@ -45,24 +46,36 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
     Ok(all)
 }
 
-/// The tables of these size ratios, from the cache or computed; `note` is called before one is
-/// computed.
+/// The tables of these size ratios, from the cache or computed; `note` is called once before any
+/// is computed.
 ///
 /// # Errors
 /// A size ratio out of range.
-pub fn make(ratios: &[f64], mut note: impl FnMut(&str)) -> Result<NearFields, Error> {
+pub fn make(ratios: &[f64], note: impl FnMut(&str)) -> Result<NearFields, Error> {
+    make_at(ratios, place_of, note)
+}
+
+/// The same, with the paths of the cached tables.
+fn make_at(
+    ratios: &[f64],
+    place_of: impl Fn(f64) -> Option<PathBuf>,
+    mut note: impl FnMut(&str),
+) -> Result<NearFields, Error> {
     let mut tables = NearFields::default();
+    let mut missing = Vec::new();
     for &ratio in ratios {
-        let place = place_of(ratio);
-        if let Some(table) = place.as_deref().and_then(read) {
-            tables.insert(table);
-            continue;
+        match place_of(ratio).as_deref().and_then(read) {
+            Some(table) => tables.insert(table),
+            None => missing.push(ratio),
         }
-        note(&format!(
-            "computing the near field of size ratio {ratio:.4}, once"
-        ));
+    }
+    if !missing.is_empty() {
+        let number = counted(missing.len() as u64, "size ratio");
+        note(&format!("computing the near fields of {number}, once"));
+    }
+    for ratio in missing {
         let table = NearField::new(ratio)?;
-        if let Some(place) = &place {
+        if let Some(place) = &place_of(ratio) {
             // Without a cache it is computed again next time.
             let _ = write(place, &table);
         }
@@ -123,6 +136,19 @@ mod tests {
                 "{found:?}"
             );
         }
+    }
+
+    #[test]
+    fn tables_that_are_missing_are_told_of_once() {
+        let directory = tempfile::tempdir().unwrap();
+        let place_of = |ratio: f64| Some(directory.path().join(format!("{ratio}")));
+        let mut notes = Vec::new();
+        let mut make = |ratios: &[f64]| {
+            make_at(ratios, place_of, |note| notes.push(note.to_owned())).unwrap();
+        };
+        make(&[1.25, 1.5]);
+        make(&[1.25, 1.5]);
+        assert_eq!(notes, ["computing the near fields of 2 size ratios, once"]);
     }
 
     #[test]

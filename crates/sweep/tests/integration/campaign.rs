@@ -315,11 +315,23 @@ fn runs_begin_where_those_of_another_store_ended() {
 }
 
 #[test]
+fn faults_of_a_file_follow_each_other_without_a_heading() {
+    let wrong = CAMPAIGN
+        .replace("friction = 0.3", "friction = -1")
+        .replace("seeds = 2", "seeds = 2.5");
+    let directory = directory_with(&wrong);
+    let refused = sweep(directory.path(), &["plan", "small.toml"]).code(2);
+    let said = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    assert_eq!(said.matches("× small.toml:").count(), 2, "{said}");
+    assert!(!said.contains("Error:"), "{said}");
+}
+
+#[test]
 fn overlaps_beyond_the_roughness_height_are_told() {
     let springs = CAMPAIGN
         .replace(
             "shear_rate = [0.1, inf]",
-            "shear_rate = 20.0\ncontact = \"linear-spring\"\nstiffness = [100.0, 1e6]",
+            "shear_stress = 5.0\ncontact = \"linear-spring\"\nstiffness = [50.0, 100.0, 1e6]",
         )
         .replace("seeds = 2", "seeds = 1");
     let directory = directory_with(&springs);
@@ -330,14 +342,25 @@ fn overlaps_beyond_the_roughness_height_are_told() {
         .lines()
         .filter(|line| line.contains("overlaps of up to"))
         .collect();
-    assert!(lines.len() == 1 && lines[0].contains("k 100"), "{said}");
+    let begins = "k 50 and 1 more point: overlaps of up to";
+    assert!(lines.len() == 1 && lines[0].starts_with(begins), "{said}");
+    // The only point has no name.
+    let only = ["report", "small.toml", "--where", "stiffness=100"];
+    let only = sweep(directory.path(), &only).code(0);
+    let only = String::from_utf8(only.get_output().stdout.clone()).unwrap();
+    assert!(only.contains("\noverlaps of up to"), "{only}");
     assert!(
         said.contains("largest\n") || said.contains("overlap"),
         "{said}"
     );
     let json = sweep(directory.path(), &["report", "small.toml", "--json"]).code(0);
     let json: serde_json::Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
-    for (point, soft) in json["points"].as_array().unwrap().iter().zip([true, false]) {
+    for (point, soft) in json["points"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip([true, true, false])
+    {
         let (gap, overlap) = (&point["minimum_gap"], &point["overlap"]);
         let (gap, overlap) = (gap.as_f64().unwrap(), overlap.as_f64().unwrap());
         assert_eq!(overlap, 0.01 - gap);

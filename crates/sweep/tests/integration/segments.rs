@@ -104,6 +104,9 @@ fn tables_and_figures_are_written() {
     );
     let csv = std::fs::read_to_string(at.join("s.csv")).unwrap();
     assert_eq!(csv.lines().count(), 1 + 2 * 4);
+    let mut names: Vec<&str> = csv.lines().next().unwrap().split(',').collect();
+    names.sort_unstable();
+    assert!(names.windows(2).all(|two| two[0] != two[1]), "{names:?}");
     let trace = [
         "report",
         "s.sqlite",
@@ -123,6 +126,21 @@ fn tables_and_figures_are_written() {
         plain.contains("in segment 4 after a strain of 5.6"),
         "{plain}"
     );
+}
+
+#[test]
+fn what_was_computed_before_a_segment_more_is_not_to_do_again() {
+    let computed = COMPUTED.folder();
+    let at = computed.path();
+    let longer = CAMPAIGN.replace("[[grid]]", "[[protocol.segment]]\nstrain = 2.4\n[[grid]]");
+    std::fs::write(at.join("c.toml"), longer).unwrap();
+    let status = json(at, &["status", "c.toml", "--store", "s.sqlite"]);
+    // A strain of 7.2 of 9.6.
+    let done = status["work_done"].as_f64().unwrap();
+    assert!((done - 0.75).abs() < 1e-9, "{status}");
+    let plan = json(at, &["plan", "c.toml", "--store", "s.sqlite"]);
+    assert_eq!(plan["ended"], 0);
+    assert!(plan["kinds"][0]["cases"] == 4, "{plan}");
 }
 
 #[test]
@@ -148,7 +166,7 @@ fn what_there_is_not_is_said() {
         &["run", "plain.toml", "--quiet", "--store", "plain.sqlite"],
     );
     let error = refused(at, &["segments", "plain.sqlite"]);
-    assert!(error.contains("the campaign has no segments"), "{error}");
+    assert!(error.starts_with("the campaign has no segments"), "{error}");
     let error = refused(at, &["report", "plain.sqlite", "--segment", "1"]);
     assert!(error.contains("the campaign has no segments"), "{error}");
 }

@@ -23,6 +23,42 @@ fn refused(segments: &str) -> String {
     }
 }
 
+#[test]
+fn grids_need_no_rate_where_each_segment_names_its_own() {
+    let read = |segments: &str, imposed: &str| {
+        let grid = GOOD
+            .replace("strain = 1.0\ndiscard = 0.5\n", segments)
+            .replace("shear_rate = [0, 0.1, inf]", imposed);
+        parse_text(&grid)
+    };
+    let keys = |campaign: Result<Campaign, CampaignError>| -> Vec<CaseKey> {
+        let cases = campaign.unwrap().cases.into_iter();
+        cases.map(|(key, _)| key).collect()
+    };
+    for (segments, imposed) in [
+        (
+            "[[protocol.segment]]\nstrain = 1.0\nshear_stress = 0.3\n",
+            "shear_stress = 0.3",
+        ),
+        (
+            "[[protocol.segment]]\nstrain = 1.0\nshear_rate = 2.0\n\
+             [[protocol.segment]]\nstrain = 1.0\nshear_stress = 0.3\n",
+            "shear_rate = 2.0",
+        ),
+    ] {
+        assert_eq!(keys(read(segments, "")), keys(read(segments, imposed)));
+    }
+    let one_is_open = "[[protocol.segment]]\nstrain = 1.0\nshear_stress = 0.3\n\
+                       [[protocol.segment]]\nstrain = 1.0\n";
+    let error = read(one_is_open, "").unwrap_err().to_string();
+    assert!(error.contains("has no `shear_rate`"), "{error}");
+    // Only the error in the segment is reported.
+    let wrong = "[[protocol.segment]]\nstrain = 0.0\nshear_stress = 0.3\n";
+    let error = read(wrong, "").unwrap_err().to_string();
+    assert!(error.contains("`strain` = 0.0 is out of range"), "{error}");
+    assert!(!error.contains("shear_rate"), "{error}");
+}
+
 const SEGMENTS: &str = r"[[protocol.segment]]
 strain = 3.0
 [[protocol.segment]]

@@ -23,8 +23,10 @@ function controls() {
   };
   keep($('quantity'), Object.entries(QUANTITIES), 'viscosity');
   const axes = varying(), numeric = axes.filter(a => AXIS[a].numeric), name = a => [a, AXIS[a].symbol];
-  keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(name), 'shear_rate');
-  keep($('map-x'), axes.map(name), axes.includes('shear_rate') ? 'shear_rate' : axes[0]);
+  /* What is imposed, where it varies. */
+  const shear = ['shear_rate', 'shear_stress'].find(a => axes.includes(a));
+  keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(name), shear);
+  keep($('map-x'), axes.map(name), shear ?? axes[0]);
   keep($('map-y'), axes.map(name), axes.find(a => a !== $('map-x').value));
   const runs = data.runs.map(run => [run.key, run_name(run)]);
   keep($('run-a'), runs, runs[0]?.[0]);

@@ -163,6 +163,34 @@ fn spheres_at_the_border_are_seen_on_both_sides_of_the_sheared_cell() {
 }
 
 #[test]
+fn images_across_the_sheared_faces_have_the_depth_of_the_cross_shear() {
+    // The image above is shifted by the offsets, −2 along x and 3 along z.
+    let frame = Frame {
+        centres: vec![[4.0, 0.25, 2.0], [3.0, 4.0, 6.0]],
+        cross_offset: 3.0,
+        ..suspension(1.0)
+    };
+    let shown = |slab: &str| {
+        let view = SphereView {
+            slab: Some(slab.parse().unwrap()),
+            ..SphereView::default()
+        };
+        let drawn = of(&frame, view).unwrap();
+        let centres = drawn
+            .picture
+            .marks
+            .into_iter()
+            .filter_map(|mark| match mark {
+                Mark::Sphere { centre, .. } => Some(centre),
+                _ => None,
+            });
+        centres.collect::<Vec<_>>()
+    };
+    assert_eq!(shown("1..3"), [[4.0, 0.25]]);
+    assert_eq!(shown("4..7"), [[2.0, 8.25], [3.0, 4.0]]);
+}
+
+#[test]
 fn clusters_have_colours_of_their_own_and_contacts_are_counted() {
     let mut frame = layer();
     frame.centres.push([1.0, 6.0]);

@@ -1,7 +1,7 @@
 //! Notes on points that lack the requested precision, are not steady, or have too soft contacts.
 
 use crate::axes::Axis;
-use crate::format::significant;
+use crate::format::{counted, significant};
 use crate::report::points::{Point, Report};
 use crate::statistics::{Decision, Precision, Verdict};
 
@@ -35,20 +35,31 @@ pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
         let advice = point.advice.as_ref()?;
         Some((point, format!("not steady: {advice}")))
     });
-    let soft = report.points.iter().filter(|p| p.overlaps_too_much());
-    let soft = soft.filter_map(|point| {
-        let heights = point.number("overlap")? / point.params.roughness;
-        let what = format!(
-            "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
-             them apart",
-            significant(heights, 2)
-        );
-        Some((point, what))
-    });
     lines.extend(list(report, missed, columns));
     lines.extend(list(report, unsteady, columns));
-    lines.extend(list(report, soft, columns));
+    lines.extend(soft(report, columns));
     lines
+}
+
+/// A warning about points whose spheres overlapped; it names the worst.
+fn soft(report: &Report, columns: &[&'static Axis]) -> Option<String> {
+    let soft = report.points.iter().filter(|p| p.overlaps_too_much());
+    let heights = |point: &Point| Some(point.number("overlap")? / point.params.roughness);
+    let soft: Vec<(&Point, f64)> = soft
+        .filter_map(|point| Some((point, heights(point)?)))
+        .collect();
+    let (worst, most) = soft.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let others = match soft.len() - 1 {
+        0 => String::new(),
+        others => format!(" and {}", counted(others as u64, "more point")),
+    };
+    let what = format!(
+        "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
+         them apart",
+        significant(*most, 2)
+    );
+    let name = name(report, worst, columns);
+    Some(with_name(&format!("{name}{others}"), &what))
 }
 
 /// Why a point will not reach the requested precision, if so.
@@ -81,15 +92,24 @@ fn list<'p>(
     points: impl Iterator<Item = (&'p Point, String)>,
     columns: &[&'static Axis],
 ) -> Vec<String> {
-    let name =
-        |(point, what): (&Point, String)| format!("{}: {what}", name(report, point, columns));
-    let mut lines: Vec<String> = points.map(name).collect();
+    let mut lines: Vec<String> = points
+        .map(|(point, what)| with_name(&name(report, point, columns), &what))
+        .collect();
     let more = lines.len().saturating_sub(SHOWN);
     if more > 0 {
         lines.truncate(SHOWN);
         lines.push(format!("and {more} more such points"));
     }
     lines
+}
+
+/// A note on a point, after its name if it has one: the only point has none.
+fn with_name(name: &str, what: &str) -> String {
+    if name.is_empty() {
+        what.to_owned()
+    } else {
+        format!("{name}: {what}")
+    }
 }
 
 /// Name of a point, from the axes that distinguish it.

@@ -88,6 +88,23 @@ fn page_draws_hovers_and_plays_without_requests() {
     assert_eq!(page.trouble(), [""; 0]);
 }
 
+#[test]
+fn curves_run_along_the_stress_where_it_is_imposed() {
+    let Some(mut browser) = Browser::start("curves_run_along_the_stress_where_it_is_imposed")
+    else {
+        return;
+    };
+    let imposed = CAMPAIGN.replace("shear_rate = [0.1, 1.0, inf]", "shear_stress = [0.1, 1.0]");
+    let folder = folder("c.toml", &imposed);
+    let at = folder.path();
+    sweep(at, &["run", "c.toml", "--store", "s.sqlite", "-q"]);
+    let mut page = browser.open(&page_of(at, &[]), DEFAULT);
+    let user = "seen.along = $('along').value; seen.map = $('map-x').value;";
+    let seen = seen_by(&mut page, user);
+    assert_eq!(seen["along"], "shear_stress");
+    assert_eq!(seen["map"], "shear_stress");
+}
+
 /// A user who looks at everything.
 const LOOKER: &str = r"
 seen.views = {};
