@@ -8,8 +8,8 @@
 //! is active is part of the active set. The method converges locally and superlinearly, and can cycle
 //! far from a solution.
 //!
-//! In a suspension a step after one without progress is shortened until the conditions are violated
-//! less than before it (line search on the natural map), which ends nearly all cycles: of 320 stages of
+//! In a suspension steps that follow one without progress are shortened until the conditions are violated
+//! less than before (line search on the natural map), which ends nearly all cycles: of 320 stages of
 //! 500 spheres at φ = 0.50, ν = 0.5 none fails, where 131 did. In a layer, where a slip has two
 //! directions only, as many stages fail with it as without. Where the method fails,
 //! [`super::proximal`] takes over.
@@ -24,6 +24,9 @@ const MAX_SYSTEMS: u32 = 60;
 /// take 4 % fewer linear systems, and layers of 100 at c = 0.76, ν = 1 a third more time.
 const PATIENCE: u32 = 4;
 
+/// What is to be left of the violation after a step that may be shortened. With 0.5 in its place 200
+/// spheres at φ = 0.54 take 16 % more linear systems.
+const PROGRESS: f64 = 0.9;
 /// The least share of a step: smaller ones hardly lower the violation.
 const LEAST_SHARE: f64 = 1.0 / 64.0;
 
@@ -62,14 +65,15 @@ impl<S: Space> ProblemSolver<S> {
         refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
-        let (mut least_turn, mut before) = (f64::INFINITY, None);
+        let (mut least_turn, mut before, mut shortens) = (f64::INFINITY, None, false);
         for count in 1..=MAX_SYSTEMS {
             self.previous.copy_from(&self.forces);
             let solved = system.solve(problem, &self.states, last, &mut self.forces);
             let Some(roundoff) = solved else {
                 return (false, count);
             };
-            let least = before.filter(|_| !last && stalled > 0);
+            shortens |= stalled > 0;
+            let least = before.filter(|_| !last && shortens);
             let (violation, is_whole) = self.shorten(problem, system, least);
             let refined = refine(problem, &self.forces);
             let (changed, turn) = self.update_states(problem, system, roundoff, is_whole);
@@ -88,7 +92,7 @@ impl<S: Space> ProblemSolver<S> {
                 (fewest, stalled, least_turn) = (usize::MAX, 0, f64::INFINITY);
             } else if changes > 0 || turn > 0.0 {
                 let fewer = changes < fewest || changes == 0 && turn < TURNING * least_turn;
-                let lowered = least.is_some_and(|least| violation < least);
+                let lowered = least.is_some_and(|least| violation < PROGRESS * least);
                 stalled = if fewer || lowered { 0 } else { stalled + 1 };
                 fewest = fewest.min(changes);
                 least_turn = least_turn.min(turn);
