@@ -12,12 +12,12 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::api::{Beginning, Begun, begin, complete};
+use sweep::api::{StartOptions, StartedCampaign, begin, complete};
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::disk::network_file_system;
 use sweep::format::parse_positive_duration;
-use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
+use sweep::runner::{CampaignProgress, Options, Progress, Reason, Stop, Style};
 use sweep::store::StoreSource;
 use toml::{Table, Value};
 
@@ -392,12 +392,12 @@ fn compute(
     let workers = wanted.workers.min(campaign.cases.len().max(1));
     let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
     let work = || -> Result<Vec<String>, sweep::Error> {
-        let beginning = Beginning {
+        let beginning = StartOptions {
             reuse: &wanted.reuse,
             retry_failed: wanted.retry_failed,
             priority: &wanted.priority,
         };
-        let Begun {
+        let StartedCampaign {
             mut store, taken, ..
         } = begin(path, campaign, beginning)?;
         let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
@@ -430,7 +430,7 @@ fn compute(
                 if interrupted.is_some() {
                     continue;
                 }
-                let Standing {
+                let CampaignProgress {
                     fraction,
                     counts,
                     message,

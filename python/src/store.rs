@@ -422,7 +422,10 @@ fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny
             .filter_map(T::to_possible_value)
             .map(|value| format!("{:?}", value.get_name()))
             .collect();
-        PyValueError::new_err(format!("{name}: {given:?} is not one of {}", known.join(", ")))
+        PyValueError::new_err(format!(
+            "{name}: {given:?} is not one of {}",
+            known.join(", ")
+        ))
     })
 }
 
@@ -433,6 +436,9 @@ fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
     found.ok_or_else(|| {
         let known = AXES.iter().filter(|axis| axis.is_numeric());
         let known: Vec<&str> = known.map(|axis| axis.key).collect();
-        PyValueError::new_err(format!("along: {given:?} is not one of {}", known.join(", ")))
+        PyValueError::new_err(format!(
+            "along: {given:?} is not one of {}",
+            known.join(", ")
+        ))
     })
 }
