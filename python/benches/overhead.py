@@ -41,7 +41,7 @@ def solving():
 
 
 def stepping(hydrodynamics):
-    """Share of a step that is not the solver's."""
+    """Fraction of a step outside the solver."""
     layer = sl.Layer({**PARAMS, "hydrodynamics": hydrodynamics}, 1)
 
     def once():
@@ -54,7 +54,7 @@ def stepping(hydrodynamics):
 
 
 def importing():
-    """Seconds of an import, in a process of its own."""
+    """Seconds of an import, in a separate process."""
 
     def once():
         command = [sys.executable, "-X", "importtime", "-c", "import sheared_layers"]
@@ -65,7 +65,7 @@ def importing():
 
 
 def reading(file):
-    """Seconds of processor of the store, its points, its points again, and its runs."""
+    """CPU seconds of the store, its points, its points again, and its runs."""
 
     def seconds(work):
         begun = time.process_time()

@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 class SimulationError(RuntimeError):
-    """A computation that was begun could not be finished."""
+    """A computation failed."""
 
 class StoreError(OSError):
     """The store failed."""
@@ -64,7 +64,7 @@ def pair(
     start: float = 5.0,
     time_step: float = 0.05,
 ) -> Passed:
-    """Drive two spheres past each other."""
+    """Move two spheres past each other."""
 
 @final
 class Solution:
@@ -101,7 +101,7 @@ class Solution:
 
 @final
 class Passed:
-    """How two spheres passed each other."""
+    """The trajectories of two spheres that pass each other."""
 
     @property
     def final_offset(self) -> float: ...
@@ -115,7 +115,7 @@ class Passed:
     def path(self) -> _Numbers: ...
 
 class Run:
-    """What `Layer` and `Suspension` have in common: rough spheres under shear, step by step."""
+    """Base of `Layer` and `Suspension`: rough spheres under shear, step by step."""
 
     @property
     def params(self) -> dict[str, Any]: ...
@@ -165,7 +165,7 @@ class Suspension(Run):
 
 @final
 class Table:
-    """A table that pandas, polars and pyarrow take as it is."""
+    """A table that pandas, polars and pyarrow read without copies."""
 
     def __arrow_c_stream__(self, requested_schema: Any = None) -> Any: ...
     def __arrow_c_schema__(self) -> Any: ...
@@ -219,7 +219,7 @@ class Campaign:
 
 @final
 class Store:
-    """The store of a campaign: all that was computed."""
+    """The store of a campaign."""
 
     def __new__(cls, path: _File) -> Store: ...
     @property

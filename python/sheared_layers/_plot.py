@@ -1,4 +1,4 @@
-"""Draws an outline of a figure, made by the program, with matplotlib: the same look as `sweep report --figure`."""
+"""Draws an outline of a figure, made by the program, with matplotlib: in the style of `sweep report --figure`."""
 
 _MARKERS = {
     "circle": "o",
@@ -14,7 +14,7 @@ _HOLLOW = "hollow-"
 
 
 def draw(outline, ax=None):
-    """Draws into `ax`, or into a figure of the outline's size; gives the axes back."""
+    """Draws into `ax`, or into a figure of the outline's size; returns the axes."""
     small, large = outline["tick_size"], outline["label_size"]
     (panel,) = outline["panels"]
     if ax is None:

@@ -1,8 +1,8 @@
-"""What a user sees of a run: a bar in a notebook or a terminal, a function of their own, or nothing."""
+"""Progress display of a run: a bar in a notebook or a terminal, a user function, or nothing."""
 
 
 class _Bar:
-    """A bar of tqdm, which chooses the form that suits the place."""
+    """A bar of tqdm, in its form for notebooks or terminals."""
 
     def __init__(self):
         from tqdm.auto import tqdm
@@ -18,7 +18,7 @@ class _Bar:
 
 
 class _Told:
-    """A function that is told how far the run is."""
+    """A function that receives the progress of the run."""
 
     def __init__(self, function):
         self.update = function
@@ -28,7 +28,7 @@ class _Told:
 
 
 def bar(progress):
-    """What `Campaign.run(progress=...)` asks for; None is True."""
+    """The display for `Campaign.run(progress=...)`; None is True."""
     if progress is None or progress is True:
         return _Bar()
     if progress is False:

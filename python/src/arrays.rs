@@ -1,4 +1,4 @@
-//! Arrays of numpy: read strictly, and made.
+//! Reading and creating arrays of numpy.
 
 use numpy::ndarray::{ArrayView1, ArrayView2};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -12,11 +12,11 @@ use sweep::trajectory::{STATES, state_number};
 /// What arrays of numbers may hold.
 const NUMBERS: &str = "float64, or whole numbers and narrower floats, which are converted";
 
-/// The numpy that is needed, as `pyproject.toml` has it, up to the first one of which nothing is known.
+/// The supported versions of numpy, as in `pyproject.toml`.
 const NUMPY: std::ops::Range<(u32, u32)> = (1, 24)..(3, 0);
 
-/// Makes sure that there is a numpy that can be used. Whatever makes or takes arrays asks this first: the calls themselves would
-/// end in a panic.
+/// Checks that a supported numpy is installed. All functions with arrays call this first: otherwise
+/// the calls would panic.
 ///
 /// # Errors
 /// `ImportError` with what is wrong with it.
@@ -40,7 +40,8 @@ pub(crate) fn need_numpy(py: Python<'_>) -> PyResult<()> {
         .copied()
 }
 
-/// Looks for numpy and its interface for compiled programs. Gives its version if that is another than those that are needed.
+/// Looks for numpy and its interface for compiled programs. Gives its version if that is another
+/// than those that are needed.
 fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     let version: String = py.import("numpy")?.getattr("__version__")?.extract()?;
     let mut numbers = version.split('.').map(|part| part.parse().unwrap_or(0));
@@ -48,7 +49,7 @@ fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     if !NUMPY.contains(&found) {
         return Ok(Some(version));
     }
-    // The crate asks for the same, and for this besides.
+    // The crate needs the same, and this in addition.
     py.import("numpy.lib")?.getattr("NumpyVersion")?;
     let core = if found.0 >= 2 {
         "numpy._core.multiarray"
@@ -60,7 +61,7 @@ fn find_numpy(py: Python<'_>) -> PyResult<Option<String>> {
     Ok(None)
 }
 
-/// Reads an array `(N, D)`, whatever its strides.
+/// Reads an array `(N, D)` of any strides.
 pub(crate) fn vectors<const D: usize>(
     name: &str,
     given: &Bound<'_, PyAny>,
@@ -93,7 +94,7 @@ pub(crate) fn has_three_columns(name: &str, given: &Bound<'_, PyAny>) -> PyResul
     Ok(matches!(shape[..], [_, 3]))
 }
 
-/// Reads an array `(N,)`, whatever its strides.
+/// Reads an array `(N,)` of any strides.
 pub(crate) fn numbers(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let array = with_numbers(name, given, "(N,)")?;
     let Ok(array) = array.cast::<PyArray1<f64>>() else {
@@ -170,7 +171,7 @@ impl Records {
         self.0.extend_from_slice(&value.to_ne_bytes());
     }
 
-    /// What a contact does: twelve characters of four bytes.
+    /// State of a contact: twelve characters of four bytes.
     pub(crate) fn state(&mut self, state: ContactState) {
         let word = STATES[usize::from(state_number(state))];
         for place in 0..12 {

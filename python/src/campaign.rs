@@ -12,16 +12,16 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::api::{Beginning, Begun, begin, complete};
+use sweep::api::{StartOptions, StartedCampaign, begin, complete};
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::disk::network_file_system;
 use sweep::format::parse_positive_duration;
-use sweep::runner::{Options, Progress, Reason, Standing, Stop, Style};
+use sweep::runner::{CampaignProgress, Options, Progress, Reason, Stop, Style};
 use sweep::store::StoreSource;
 use toml::{Table, Value};
 
-/// Most threads; more are a slip of the keyboard.
+/// Maximum number of threads; more are treated as a typo.
 const WORKER_LIMIT: usize = 4096;
 /// SIGINT, which Ctrl-C sends.
 const INTERRUPT: i32 = 2;
@@ -33,13 +33,16 @@ const INTERRUPT: i32 = 2;
 /// name : str
 ///     a-z, 0-9 and -; also the name of the store.
 /// protocol : dict, optional
-///     What `[protocol]` of a campaign file has: `strain`, `discard`, `sample_every`, `checkpoint_every`, `time_step`.
+///     What `[protocol]` of a campaign file has: `strain`, `discard`, `sample_every`,
+///     `checkpoint_every`, `time_step`.
 /// grid : list of dict, optional
-///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords: ``friction=[0.1, 0.5], seeds=4, ...``
+///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords:
+///     ``friction=[0.1, 0.5], seeds=4, ...``
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Campaign(sweep::campaign::Campaign);
 
-/// The parameters of the one run that a dictionary describes, read as the grid of a campaign file is, and what it says besides the axes.
+/// The parameters of the run of a dictionary, read like the grid of a campaign file, and its other
+/// values.
 pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Params, Table)> {
     let mut grid = values::table(params)?;
     let besides = grid.iter().filter(|(key, _)| Axis::of_key(key).is_none());
@@ -62,7 +65,8 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         && step > 0.0
         && step <= 1.0
     {
-        // Lengths that any time step divides; nothing of them concerns a layer that is sheared by hand.
+        // Lengths that any time step divides; nothing of them concerns a layer that is sheared by
+        // hand.
         for key in ["strain", "sample_every", "checkpoint_every"] {
             protocol.insert(key.into(), step.into());
         }
@@ -155,7 +159,7 @@ impl Campaign {
         &self.0.text
     }
 
-    /// Where its store is unless another place is given.
+    /// Default path of its store.
     #[getter]
     fn default_store(&self) -> PathBuf {
         self.0.default_store()
@@ -166,12 +170,13 @@ impl Campaign {
         self.0.cases.len()
     }
 
-    /// What it would do: axes, number of runs, time on this machine, disk, memory. Writes nothing; takes a second or two.
+    /// Its plan: axes, number of runs, time on this machine, disk, memory. Writes nothing; takes a
+    /// second or two.
     ///
     /// Parameters
     /// ----------
     /// workers : int, optional
-    ///     Runs computed at a time; the cores of the machine.
+    ///     Runs computed in parallel; by default the cores of the machine.
     ///
     /// Returns
     /// -------
@@ -190,31 +195,34 @@ impl Campaign {
         values::answer(py, &plan)
     }
 
-    /// Compute what the store lacks of it. What is there already is not computed again.
+    /// Compute its open runs. Finished runs in the store are not computed again.
     ///
-    /// Ctrl-C checkpoints after the steps under way; the same call goes on with the same bits. The command line, or another notebook, may
-    /// compute or read the same store at the same time.
+    /// Ctrl-C checkpoints after the current steps; the same call continues with the same bits. The
+    /// command line, or another notebook, may compute or read the same store at the same time.
     ///
     /// Parameters
     /// ----------
     /// store : str or path, optional
     ///     The store; `default_store`.
     /// workers : int, optional
-    ///     Runs computed at a time; the cores of the machine.
+    ///     Runs computed in parallel; by default the cores of the machine.
     /// progress : bool or callable
-    ///     True shows a bar, in a notebook or a terminal; a callable is called with the share done, 0 to 1, and a text.
+    ///     True shows a bar, in a notebook or a terminal; a callable is called with the fraction
+    ///     done, 0 to 1, and a text.
     /// retry_failed : bool
     ///     Compute failed runs again.
     /// trajectory : bool
-    ///     Keep the layer at every sampled strain, for `Store.frames`.
+    ///     Keep a frame at every sampled strain, for `Store.frames`.
     /// time_limit : float or str, optional
-    ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call goes on.
+    ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call
+    ///     continues.
     /// max_wall_time : float or str, optional
     ///     Computing time after which a single run ends as failed; 50 times its estimate.
     /// priority : str or list of str, optional
-    ///     Points that come first, as `sweep run --priority`: "shear_rate", "-friction", "shear_rate=inf,10".
+    ///     Points to compute first, as `sweep run --priority`: "shear_rate", "-friction",
+    ///     "shear_rate=inf,10".
     /// reuse : str, path or list of them, optional
-    ///     Stores of other campaigns, whose runs of the same parameters and seeds are taken over.
+    ///     Stores of other campaigns, whose runs with the same parameters and seeds are reused.
     ///
     /// Returns
     /// -------
@@ -282,7 +290,7 @@ impl Campaign {
         Ok(done)
     }
 
-    /// Its store, which shows what this campaign asks for, done or not.
+    /// Its store, which shows the runs of this campaign, done or not.
     ///
     /// Parameters
     /// ----------
@@ -310,7 +318,7 @@ impl Campaign {
         Ok(std::path::absolute(store)?)
     }
 
-    /// Which points come first.
+    /// Points to compute first.
     fn priority(&self, given: Option<&Bound<'_, PyAny>>) -> PyResult<Priority> {
         let texts = match given {
             None => Vec::new(),
@@ -324,7 +332,7 @@ impl Campaign {
     }
 }
 
-/// What a run is to do.
+/// Options of a run.
 struct Wanted {
     workers: usize,
     retry_failed: bool,
@@ -337,7 +345,7 @@ struct Wanted {
     reuse: Vec<PathBuf>,
 }
 
-/// A time: seconds, or a text as the command line has it.
+/// A time: seconds, or a text as on the command line.
 fn time(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Duration>> {
     let Some(given) = given else {
         return Ok(None);
@@ -368,7 +376,8 @@ fn files(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PathBuf>>
     }
 }
 
-/// Computes a campaign in threads of its own, while this one looks for Ctrl-C and moves the bar. Says what the user should know.
+/// Computes a campaign in separate threads, while this one checks for Ctrl-C and updates the bar.
+/// Prints notes for the user.
 fn compute(
     py: Python<'_>,
     campaign: &sweep::campaign::Campaign,
@@ -383,12 +392,12 @@ fn compute(
     let workers = wanted.workers.min(campaign.cases.len().max(1));
     let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
     let work = || -> Result<Vec<String>, sweep::Error> {
-        let beginning = Beginning {
+        let beginning = StartOptions {
             reuse: &wanted.reuse,
             retry_failed: wanted.retry_failed,
             priority: &wanted.priority,
         };
-        let Begun {
+        let StartedCampaign {
             mut store, taken, ..
         } = begin(path, campaign, beginning)?;
         let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
@@ -407,7 +416,7 @@ fn compute(
         let left = counts.pending + counts.running;
         if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
             told.push(format!(
-                "the time was up: {left} runs are left, and the same call goes on with them"
+                "time limit reached: {left} runs remain; the same call continues them"
             ));
         }
         Ok(told)
@@ -421,14 +430,14 @@ fn compute(
                 if interrupted.is_some() {
                     continue;
                 }
-                let Standing {
+                let CampaignProgress {
                     fraction,
                     counts,
                     message,
                 } = progress.standing();
                 let looked = Python::attach(|py| {
                     py.check_signals()?;
-                    // Nothing is known before the store was read.
+                    // The progress is unknown before the store was read.
                     if counts.total() > 0 {
                         bar.call_method1(py, "update", (fraction, message))?;
                     }

@@ -1,4 +1,4 @@
-//! Errors of the program as exceptions of Python, with the same words.
+//! Errors of the program as exceptions of Python, with the same messages.
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
@@ -23,9 +23,10 @@ create_exception!(
     "The store failed: its disk is full, it is locked, gone or damaged. What was finished is safe in it."
 );
 
-/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a file that is not there, [`StoreError`] for trouble
-/// with the store, [`SimulationError`] for all else. It has the attributes `key`, `value`, `allowed` and `suggestion`, each `None` where
-/// the error is about no key.
+/// The exception for an error: `ValueError` for bad input, `FileNotFoundError` for a missing file,
+/// [`StoreError`] for errors of the store, [`SimulationError`] for all others. It has the
+/// attributes `key`, `value`, `allowed` and `suggestion`, each `None` where the error is about no
+/// key.
 pub(crate) fn raise(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let words = words(&error);
@@ -46,7 +47,7 @@ pub(crate) fn raise_without_place(error: CampaignError) -> PyErr {
     }
 }
 
-/// Gives an exception the attributes that say what it is about.
+/// Adds the attributes of an error to an exception.
 fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
     let own = |text: &str| Some(text.to_owned());
     let [key, value, allowed, suggestion] = match error {
@@ -63,7 +64,7 @@ fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
             None,
         ],
         Error::Report(ReportError::Argument { argument, message }) => [
-            // A file is no argument of a function.
+            // A file is not an argument of a function.
             own(argument.trim_start_matches('-')).filter(|key| key != "FILE"),
             None,
             own(message),
@@ -103,11 +104,11 @@ fn exception(error: &Error, words: String) -> PyErr {
     }
 }
 
-/// What the command line says of an error.
+/// The message of an error on the command line.
 fn words(error: &Error) -> String {
     match error {
         // Arguments have the names of the keywords here.
-        // As on the command line, where options have dashes.
+        // As on the command line, without the dashes.
         Error::Report(error @ ReportError::Argument { .. }) => {
             error.to_string().trim_start_matches('-').to_owned()
         }

@@ -16,16 +16,16 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use sweep::api::{Components, InputError, InstantInput, Written, configuration};
 
-/// Most size ratios whose tables are kept.
+/// Maximum number of size ratios with cached tables.
 const MOST_TABLES: usize = 100;
 
 /// Tables of unequal spheres that were needed so far, and their size ratios.
 static TABLES: Mutex<(Vec<f64>, Option<NearFields>)> = Mutex::new((Vec::new(), None));
 
-/// The tables that spheres of these radii need: those at hand, from the cache of the user, or solved.
+/// The tables for spheres of these radii: loaded ones, from the cache of the user, or computed.
 pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
     let ratios = NearFields::ratios(radii);
-    // Those out of range are refused by name where they are used.
+    // Values out of range are refused where they are used.
     if ratios.iter().any(|ratio| !(0.01..=100.0).contains(ratio)) {
         return Ok(NearFields::default());
     }
@@ -46,10 +46,12 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
     .map_err(|error: sd_core::Error| raise(error))
 }
 
-/// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate are 1.
+/// Motion, stresslets and contacts of a configuration. Units: radius a, viscosity mu and shear rate
+/// are 1.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Solution {
-    /// Velocities minus the background flow at the own centre: array [N, 2], of a suspension [N, 3].
+    /// Velocities minus the background flow at the own centre: array [N, 2], of a suspension [N,
+    /// 3].
     #[pyo3(get)]
     velocity_disturbance: Py<PyArray2<f64>>,
     /// Angular velocities minus that of the background: array [N], of a suspension [N, 3].
@@ -80,7 +82,7 @@ pub(crate) struct Solution {
     #[pyo3(get)]
     dissipation: Option<f64>,
     stress: Option<StressComponents>,
-    /// Seconds the computation itself took, without what came before and after it.
+    /// Seconds of the computation itself, without conversions.
     #[pyo3(get)]
     computing_time_s: f64,
     dimensions: usize,
@@ -108,15 +110,16 @@ impl Solution {
         stress.map(|stress| stress.particle_pressure.total())
     }
 
-    /// The same and the shear stress, each by its causes: dict of dicts, as `sweep solve --json` has it.
+    /// The same and the shear stress, by cause: dict of dicts, as in `sweep solve --json`.
     #[getter]
     fn stress<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         values::answer(py, &self.stress)
     }
 
-    /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal [2], normal_force, tangential_force,
-    /// normal_velocity, slip_velocity, rolling_force, rolling_velocity, state. In a suspension vectors have three components, and so have
-    /// forces and velocities across the line of centres.
+    /// All candidate pairs, force 0 included: structured array with i, j, image [2], gap, normal
+    /// [2], normal_force, tangential_force, normal_velocity, slip_velocity, rolling_force,
+    /// rolling_velocity, state. In a suspension vectors have three components, and so have forces
+    /// and velocities perpendicular to the line of centres.
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut records = Records::default();
@@ -174,16 +177,16 @@ impl Solution {
     }
 }
 
-/// Solve one instant of one configuration: who moves how, and who bears which force.
+/// Solve one instant of one configuration: velocities, stresslets and contact forces.
 ///
-/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of whole numbers and of narrower floats are
-/// converted; any strides will do.
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate. Arrays of
+/// integers and of narrower floats are converted; strides are arbitrary.
 ///
 /// Parameters
 /// ----------
 /// centres : array [N, 2]
-///     Of a suspension [N, 3], as are `forces` and `torques`; `cell` then has three sides, and `background` is written as for
-///     `sweep solve`.
+///     Of a suspension [N, 3], as are `forces` and `torques`; `cell` then has three sides, and
+///     `background` is written as for `sweep solve`.
 /// radii : array [N], optional
 ///     1 each.
 /// cell : (float, float), optional
@@ -193,17 +196,19 @@ impl Solution {
 /// cross_offset : float, optional
 ///     Of a suspension the offset of the cell above along the vorticity, with `cell`; 0.
 /// hydrodynamics : str
-///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as `lubrication`.
+///     "stokesian-dynamics", "ball-melrose", or "lubrication", whose numbers may be given as
+///     `lubrication`.
 /// background : dict, optional
-///     {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5}, simple shear, is the default.
+///     {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5}, simple shear,
+///     is the default.
 /// forces : array [N, 2], optional
 /// torques : array [N], optional
 ///     External ones; 0.
 /// contact : dict, optional
-///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness", "friction", "critical_load" and "time_span" of
-///     rigid contacts; "laws" with these and "laws".
+///     {"scheme": "none"}; "listed" with "pairs"; "rigid" or "procedure" with "roughness",
+///     "friction", "critical_load" and "time_span" of rigid contacts; "laws" with these and "laws".
 /// **more
-///     Whatever else a file of `sweep solve` may have.
+///     Further keys of a file of `sweep solve`.
 ///
 /// Returns
 /// -------
@@ -265,7 +270,7 @@ pub(crate) fn solve(
     }
 }
 
-/// What a configuration is made of: what a file would have, and arrays.
+/// The input of a configuration: values as in a file, and arrays.
 struct Given<'g, 'py> {
     written: toml::Table,
     centres: &'g Bound<'py, PyAny>,
@@ -282,7 +287,7 @@ pub(crate) trait Arrays: Written {
     /// Reads torques.
     fn spins(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Turning>>;
 
-    /// The numbers of a vector across a line of centres.
+    /// The components of a vector perpendicular to a line of centres.
     fn across(tangent: &Self::Tangent) -> Vec<f64>;
 }
 
@@ -418,7 +423,7 @@ impl Touching {
     }
 }
 
-/// The exception for keywords that say something else than they should.
+/// The exception for invalid keywords.
 fn unreadable(error: &toml::de::Error) -> PyErr {
     let words = error.to_string();
     let words: Vec<&str> = words

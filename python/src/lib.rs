@@ -1,9 +1,9 @@
 //! The physics and the campaigns of this repository for Python.
 //!
-//! Nothing is computed here: `sd_core` and `sweep` do all the work, and this crate turns what comes from Python into what they take,
-//! and their answers and errors into what Python has. What belongs to numpy, Arrow or the keywords of Python stands here and nowhere else.
+//! `sd_core` and `sweep` do all computations; this crate converts arguments from Python, and
+//! results and errors to Python. Everything specific to numpy, Arrow or keywords of Python is here.
 //! ```text
-//! errors      errors of the program as exceptions, with the same words
+//! errors      errors of the program as exceptions, with the same messages
 //! values      keywords as values of the campaign file's form, and back
 //! arrays      numpy arrays in and out, structured ones for contacts
 //! two_spheres scalars, pair

@@ -22,14 +22,15 @@ use sweep::report::sample_fields;
 use sweep::store::Checkpoint;
 use toml::Table;
 
-/// What `Layer` and `Suspension` have in common: rough spheres under shear, step by step.
+/// Base of `Layer` and `Suspension`: rough spheres under shear, step by step.
 ///
-/// All it shows belongs to the strain it has reached. Units: mean radius a, viscosity mu and shear rate are 1. A run may be used by
-/// several threads: each step is done by one of them, while the others compute on.
+/// All values are those at the current strain. Units: mean radius a, viscosity mu and shear rate
+/// are 1. A run may be used by several threads: each step is made by one of them, while the others
+/// continue.
 #[pyclass(frozen, subclass, module = "sheared_layers")]
 pub(crate) struct Run {
     params: Params,
-    /// What the dictionary it was made of says besides.
+    /// Further values of its dictionary.
     besides: Table,
     seed: Option<u64>,
     tables: NearFields,
@@ -40,7 +41,7 @@ pub(crate) struct Run {
     computing_time_s: AtomicU64,
     centres: Py<PyArray1<f64>>,
     angles: Py<PyArray1<f64>>,
-    /// What users see of these: the same memory, read only.
+    /// Read-only views of these for users.
     positions: Py<PyAny>,
     orientations: Py<PyAny>,
 }
@@ -50,10 +51,11 @@ pub(crate) struct Run {
 /// Parameters
 /// ----------
 /// params : dict
-///     What a `[[grid]]` of a campaign file has, one value each: `area_fraction`, `roughness`, `friction`, `shear_rate`, `spheres`,
-///     `hydrodynamics`, `contact`, `time_step`, ...
+///     Keys of a `[[grid]]` of a campaign file, one value each: `area_fraction`, `roughness`,
+///     `friction`, `shear_rate`, `spheres`, `hydrodynamics`, `contact`, `time_step`, ...
 /// seed : int
-///     Seed of the start layer. The same parameters and seed give the same bits as a run of a campaign.
+///     Seed of the start layer. The same parameters and seed give the same bits as a run of a
+///     campaign.
 #[pyclass(frozen, extends = Run, module = "sheared_layers")]
 pub(crate) struct Layer;
 
@@ -62,13 +64,13 @@ pub(crate) struct Layer;
 /// Parameters
 /// ----------
 /// params : dict
-///     As of a `Layer`, with `volume_fraction` in place of `area_fraction`.
+///     As for a `Layer`, with `volume_fraction` in place of `area_fraction`.
 /// seed : int
 ///     Seed of the start. The same parameters and seed give the same bits as a run of a campaign.
 #[pyclass(frozen, extends = Run, module = "sheared_layers")]
 pub(crate) struct Suspension;
 
-/// What a run is made of again.
+/// The data to restore a run.
 type Made<'py> = (Bound<'py, PyDict>, Bound<'py, PyBytes>);
 
 impl Run {
@@ -153,12 +155,13 @@ impl Run {
         })
     }
 
-    /// The run, for as long as the guard lives. Not to be asked for while attached to the interpreter: another thread may have it.
+    /// The run, for as long as the guard lives. Never acquire it while attached to the interpreter:
+    /// another thread may hold it.
     fn run(&self) -> MutexGuard<'_, Box<dyn Steps>> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes where the spheres are into the arrays, unless another thread has done more steps since.
+    /// Writes the positions into the arrays, unless another thread has made more steps since.
     fn show(&self, py: Python<'_>, place: &Place) -> PyResult<()> {
         if place.steps <= self.steps.load(Ordering::Relaxed) {
             return Ok(());
@@ -202,14 +205,14 @@ macro_rules! constructors {
                 Ok(PyClassInitializer::from(run).add_subclass(Self))
             }
 
-            #[doc = concat!("The ", $thing, " that a snapshot was taken of; it goes on with the same bits.")]
+            #[doc = concat!("The ", $thing, " of a snapshot; it continues with the same bits.")]
             ///
             /// Parameters
             /// ----------
             /// params : dict
             #[doc = concat!("    The same as of the ", $thing, " that the snapshot was taken of.")]
             /// snapshot : bytes
-            ///     What `snapshot()` gave.
+            ///     Result of `snapshot()`.
             #[staticmethod]
             fn from_snapshot(
                 py: Python<'_>,
@@ -228,11 +231,11 @@ constructors!(Suspension, Bulk, "suspension");
 
 #[pymethods]
 impl Run {
-    /// Parameters: a dict of all that mean something.
+    /// Parameters: a dict of all that have an effect.
     #[getter]
     fn params<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        // A layer that was given is no value of a grid; a snapshot holds what has become of it.
+        // A given start layer is not a value of a grid; a snapshot holds its present state.
         for axis in AXES
             .iter()
             .filter(|axis| axis.key != "start" && axis.means_something(&self.params))
@@ -263,7 +266,7 @@ impl Run {
         self.steps() as f64 * self.params.time_step
     }
 
-    /// Seconds the steps themselves took, without what came before and after each.
+    /// Seconds of the steps themselves, without conversions.
     #[getter]
     fn computing_time_s(&self) -> f64 {
         f64::from_bits(self.computing_time_s.load(Ordering::Relaxed))
@@ -282,13 +285,15 @@ impl Run {
         of_numbers(py, radii)
     }
 
-    /// Centres: array [N, 2], of a suspension [N, 3], the run's own and never copied. It changes with every step and cannot be written to.
+    /// Centres: array [N, 2], of a suspension [N, 3], the run's own and never copied. It changes
+    /// with every step and cannot be written to.
     #[getter]
     fn positions(&self, py: Python<'_>) -> Py<PyAny> {
         self.positions.clone_ref(py)
     }
 
-    /// Orientations in radians: array [N]; of a suspension quaternions, the real part first: array [N, 4]. The run's own, as `positions` is.
+    /// Orientations in radians: array [N]; of a suspension quaternions, the real part first: array
+    /// [N, 4]. The run's own, as `positions` is.
     #[getter]
     fn orientations(&self, py: Python<'_>) -> Py<PyAny> {
         self.orientations.clone_ref(py)
@@ -308,16 +313,16 @@ impl Run {
     /// Returns
     /// -------
     /// dict
-    ///     What was measured in it: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by their causes such as
-    ///     `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
+    ///     Measurements: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by
+    ///     cause such as `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.one_step(py)?;
         dict_of(py, &sample)
     }
 
-    /// Shear by a strain: as many steps as it takes.
+    /// Shear by a strain.
     ///
-    /// Ctrl-C stops it after the step under way; the run keeps what was done.
+    /// Ctrl-C stops it after the current step; the run keeps its steps.
     ///
     /// Parameters
     /// ----------
@@ -363,15 +368,16 @@ impl Run {
         Ok(samples)
     }
 
-    /// What the next step measures, as `step` gives it: of the spheres as they are, or where rigid contacts bear forces half a step ahead. What it computes serves
-    /// that step.
+    /// Measurements of the next step, as from `step`: at the present positions, or with loaded
+    /// rigid contacts half a step ahead. The computation is reused for that step.
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = py.detach(|| self.run().sample(&self.params, &self.tables));
         dict_of(py, &sample.map_err(raise)?)
     }
 
-    /// The pairs in contact as they are now: structured array with i, j, normal [2], gap, normal_force, tangential_force, state
-    /// ("frictionless", "rolling", "slipping"); normal and tangential_force of a suspension are vectors [3].
+    /// The present pairs in contact: structured array with i, j, normal [2], gap, normal_force,
+    /// tangential_force, state ("frictionless", "rolling", "slipping"); normal and tangential_force
+    /// of a suspension are vectors [3].
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (records, [of_normal, .., across]) = py.detach(|| {
@@ -392,7 +398,7 @@ impl Run {
         )
     }
 
-    /// Stresslets as they are now: array [N, 3] of xx, yy, xy; of a suspension [N, 5], and xz, yz.
+    /// Present stresslets: array [N, 3] of xx, yy, xy; of a suspension [N, 5], and xz, yz.
     #[getter]
     fn stresslets(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
         let (flat, [_, _, of_stresslet, _]) = py.detach(|| {
@@ -402,7 +408,7 @@ impl Run {
         of_rows(py, flat.map_err(raise)?, of_stresslet)
     }
 
-    /// All that the next step needs, as bytes with a checksum, for `from_snapshot`.
+    /// The state of the run, as bytes with a checksum, for `from_snapshot`.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let checkpoint = Checkpoint {
             snapshot: py.detach(|| self.run().snapshot()),
@@ -440,7 +446,7 @@ impl Run {
     }
 }
 
-/// A view of an array with so many numbers in a row, which cannot be written to.
+/// A read-only view of an array with rows of this length.
 fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAny>> {
     let view = if width == 1 {
         array.call_method0("view")?
@@ -451,12 +457,12 @@ fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAn
     Ok(view.unbind())
 }
 
-/// A sample by the names that the store has.
+/// A sample by the names of the store.
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
     let mut fields = sample_fields(sample);
-    // A run that is stepped by hand does not look at its network.
+    // Manual steps do not record the contact network.
     fields.retain(|field| !is_of_network(field));
     let keys = KEYS.get_or_init(py, || {
         let names = fields.iter().map(|field| field.name);

@@ -1,4 +1,4 @@
-//! A run of one space or the other, as the classes of runs use it.
+//! A run in either space, for the classes of runs.
 
 use crate::arrays::Records;
 use crate::instant::Arrays;
@@ -11,7 +11,7 @@ pub(crate) trait Steps: Send {
     /// Does a step.
     fn step(&mut self) -> Result<Sample, Error>;
 
-    /// What the next step measures.
+    /// Measurements of the next step.
     fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error>;
 
     /// The pairs in contact, as records of [`Steps::fields`].
@@ -79,7 +79,7 @@ impl Stepped for Bulk {
 /// A run of one space.
 pub(crate) struct RunIn<S: Stepped> {
     run: Simulation<S>,
-    /// The next step, done on a copy by whoever wanted to know what it measures.
+    /// The next step, made in advance on a copy.
     ahead: Option<Box<Ahead<S>>>,
 }
 
@@ -90,7 +90,7 @@ struct Ahead<S: Stepped> {
     frame: Frame<S>,
 }
 
-/// Where the spheres are after so many steps.
+/// Positions after a number of steps.
 pub(crate) struct Place {
     pub(crate) steps: u64,
     pub(crate) centres: Vec<f64>,
@@ -104,12 +104,12 @@ impl<S: Stepped> From<Simulation<S>> for RunIn<S> {
 }
 
 impl<S: Stepped> RunIn<S> {
-    /// What the next step measures.
+    /// Measurements of the next step.
     fn look(&mut self, params: &Params, tables: &NearFields) -> Result<&Ahead<S>, Error> {
         let ahead = if let Some(ahead) = self.ahead.take() {
             ahead
         } else {
-            // A run restored from a snapshot goes on with the same bits.
+            // A run restored from a snapshot continues with the same bits.
             let mut run = Simulation::from_snapshot(params, self.run.snapshot(), tables)?;
             let (sample, frame) = run.step_with_frame()?;
             Box::new(Ahead { run, sample, frame })

@@ -1,4 +1,4 @@
-//! Stores, read while anybody writes to them.
+//! Stores, readable during writes.
 
 use crate::errors::raise;
 use crate::table::Table;
@@ -18,14 +18,16 @@ use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
-/// The store of a campaign: all that was computed.
+/// The store of a campaign.
 ///
-/// Every call reads what the store holds at that moment, while the command line or another notebook may go on writing to it.
+/// Every call reads the present contents, while the command line or another notebook may write to
+/// the store.
 ///
 /// Parameters
 /// ----------
 /// path : str or path
-///     The store; or a campaign file, whose name ends with .toml, for what that asks of its usual store.
+///     The store; or a campaign file, whose name ends with .toml, for its runs in its default
+///     store.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Store(StoreSource);
 
@@ -44,7 +46,7 @@ impl Store {
         self.0.open().map_err(raise)
     }
 
-    /// Reads what the store holds, while other threads of Python go on.
+    /// Reads the store, while other threads of Python continue.
     fn read<T: Send>(
         &self,
         py: Python<'_>,
@@ -57,14 +59,14 @@ impl Store {
         .map_err(|error: sweep::Error| raise(error))
     }
 
-    /// How many runs are done, in words.
+    /// Number of done runs, as text.
     pub(crate) fn standing(&self) -> PyResult<String> {
         let counts = self.open()?.counts().map_err(raise)?;
         let ended = counts.done + counts.jammed + counts.failed;
         Ok(format!("{ended} of {} cases", counts.total()))
     }
 
-    /// How many runs failed, and why the first of them did, if any did.
+    /// Number of failed runs, and the reason of the first, if any.
     pub(crate) fn failures(&self) -> PyResult<Option<String>> {
         let store = self.open()?;
         let counts = store.counts().map_err(raise)?;
@@ -115,7 +117,8 @@ impl Store {
         values::answer(py, &counts)
     }
 
-    /// The points of the campaign, averaged over seeds: the table that `sweep report --parquet` writes, a row a point.
+    /// The points of the campaign, averaged over seeds: the table of `sweep report --parquet`, one
+    /// row per point.
     ///
     /// Parameters
     /// ----------
@@ -128,12 +131,12 @@ impl Store {
         Table::of(columns)
     }
 
-    /// The runs of the campaign, a row each: key, state, axes, seed, and what came out of each.
+    /// The runs of the campaign, one row each: key, state, axes, seed, and results.
     fn runs(&self, py: Python<'_>) -> PyResult<Table> {
         Table::of(self.read(py, |store| Ok(store.runs()?))?)
     }
 
-    /// The samples of a run in time; of one that is computed now, up to its last checkpoint.
+    /// The samples of a run in time; for a running one, up to its last checkpoint.
     ///
     /// Parameters
     /// ----------
@@ -145,14 +148,15 @@ impl Store {
         Table::of(sample_table(&samples).map_err(raise)?)
     }
 
-    /// The spheres of a run at its kept strains, a row for each sphere and strain. Frames are kept by ``run(trajectory=True)``.
+    /// The spheres of a run at its kept strains, one row per sphere and strain.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
     /// case : str or int
     ///     The beginning of its key, or its number in the campaign file, from 1.
     /// every : int
-    ///     Every how many of them.
+    ///     Stride of frames.
     #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
     fn frames(
         &self,
@@ -164,7 +168,7 @@ impl Store {
         Table::of(sphere_table(&with_steps(&kept)))
     }
 
-    /// The contacts of the same frames, a row for each contact and strain.
+    /// The contacts of the same frames, one row per contact and strain.
     #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
     fn contacts(
         &self,
@@ -176,20 +180,21 @@ impl Store {
         Table::of(contact_table(&with_steps(&kept)))
     }
 
-    /// What the layers look like: pair distributions, contacts, clusters, percolation, rigid clusters, fabric, averaged over the kept frames
-    /// after the discarded strain and over runs. Frames are kept by ``run(trajectory=True)``.
+    /// Structure of the layers: pair distributions, contacts, clusters, percolation, rigid
+    /// clusters, fabric, averaged over the kept frames after the discarded strain and over runs.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
     /// case : str or int, optional
-    ///     One run alone; all finished runs.
+    ///     A single run; by default all finished runs.
     /// where : dict, optional
     ///     Only these points, as in `points`.
     ///
     /// Returns
     /// -------
     /// list of dict
-    ///     A point each, as `points` of `sweep structure --json` has it.
+    ///     One entry per point, as in `points` of `sweep structure --json`.
     #[pyo3(signature = (case=None, *, r#where=None))]
     fn structure<'py>(
         &self,
@@ -205,7 +210,8 @@ impl Store {
         values::answer(py, &found["points"])
     }
 
-    /// What each segment of the runs says: averages, what a reversal leaves of the stress, harmonics of an oscillation.
+    /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an
+    /// oscillation.
     ///
     /// Parameters
     /// ----------
@@ -215,7 +221,8 @@ impl Store {
     /// Returns
     /// -------
     /// list of dict
-    ///     A point each, as `points` of `sweep segments --json` has it: its list ``segments`` has a dict for each.
+    ///     One entry per point, as in `points` of `sweep segments --json`: its list ``segments``
+    ///     has one dict each.
     #[pyo3(signature = (*, r#where=None))]
     fn segments<'py>(
         &self,
@@ -227,7 +234,8 @@ impl Store {
         values::answer(py, &found["points"])
     }
 
-    /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does. Frames are kept by ``run(trajectory=True)``.
+    /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does.
+    /// ``run(trajectory=True)`` keeps frames.
     ///
     /// Parameters
     /// ----------
@@ -236,11 +244,11 @@ impl Store {
     /// path : str or path
     ///     The file, whose name ends with .svg, .pdf or .png.
     /// strain : float, optional
-    ///     The strain, of which the nearest kept frame is drawn; the last frame.
+    ///     The strain of the drawn frame, the nearest one kept; by default the last frame.
     /// colour : str
-    ///     What spheres are coloured by: "pressure", "contacts", "spin" or "cluster".
+    ///     Quantity that colours the spheres: "pressure", "contacts", "spin" or "cluster".
     /// slab : (float, float), optional
-    ///     Of a suspension only the spheres whose centres have z in this range, in a.
+    ///     In a suspension, only spheres with centres at z in this range, in a.
     #[pyo3(
         signature = (case, path, *, strain=None, colour=None, slab=None),
         text_signature = "($self, case, path, *, strain=None, colour='pressure', slab=None)"
@@ -271,22 +279,23 @@ impl Store {
         Ok(std::fs::write(path, picture.file)?)
     }
 
-    /// Draw the results with matplotlib, with the look of `sweep report --figure`.
+    /// Draw the results with matplotlib, in the style of `sweep report --figure`.
     ///
     /// Parameters
     /// ----------
     /// kind : str
-    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram" and others of `sweep report`.
+    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram"
+    ///     and others of `sweep report`.
     /// quantity : str, optional
     ///     Of kind "viscosity": "viscosity", "viscosity_stresslet" or "viscosity_median".
     /// along : str, optional
-    ///     The axis it runs along; the shear rate where it varies.
+    ///     The horizontal axis; by default the shear rate where it varies.
     /// where : dict, optional
     ///     Only these points, as in `points`.
     /// cases : list of str, optional
     ///     Of kind "trace": the runs, by the beginnings of their keys.
     /// ax : matplotlib axes, optional
-    ///     Where to draw; a new figure.
+    ///     Axes for the figure; by default a new figure.
     ///
     /// Returns
     /// -------
@@ -348,7 +357,7 @@ fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
     frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
 }
 
-/// A case as the command line names it.
+/// A case by its name on the command line.
 fn name_of(case: &Bound<'_, PyAny>) -> PyResult<String> {
     if let Ok(key) = case.extract::<String>() {
         return Ok(key);
@@ -362,7 +371,7 @@ fn name_of(case: &Bound<'_, PyAny>) -> PyResult<String> {
     }
 }
 
-/// The points meant by a dictionary.
+/// The points selected by a dictionary.
 fn selection(given: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
     let given = given
         .map(|given| values::dict("where", given))
@@ -401,7 +410,7 @@ fn py_list<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
     }
 }
 
-/// A choice by its word, as the command line has it.
+/// A choice by its keyword on the command line.
 fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
     let Some(given) = given else {
         return Ok(T::default());
@@ -413,7 +422,10 @@ fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny
             .filter_map(T::to_possible_value)
             .map(|value| format!("{:?}", value.get_name()))
             .collect();
-        PyValueError::new_err(format!("{name}: {given:?} is none of {}", known.join(", ")))
+        PyValueError::new_err(format!(
+            "{name}: {given:?} is not one of {}",
+            known.join(", ")
+        ))
     })
 }
 
@@ -424,6 +436,9 @@ fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
     found.ok_or_else(|| {
         let known = AXES.iter().filter(|axis| axis.is_numeric());
         let known: Vec<&str> = known.map(|axis| axis.key).collect();
-        PyValueError::new_err(format!("along: {given:?} is none of {}", known.join(", ")))
+        PyValueError::new_err(format!(
+            "along: {given:?} is not one of {}",
+            known.join(", ")
+        ))
     })
 }

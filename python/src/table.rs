@@ -21,10 +21,10 @@ use sweep::format::significant;
 /// Rows shown in a notebook at the beginning and at the end of a long table.
 const SHOWN: usize = 15;
 
-/// A table: pandas, polars and pyarrow take it as it is, without copies.
+/// A table, which pandas, polars and pyarrow read without copies.
 ///
-/// ``pandas.DataFrame.from_arrow(table)``, ``polars.DataFrame(table)``, ``pyarrow.table(table)``; ``table["viscosity"]`` is a column as an
-/// array of numpy.
+/// ``pandas.DataFrame.from_arrow(table)``, ``polars.DataFrame(table)``, ``pyarrow.table(table)``;
+/// ``table["viscosity"]`` is a column as an array of numpy.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Table(RecordBatch);
 
@@ -58,7 +58,7 @@ impl Table {
     }
 }
 
-/// What Arrow could not do. Nothing is known that leads here.
+/// An error of Arrow, which is not expected.
 #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn trouble(error: ArrowError) -> PyErr {
     PyRuntimeError::new_err(error.to_string())
@@ -73,7 +73,7 @@ impl Table {
         py: Python<'py>,
         requested_schema: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
-        // Who asks for other types converts by himself, as the interface allows.
+        // Other types requested are not converted, as the interface allows.
         let _ = requested_schema;
         let batches = RecordBatchIterator::new([Ok(self.0.clone())], self.0.schema());
         let stream = FFI_ArrowArrayStream::new(Box::new(batches));
@@ -97,7 +97,7 @@ impl Table {
         fields.map(|field| field.name().clone()).collect()
     }
 
-    /// Units of the columns, as far as they are known; "1" where there is none.
+    /// Units of the columns, if known; "1" for pure numbers.
     #[getter]
     fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.about(py, "unit")
@@ -109,7 +109,8 @@ impl Table {
         self.about(py, "meaning")
     }
 
-    /// A column as an array: float64 with nan where there is nothing; int64, or float64 if something is missing; object for words.
+    /// A column as an array: float64 with nan for missing values; int64, or float64 with missing
+    /// values; object for text.
     fn __getitem__<'py>(
         &self,
         py: Python<'py>,
@@ -169,7 +170,7 @@ impl Table {
             .call_method0("to_pandas")
     }
 
-    /// The table as notebooks show it: its first and last rows.
+    /// The HTML of the table for notebooks: its first and last rows.
     fn _repr_html_(&self) -> String {
         let fields = self.0.schema_ref().fields();
         let mut html = String::from("<table><thead><tr>");
@@ -214,7 +215,7 @@ impl Table {
     }
 }
 
-/// A cell in words; nothing where nothing is known.
+/// A cell as text; empty for missing values.
 fn cell(column: &ArrayRef, row: usize) -> String {
     let column = column.as_ref() as &dyn arrow_array::Array;
     let any = column.as_any();
@@ -231,7 +232,7 @@ fn cell(column: &ArrayRef, row: usize) -> String {
     words.map_or_else(String::new, |words| words.value(row).to_owned())
 }
 
-/// Text that stands in HTML as it is.
+/// Text escaped for HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

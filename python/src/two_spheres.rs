@@ -1,4 +1,4 @@
-//! Two spheres: their resistance functions, and one driven past the other.
+//! Two spheres: their resistance functions, and one moving past the other.
 
 use crate::arrays::{need_numpy, with_numbers};
 use crate::errors::raise;
@@ -7,11 +7,11 @@ use crate::values;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sd_core::pair::{Passing, pass_while};
+use sd_core::pair::{PairScenario, pass_while};
 use std::time::{Duration, Instant};
 use sweep::api::named_scalars;
 
-/// Time from one look for Ctrl-C to the next.
+/// Interval between checks for Ctrl-C.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// Resistance functions of two spheres, normalised as in Kim & Karrila.
@@ -26,9 +26,9 @@ pub(crate) const LOOK: Duration = Duration::from_millis(50);
 /// Returns
 /// -------
 /// dict
-///     For each of XA, YA, YB, XC, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the shape of `separation`, and the function of
-///     the sphere's own motion (11) and of the other's (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in
-///     (20/3) pi mu a1^3.
+///     For each of XA, YA, YB, XC, YC, XG, YG, YH, XM, YM, ZM an array of shape ``(..., 2)``: the
+///     shape of `separation`, and the function of the sphere's own motion (11) and of the other's
+///     (12). A in 6 pi mu a1; B, G in 4 pi mu a1^2; C, H in 8 pi mu a1^3; M in (20/3) pi mu a1^3.
 #[pyfunction]
 pub(crate) fn scalars<'py>(
     py: Python<'py>,
@@ -60,7 +60,7 @@ pub(crate) fn scalars<'py>(
     Ok(answer)
 }
 
-/// How two spheres passed each other.
+/// The trajectories of two spheres that pass each other.
 #[pyclass(frozen, module = "sheared_layers")]
 pub(crate) struct Passed {
     /// y of the first sphere at the end, in radii of the first.
@@ -93,10 +93,11 @@ impl Passed {
     }
 }
 
-/// Drive two spheres past each other.
+/// Move two spheres past each other.
 ///
-/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and (start, -offset), critical load 0, until
-/// the first is as far ahead as it was behind. Lengths in radii of the first sphere.
+/// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and
+/// (start, -offset), critical load 0, until x1 - x2 = 2 start. Lengths in radii of the first
+/// sphere.
 ///
 /// Parameters
 /// ----------
@@ -105,7 +106,7 @@ impl Passed {
 /// roughness, friction : float
 ///     Roughness height, above 0 and below 0.5; friction coefficient, 0 to 10.
 /// contact : bool
-///     False for smooth spheres, of which `roughness` and `friction` say nothing.
+///     False for smooth spheres, without effect of `roughness` and `friction`.
 /// offset, start : float
 ///     Half the offset of the paths, and half the distance along x, at the start.
 /// time_step : float
@@ -142,7 +143,7 @@ pub(crate) fn pair<'py>(
         number("roughness", roughness, 0.05)?,
         number("friction", friction, 0.0)?,
     );
-    let passing = Passing {
+    let scenario = PairScenario {
         size_ratio,
         contact: values::flag("contact", contact, true)?.then_some(surface),
         offset: number("offset", offset, 0.25)?,
@@ -153,7 +154,7 @@ pub(crate) fn pair<'py>(
     let mut interrupted = None;
     let passed = py.detach(|| {
         let mut looked = Instant::now();
-        pass_while(&passing, &tables, || {
+        pass_while(&scenario, &tables, || {
             if looked.elapsed() < LOOK {
                 return true;
             }

@@ -1,4 +1,4 @@
-//! Keywords of Python as values of the campaign file's form, and answers of the program as dictionaries.
+//! Conversion of keywords of Python to values of campaign files, and of results to dictionaries.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use sweep::axes::Value as OfAxis;
 use toml::{Table, Value};
 
-/// Reads an argument; what it is not is told with its name and what is allowed.
+/// Reads an argument; errors have its name and what is allowed.
 fn read<'a, 'py, T: FromPyObject<'a, 'py>>(
     name: &str,
     given: &'a Bound<'py, PyAny>,
@@ -25,7 +25,7 @@ fn read<'a, 'py, T: FromPyObject<'a, 'py>>(
     })
 }
 
-/// What came, in a few words.
+/// A short description of a value.
 pub(crate) fn shown(given: &Bound<'_, PyAny>) -> String {
     let text = given
         .repr()
@@ -89,10 +89,11 @@ pub(crate) fn texts(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String
     read(name, given, "a list of texts")
 }
 
-/// What an argument may be, for messages.
+/// Allowed types of an argument, for messages.
 const ALLOWED: &str = "a number, a text, a list or an array of them, or a dict";
 
-/// A value of Python as one of a campaign file; `None` for `None`, which stands for a key that is not written. `name` is the argument.
+/// A value of Python as one of a campaign file; `None` for `None`, an absent key. `name` is the
+/// argument.
 pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     if given.is_none() {
         return Ok(None);
@@ -161,7 +162,7 @@ pub(crate) fn table(dict: &Bound<'_, PyDict>) -> PyResult<Table> {
     Ok(table)
 }
 
-/// A value on an axis as Python has it.
+/// A value on an axis for Python.
 pub(crate) fn of_axis(py: Python<'_>, value: OfAxis) -> PyResult<Bound<'_, PyAny>> {
     Ok(match value {
         OfAxis::Word(word) => PyString::new(py, word).into_any(),
@@ -170,7 +171,7 @@ pub(crate) fn of_axis(py: Python<'_>, value: OfAxis) -> PyResult<Bound<'_, PyAny
     })
 }
 
-/// An answer of the program as Python has it.
+/// A result of the program for Python.
 pub(crate) fn answer<'py>(py: Python<'py>, answer: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text =
         serde_json::to_string(answer).map_err(|error| PyValueError::new_err(error.to_string()))?;

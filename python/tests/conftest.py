@@ -1,4 +1,4 @@
-"""What the tests share: the command line beside the package, parameters of a small layer, a small campaign that was run."""
+"""Common fixtures: the command line, parameters of a small layer, a small finished campaign."""
 
 import json
 import os
@@ -25,7 +25,7 @@ PROTOCOL = {"strain": 0.4, "discard": 0.2, "sample_every": 0.02, "checkpoint_eve
 
 
 def command(*arguments, text=None):
-    """What the command line prints as JSON."""
+    """JSON output of the command line."""
     done = subprocess.run(
         [SWEEP, *map(str, arguments), "--json"], input=text, capture_output=True, text=True, check=False
     )
@@ -34,7 +34,7 @@ def command(*arguments, text=None):
 
 
 def refused(*arguments, text=None):
-    """What the command line says of bad input."""
+    """Message of the command line about bad input."""
     done = subprocess.run(
         [SWEEP, *map(str, arguments), "--color", "never"], input=text, capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""Arrays that come in: dtypes, strides and shapes, right and wrong, and other bad input."""
+"""Array arguments: valid and invalid dtypes, strides and shapes, and other bad input."""
 
 import math
 import os

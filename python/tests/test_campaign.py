@@ -127,7 +127,8 @@ def is_at_work(campaign, path):
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bits(tmp_path):
-    # Every step is sampled: of a longer run a shorter one knows what its samples say, counters as well.
+    # Every step is sampled: a shorter run is determined by the samples of a longer one, counters
+    # included.
     protocol = {**PROTOCOL, "sample_every": PARAMS["time_step"]}
     long = sl.Campaign("long", protocol={**protocol, "strain": 20.0}, seeds=2, **PARAMS)
     short = sl.Campaign("long", protocol=protocol, seeds=2, **PARAMS)
@@ -141,7 +142,7 @@ def test_an_interrupted_run_goes_on_with_the_same_bits(tmp_path):
     assert running.wait() == 0 and rest.endswith("interrupted\n")
     counts = long.store(path).counts()
     assert counts["pending"] == 2 and counts["running"] == 0 and counts["failed"] == 0
-    # Half of what it was: what was computed serves, whether it is more or less than is asked for now.
+    # Half of the length: computed runs are reused, whether longer or shorter than requested.
     here = short.run(path, progress=False).points()
     there = short.run(tmp_path / "other.sqlite", progress=False).points()
     for name in ["viscosity", "viscosity_stresslet", "minimum_gap", "contacts_per_sphere"]:
@@ -178,7 +179,7 @@ def test_failed_runs_are_a_warning(tmp_path):
     campaign = small_campaign()
     path = tmp_path / "failed.sqlite"
     file = write(campaign, tmp_path)
-    # The command line gives up runs that take too long: here all of them.
+    # The command line ends runs that take too long: here all of them.
     for limit in ["1e-6", "0.000001s"]:
         done = subprocess.run([SWEEP, "run", file, "--store", path, "--quiet", "--max-wall-time", limit], capture_output=True)
         if done.returncode != 2:
@@ -192,7 +193,7 @@ def test_failed_runs_are_a_warning(tmp_path):
 
 def test_a_run_stops_at_its_time_limit_and_goes_on(tmp_path):
     long = sl.Campaign("long", protocol={**PROTOCOL, "strain": 1000.0}, seeds=2, **PARAMS)
-    with pytest.warns(RuntimeWarning, match="the time was up: 2 runs are left"):
+    with pytest.warns(RuntimeWarning, match="time limit reached: 2 runs remain"):
         store = long.run(tmp_path / "long.sqlite", progress=False, time_limit=0.5)
     assert store.counts()["pending"] == 2
     short = sl.Campaign("long", protocol=PROTOCOL, seeds=2, **PARAMS)
@@ -213,7 +214,7 @@ def test_points_put_first_are_computed_first(tmp_path):
             campaign.run(path, workers=1, progress=stop, priority=priority)
         except KeyboardInterrupt:
             pass
-        # However far it got, those that are done are the first ones of the order.
+        # The done runs are the first ones of the order, whatever their number.
         with closing(sqlite3.connect(path)) as store:
             order = (
                 "SELECT shear_rate FROM cases JOIN points ON points.id = cases.point "
@@ -223,7 +224,7 @@ def test_points_put_first_are_computed_first(tmp_path):
 
 
 def test_runs_of_another_store_are_reused(store, tmp_path):
-    # Bits of one machine and build: what is taken over was not computed here.
+    # Bits of one machine and build: the reused runs were not computed here.
     other = small_campaign(name="other", seeds=3)
     for reuse in [store.path, [str(store.path)]]:
         path = tmp_path / f"{type(reuse).__name__}.sqlite"
@@ -305,7 +306,7 @@ def test_errors_have_the_words_of_the_command(tmp_path):
     file.write_text(small_campaign().text.replace("friction = 0.5", "friction = -0.5"))
     with pytest.raises(ValueError) as raised:
         sl.Campaign.from_toml(file)
-    # The command breaks lines where the terminal ends.
+    # The command wraps lines to the terminal.
     there, here = (re.sub(r"[\s│]", "", text) for text in (refused("plan", file), str(raised.value)))
     assert here in there
 

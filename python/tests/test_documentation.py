@@ -1,4 +1,4 @@
-"""The blocks of the documentation and the notebooks, run as they are written; the stubs against what is there."""
+"""The blocks of the documentation and the notebooks, run as written; the stubs against the module."""
 
 import importlib.util
 import os

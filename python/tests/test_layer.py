@@ -23,7 +23,8 @@ def test_a_layer_is_the_run_of_a_campaign(store, params):
     samples = store.samples(runs["key"][case])
     layer = sl.Layer({**params, "shear_rate": np.inf}, seed=2)
     mine = layer.shear(0.4, every=4)
-    # The columns behind those of a sample are of the contact network, which a campaign observes when it is asked to.
+    # The columns after those of a sample belong to the contact network, which a campaign observes
+    # on request.
     columns = ["step", *mine[0]]
     assert samples.columns[: len(columns)] == columns
     assert samples.columns[len(columns)] == "coordination"
@@ -82,7 +83,7 @@ def test_all_that_is_shown_belongs_to_one_instant(params):
         assert (contacts["normal_force"] > 0).all()
         np.testing.assert_allclose(np.hypot(*contacts["normal"].T), 1)
         assert layer.sample() == sample
-        # Whoever looked changed nothing: the same bits as without.
+        # Reading changes nothing: the same bits as without.
         assert layer.step() == sample == plain.step()
     np.testing.assert_array_equal(layer.positions, plain.positions)
     assert layer.snapshot() == plain.snapshot()
@@ -94,7 +95,7 @@ def test_stresses_of_a_sample_are_the_sums_of_their_parts(params):
     layer.shear(0.4)
     sample = layer.sample()
     causes = ["hydrodynamic", "normal_contact", "tangential_contact", "repulsion"]
-    # Forces across the line of centres and stresslets have no trace.
+    # Tangential forces are perpendicular to the line of centres, and stresslets traceless.
     of_traces = ["normal_contact", "repulsion"]
     for stress, named in [("n1", causes), ("n2", causes), ("particle_pressure", of_traces)]:
         parts = [sample[f"{stress}_{cause}"] for cause in named]
@@ -192,5 +193,6 @@ def test_other_threads_go_on_while_a_step_is_computed(params):
     while thread.is_alive():
         counted += 1
     thread.join()
-    # A step takes tens of milliseconds: this thread would not count at all if the lock of the interpreter were held.
+    # A step takes tens of milliseconds: this thread would not run at all if the lock of the
+    # interpreter were held.
     assert counted > 1000

@@ -48,7 +48,7 @@ def test_fabric_is_the_mean_of_normals(store, frames):
 def test_pair_distribution_is_that_of_freud(store, frames):
     found = store.structure(CASE)[0]["g_r"]
     r, g = np.array(found["r"]), np.array(found["g"])
-    # No farther than half the distance of the planes of the sheared cell, where freud ends.
+    # Up to half the distance of the planes of the sheared cell, the limit of freud.
     outer = (r > 2.1) & (r < 0.44 * SIDE)
     width = r[outer][1] - r[outer][0]
     edge = r[outer][0] - width / 2

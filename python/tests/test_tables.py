@@ -1,4 +1,4 @@
-"""Tables: the same as those that the command line writes, and taken as they are by others."""
+"""Tables: equal to those of the command line, and readable by other packages."""
 
 import csv
 import math
@@ -95,7 +95,7 @@ def test_a_table_outlives_what_it_came_from(store):
     wanted = table["viscosity"].tolist()
     del table
     assert arrow["viscosity"].to_pylist() == wanted
-    store.points().__arrow_c_stream__()  # a stream that nobody reads is freed
+    store.points().__arrow_c_stream__()  # an unread stream is freed
 
 
 def test_points_are_the_table_of_the_report(store, tmp_path):

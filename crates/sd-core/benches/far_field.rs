@@ -1,4 +1,5 @@
-//! Far-field mobility: time to fill it, beside a bare Cholesky factorization of the same matrix.
+//! Far-field mobility: time to fill it, compared with a bare Cholesky factorization of the same
+//! matrix.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;

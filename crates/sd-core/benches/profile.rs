@@ -1,12 +1,14 @@
-//! Where the time of a run goes: shares of the parts of its right-hand sides, under either hydrodynamics.
+//! Where the time of a run goes: shares of the parts of its right-hand sides, under either
+//! hydrodynamics.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench profile [-- N...]          below 100 spheres, where all matrices are full
 //! ```
 //!
-//! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by steps of 0.005, put together here from
-//! the library's own parts, in computing time of its thread. What the library does in one call is taken apart by doing pieces of it once more, outside the time that
-//! counts. So this needs no instruments within the library.
+//! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by
+//! steps of 0.005, put together here from the library's own parts, in computing time of its thread.
+//! Library calls are split by repeating their pieces outside the measured time, so the library
+//! needs no instrumentation.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -56,7 +58,7 @@ impl Parts {
     }
 }
 
-/// Pieces of a right-hand side, computed once more to be timed alone.
+/// Pieces of a right-hand side, recomputed to be timed separately.
 struct Pieces {
     neighbours: NeighbourList,
     far_field: Option<FarField>,
@@ -193,7 +195,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
     (parts, whole)
 }
 
-/// The parts in the order of a right-hand side, with their seconds. What is a difference can be no less than nothing.
+/// The parts in the order of a right-hand side, with their seconds. Differences are not below zero.
 fn rows(parts: &Parts, whole: f64) -> Vec<(&'static str, f64)> {
     let of = |name| parts.seconds(name);
     let far = of("mobility") + of("mobility factor");

@@ -1,4 +1,5 @@
-//! Whole runs, and right-hand sides in sequence as runs have them, as the tables of `results/published/performance.md`.
+//! Whole runs, and right-hand sides in sequence as runs have them, as the tables of
+//! `results/published/performance.md`.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench runs -- whole [N...]                 five strains under every law
@@ -6,8 +7,9 @@
 //! cargo bench -p sd-core --bench runs -- sequence [full] [LAW] N...   right-hand sides one after the other
 //! ```
 //!
-//! Computing times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where nothing else is said. A LAW is one of
-//! `roll-slip`, `coulomb`, `stick-slide`; the last one has springs of 1e4 `F_crit`/a, the others are rigid.
+//! Computing times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
+//! nothing else is said. A LAW is one of `roll-slip`, `coulomb`, `stick-slide`; the last one has
+//! springs of 1e4 `F_crit`/a, the others are rigid.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -22,20 +24,22 @@ use sd_core::{ContactScheme, Flow, Hydrodynamics, NearFields, Params, Simulation
 const ROUGHNESS: f64 = 0.01;
 /// Stiffness of springs, in `F_crit`/a.
 const STIFFNESS: f64 = 1e4;
-/// Strain of the runs whose time is told, and strain after which their viscosity counts.
+/// Strain of the timed runs, and strain after which their viscosity counts.
 const RUN: (f64, f64) = (5.0, 2.0);
-/// Strain from one sample to the next, as campaigns have it unless they say otherwise: every second step of half of it, and every longer one.
+/// Strain from one sample to the next, the default of campaigns: every second step of half of it,
+/// and every longer one.
 const SAMPLE_EVERY: f64 = 0.02;
-/// Computing time after which a run is left, in seconds.
+/// CPU time after which a run is stopped, in seconds.
 const LIMIT: f64 = 120.0;
-/// Time step of what is timed.
+/// Time step of the timed runs.
 const TIME_STEP: f64 = 0.01;
-/// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many times the time step.
+/// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many
+/// times the time step.
 const LEAD_IN: (f64, u32) = (0.8, 2);
 /// Computing time and number of steps that are timed at least.
 const LONG_ENOUGH: (f64, u32) = (4.0, 3);
 
-/// What presses and what resists sliding.
+/// Normal and tangential law.
 #[derive(Clone, Copy)]
 struct Law {
     name: &'static str,
@@ -57,8 +61,9 @@ const LAWS: [Law; 3] = [
     },
 ];
 
-/// Spheres, and the computing time in seconds that the public code `LF_DEM` (commit 00fa7cc0) took for the same five strains of soft ones,
-/// measured once on the kind of machine that the page names.
+/// Spheres, and the computing time in seconds that the public code `LF_DEM` (commit 00fa7cc0) took
+/// for the same five strains of soft ones, measured once on the kind of machine that the page
+/// names.
 const LF_DEM: [(usize, f64); 3] = [(90, 7.3), (400, 62.0), (1000, 208.0)];
 
 impl Law {
@@ -100,7 +105,8 @@ impl Law {
 struct Run {
     seconds: f64,
     stages: u64,
-    /// Mean viscosity after the strain from which it counts; no number if the run did not come so far.
+    /// Mean viscosity after the strain from which it counts; no number if the run did not come so
+    /// far.
     viscosity: f64,
     end: String,
 }
@@ -220,7 +226,7 @@ fn dense() {
     }
 }
 
-/// Most memory of this process so far, in MB; where the system does not tell, nothing.
+/// Peak memory of this process, in MB; `None` where the system does not report it.
 fn most_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -228,7 +234,8 @@ fn most_memory() -> Option<f64> {
     Some(1e-3 * kilobytes)
 }
 
-/// Right-hand sides in sequence, without samples. One row; the memory is that of the process, so that each row is a process of its own.
+/// Right-hand sides in sequence, without samples. One row; the memory is that of the process, so
+/// that each row is a process of its own.
 fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     let tables = NearFields::default();
     let params = law.params(spheres);

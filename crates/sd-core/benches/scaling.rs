@@ -1,4 +1,5 @@
-//! Cost of a right-hand side over the number of spheres, as the tables of `results/published/performance.md`.
+//! Cost of a right-hand side over the number of spheres, as the tables of
+//! `results/published/performance.md`.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench scaling -- full [N...]             beside faer's bare Cholesky of a matrix of dimension 6N
@@ -6,9 +7,11 @@
 //! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
 //! ```
 //!
-//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their ratios hold on a busy machine as well, each contact problem
-//! started from its own solution. A step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
-//! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller layer.
+//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their
+//! ratios hold on a busy machine as well, each contact problem started from its own solution. A
+//! step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
+//! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller
+//! layer.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -31,7 +34,7 @@ use std::time::{Duration, Instant};
 /// Time for one N and one kind of measurement: as many rounds as fit, and some at least.
 const LONG_ENOUGH: Duration = Duration::from_secs(4);
 const ROUNDS: usize = 3;
-/// Time step and strain of the runs whose time is told.
+/// Time step and strain of the timed runs.
 const RUN: (f64, f64) = (0.01, 5.0);
 
 fn milliseconds(call: impl FnOnce()) -> f64 {
@@ -50,7 +53,8 @@ fn rounds<const K: usize>(mut measure: impl FnMut() -> [f64; K]) -> Vec<[f64; K]
     all
 }
 
-/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and whether all contact problems were solved.
+/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and
+/// whether all contact problems were solved.
 fn parts(
     snapshot: &Snapshot,
     area_fraction: f64,
@@ -132,7 +136,7 @@ fn table(hydrodynamics: Hydrodynamics, area_fraction: f64, all: &[usize]) {
     }
 }
 
-/// Tables of the near field of two spheres: making one, and what a pair costs.
+/// Tables of the near field of two spheres: time to make one, and time per pair.
 fn tables() {
     let made = milliseconds(|| {
         black_box(NearField::new(1.4).expect("a valid size ratio"));

@@ -1,8 +1,10 @@
-//! One right-hand side and its parts in a layer with a developed contact network, beside a bare Cholesky factorization of a
-//! matrix of dimension 6N in the same run; one whole step; and the near field of two spheres.
+//! One right-hand side and its parts in a layer with a developed contact network, beside a bare
+//! Cholesky factorization of a matrix of dimension 6N in the same run; one whole step; and the near
+//! field of two spheres.
 //!
-//! c = 0.693, h = 0.01, ν = 0.3, Γ = 100. Name a group to measure it alone: `cargo bench -p sd-core --bench solve -- full_90/`.
-//! All groups take a quarter of an hour. The tables of `scripts/bench` are made by the bench `scaling`.
+//! c = 0.693, h = 0.01, ν = 0.3, Γ = 100. Name a group to measure it alone:
+//! `cargo bench -p sd-core --bench solve -- full_90/`. All groups take a quarter of an hour. The
+//! tables of `scripts/bench` are made by the bench `scaling`.
 
 #[path = "layers/cholesky.rs"]
 mod cholesky;

@@ -1,12 +1,13 @@
-//! What a time step costs and gains under `rigid`: methods with fixed and with adaptive steps, by right-hand sides.
+//! Cost and accuracy of time steps under `rigid`: methods with fixed and with adaptive steps, by
+//! right-hand sides.
 //!
 //! ```text
 //! cargo bench -p sd-core --bench time_step -- short [SEEDS]    error in positions and viscosity over a short strain
 //! cargo bench -p sd-core --bench time_step -- long [SEEDS]     mean viscosity over runs of five strains
 //! ```
 //!
-//! Ball-Melrose, N = 90, c = 0.693, h = 0.01, ν = 0.3, Γ = 100. The methods here are for comparison only, but for the midpoint rule
-//! with gaps held, which is what [`sd_core::Simulation`] does.
+//! Ball-Melrose, N = 90, c = 0.693, h = 0.01, ν = 0.3, Γ = 100. The methods here are for comparison
+//! only, but for the midpoint rule with gaps held, which is what [`sd_core::Simulation`] does.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -37,7 +38,7 @@ fn params(time_step: f64) -> Params {
     }
 }
 
-/// How the steps of a trial are chosen.
+/// Choice of the steps of a trial.
 enum Steps {
     /// All steps of this length.
     Fixed(f64),
@@ -177,8 +178,8 @@ fn short(seeds: u64) {
     }
 }
 
-/// Mean viscosity over five strains less two, over that of RK4 at 0.005 looking ahead by 0.001: mean and standard error of the
-/// difference over common seeds.
+/// Mean viscosity over five strains less two, over that of RK4 at 0.005 looking ahead by 0.001:
+/// mean and standard error of the difference over common seeds.
 fn long(seeds: u64) {
     let params = params(0.01);
     let all = |method: &Method, steps: &Steps| -> (Vec<Option<Viscosities>>, f64) {

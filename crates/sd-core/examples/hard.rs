@@ -1,12 +1,15 @@
-//! Runs every contact law where contact problems are hardest, and counts what becomes of the runs.
+//! Runs every contact law where contact problems are hardest, and counts the outcomes.
 //!
-//! Dense layers with strong friction, at Γ = 10 so that friction begins with a jump on some contacts and not on others: a strain each, in
-//! steps of 0.01. Such a jump need not leave any choice that agrees with the loads: contacts are counted that bear more than the critical load
-//! without friction, and those that bear less with it, in the samples of steps that are not jammed. There is one table for each law, and under
-//! all of them a list of the runs that failed, took too long or had stages that did not converge, with the options that run each of them again.
+//! Dense layers with strong friction, at Γ = 10 so that friction sets in with a jump at some of the
+//! contacts: a strain each, in steps of 0.01. With such a jump a consistent active set need not
+//! exist: contacts above the critical load without friction, and below it with friction, are
+//! counted in the samples of unjammed steps. There is one table for each law, and under all of them
+//! a list of the runs that failed, took too long or had stages that did not converge, with the
+//! options that run each of them again.
 //!
-//! `cargo run --release -p sd-core --example hard -- --spheres 50 --seeds 1`; `scripts/hard` runs all and keeps the tables.
-#![expect(clippy::print_stdout, reason = "an example tells what it found")]
+//! `cargo run --release -p sd-core --example hard -- --spheres 50 --seeds 1`; `scripts/hard` runs
+//! all and keeps the tables.
+#![expect(clippy::print_stdout, reason = "examples print their results")]
 
 #[path = "../benches/layers/clock.rs"]
 mod clock;
@@ -33,7 +36,7 @@ const TIME_STEP: f64 = 0.01;
 /// Γ.
 const SHEAR_RATE: f64 = 10.0;
 
-/// What presses and what resists sliding.
+/// Normal and tangential law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Law {
     normal: NormalLaw,
@@ -83,7 +86,7 @@ impl fmt::Display for Law {
     }
 }
 
-/// Which part of all runs is made. Lists are separated by commas.
+/// The selected runs. Lists are separated by commas.
 #[derive(Debug, Clone, Parser)]
 #[command(about = "Runs every contact law in dense layers and counts what becomes of the runs")]
 pub(crate) struct Part {
@@ -105,7 +108,7 @@ pub(crate) struct Part {
     /// Stiffness of springs, in F_crit/a; of Hertz's law in F_crit/a^(3/2)
     #[arg(long, default_value_t = 1e4)]
     stiffness: f64,
-    /// Coefficient of rolling friction, of laws that it goes with
+    /// Coefficient of rolling friction, for compatible laws
     #[arg(long, default_value_t = 0.0)]
     rolling_friction: f64,
     /// How many seeds
@@ -114,10 +117,10 @@ pub(crate) struct Part {
     /// The first seed
     #[arg(long, default_value_t = 1)]
     first_seed: u64,
-    /// Seconds after which a run is stopped, looked at between two steps
+    /// Seconds after which a run is stopped, checked between steps
     #[arg(long, default_value_t = 60)]
     limit: u64,
-    /// Runs at a time
+    /// Runs in parallel
     #[arg(long, default_value_t = 2)]
     threads: usize,
 }
@@ -173,7 +176,7 @@ impl Part {
 }
 
 impl Case {
-    /// The options that run it again.
+    /// The options to repeat it.
     fn options(&self) -> String {
         let Params {
             area_fraction,
@@ -204,7 +207,7 @@ impl Case {
         catch_unwind(run).unwrap_or_else(|_| Ran::without_steps(End::Failed("a panic"), "a panic"))
     }
 
-    /// Steps until the strain is reached, or something is in the way.
+    /// Makes steps until the strain is reached or the run ends.
     fn step_through(&self, limit: Duration, tables: &NearFields) -> Ran {
         let started = Instant::now();
         let mut layer = match Simulation::<sd_core::Layer>::new(&self.params, self.seed, tables) {
@@ -236,7 +239,7 @@ impl Case {
                 Err(error) => break (End::Failed(cause(&error)), error.to_string()),
             };
             seconds.push(moment.seconds());
-            // Forces of a jammed layer are those of contacts that give way.
+            // Forces of a jammed layer are those of yielding contacts.
             if layer.counters().jammed_stages == jammed {
                 onset.count(&frame, load);
             }
@@ -256,7 +259,7 @@ impl Case {
     }
 }
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
     /// At its full strain.
@@ -311,11 +314,11 @@ impl Onset {
     }
 }
 
-/// What became of one run.
+/// The result of one run.
 #[derive(Debug)]
 struct Ran {
     end: End,
-    /// What there is to say about its end.
+    /// Description of its end.
     note: String,
     counters: Counters,
     onset: Onset,
@@ -335,7 +338,7 @@ impl Ran {
         }
     }
 
-    /// Whether the solver has to answer for it.
+    /// Whether it is a failure of the solver.
     fn is_bad(&self) -> bool {
         matches!(self.end, End::Failed(_) | End::Stopped) || self.counters.unconverged_stages > 0
     }
@@ -419,7 +422,7 @@ pub(crate) fn tables(part: &Part) -> Result<String, rayon::ThreadPoolBuildError>
         .build()?;
     let (fields, cases) = (NearFields::default(), part.cases());
     let limit = Duration::from_secs(part.limit);
-    // In blocks of one, so that no thread has all the slow runs to itself.
+    // In blocks of one, so that slow runs are spread over the threads.
     let ran: Vec<Ran> = pool.install(|| {
         let runs = cases.par_iter().with_max_len(1);
         runs.map(|case| case.run(limit, &fields)).collect()
@@ -484,7 +487,7 @@ fn write_law<'r>(
     let _ = writeln!(text, "| all | {}\n", Row::of(of_law.map(|(_, ran)| ran)));
 }
 
-/// Runs the part that the command line asks for.
+/// Runs the part selected on the command line.
 pub(crate) fn main() -> Result<(), rayon::ThreadPoolBuildError> {
     print!("{}", tables(&Part::parse())?);
     Ok(())

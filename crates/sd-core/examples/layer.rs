@@ -1,7 +1,7 @@
 //! Shears a layer of rough, frictional spheres and averages its viscosity.
 //!
 //! `cargo run --release -p sd-core --example layer`
-#![expect(clippy::print_stdout, reason = "an example tells what it found")]
+#![expect(clippy::print_stdout, reason = "examples print their results")]
 
 use sd_core::{ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation};
 

@@ -1,4 +1,5 @@
-//! Shears a suspension and prints its viscosity: `suspension [spheres] [volume fraction] [law] [strain]`.
+//! Shears a suspension and prints its viscosity:
+//! `suspension [spheres] [volume fraction] [law] [strain]`.
 
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder, NearFields, NormalLaw, Params,
@@ -22,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tangential: TangentialLaw::Coulomb,
         ..ContactLaws::PAPER
     };
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     let near = Hydrodynamics::BallMelrose;
     let (contact, hydrodynamics, roughness) = match law.as_str() {
         "springs" => (ContactScheme::Laws(springs), lubrication, 0.0),

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Why a computation was refused or could not be finished.
 ///
-/// Fields carry what is needed to name the culprit to a person and to replay the failure.
+/// Fields carry what is needed to locate and to replay the failure.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -15,13 +15,13 @@ pub enum Error {
         field: &'static str,
         /// The value given.
         value: f64,
-        /// The range, in words.
+        /// Description of the range.
         allowed: &'static str,
     },
-    /// A parameter of a run that is out of its range or does not go with the others.
+    /// A parameter of a run that is out of range or conflicts with others.
     #[error(transparent)]
     Refused(#[from] Box<Refusal>),
-    /// Two lists that must have one entry per sphere do not.
+    /// A list without exactly one entry per sphere.
     #[error("{field} has {found} entries for {expected} spheres")]
     Length {
         /// Name of the list.
@@ -34,7 +34,7 @@ pub enum Error {
     /// The configuration has no sphere.
     #[error("a configuration needs at least one sphere")]
     NoSpheres,
-    /// Surfaces that touch or overlap: the fluid between them cannot be described.
+    /// Surfaces that touch or overlap: the lubrication between them is undefined.
     #[error("spheres {i} and {j} overlap: gap {gap:.3e} (centres {separation:.6} apart)")]
     Overlap {
         /// First sphere.
@@ -46,9 +46,9 @@ pub enum Error {
         /// Distance of the centres, in a.
         separation: f64,
     },
-    /// A cell in which a sphere could meet two images of one neighbour.
+    /// A cell in which a sphere could interact with two images of one neighbour.
     #[error(
-        "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the distance up to which pairs are looked for: use more spheres or a larger cell"
+        "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the cutoff distance of pairs: use more spheres or a larger cell"
     )]
     CellTooSmall {
         /// `x` or `y`.
@@ -65,15 +65,15 @@ pub enum Error {
     CannotPack {
         /// Number of spheres.
         spheres: usize,
-        /// Of what a fraction is asked for: "area" or "volume".
+        /// Kind of the fraction: "area" or "volume".
         kind: &'static str,
-        /// Fraction asked for.
+        /// Requested fraction.
         fraction: f64,
-        /// Smallest gap asked for, in a.
+        /// Requested smallest gap, in a.
         gap: f64,
         /// Fraction reached.
         reached: f64,
-        /// What to change.
+        /// Advice.
         advice: &'static str,
     },
     /// A matrix that must be positive definite is not.
@@ -86,9 +86,9 @@ pub enum Error {
         /// Sphere that row belongs to.
         sphere: usize,
     },
-    /// An iteration that did not reach what was asked of it.
+    /// An iteration that did not converge.
     #[error(
-        "{quantity} did not converge: relative residual {residual:.1e} after {iterations} iterations, {wanted:.1e} wanted; the spheres may be too close, or ask for less"
+        "{quantity} did not converge: relative residual {residual:.1e} after {iterations} iterations, {wanted:.1e} wanted; the spheres may be too close, or the tolerance too small"
     )]
     NotConverged {
         /// What was iterated.
@@ -100,13 +100,13 @@ pub enum Error {
         /// Relative residual wanted.
         wanted: f64,
     },
-    /// Memory is short.
+    /// Out of memory.
     #[error("not enough memory for {purpose}")]
     OutOfMemory {
-        /// What it was for.
+        /// Its purpose.
         purpose: &'static str,
     },
-    /// The paper's steps, which halt all pairs at once, under an iterated far field.
+    /// The paper's steps, which stop all pairs simultaneously, under an iterated far field.
     #[error("the paper's steps need a dense far field")]
     ProcedureNeedsDense,
     /// A number that is not finite came out of a computation.
@@ -124,40 +124,40 @@ pub enum Error {
         step: u64,
         /// Strain at its start.
         strain: f64,
-        /// What went wrong.
+        /// The error.
         #[source]
         source: Box<Error>,
     },
     /// A snapshot that does not belong to these parameters.
     #[error("snapshot does not fit: {reason}")]
     Snapshot {
-        /// In what it differs.
+        /// The difference.
         reason: &'static str,
     },
-    /// A pair of spheres named in the input that cannot be meant.
+    /// An invalid pair of spheres in the input.
     #[error("pair [{i}, {j}] {reason}")]
     BadPair {
         /// First sphere.
         i: usize,
         /// Second sphere.
         j: usize,
-        /// What is wrong with it.
+        /// The fault.
         reason: &'static str,
     },
 }
 
-/// A value that is out of its range, or does not go with the others.
+/// A value that is out of range or conflicts with others.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// Key of the parameter.
     pub key: &'static str,
-    /// Its value, as it is written.
+    /// Its value, as written.
     pub value: String,
-    /// What is wrong with it.
+    /// The fault.
     pub problem: String,
     /// What is allowed.
     pub allowed: String,
-    /// Key of the other parameter it does not go with.
+    /// Key of the parameter that it conflicts with.
     pub because: Option<&'static str>,
 }
 

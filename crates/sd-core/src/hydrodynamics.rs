@@ -1,4 +1,4 @@
-//! Hydrodynamics: two spheres, the far field of all, and the grand resistance that is made of both.
+//! Hydrodynamics: two spheres, the far field, and the grand resistance composed of both.
 
 pub(crate) mod far_field;
 pub(crate) mod iterative;

@@ -1,10 +1,12 @@
 //! The constitutive laws of contact: pure functions of numbers, one file each.
 //!
-//! A file states its equation, units and source, the word that campaign files use for it, and the parameters it has. A law is
-//! added in a file of its own and by one line in the list of its kind: [`normal`] or [`tangential`]. Everything that lists
-//! laws (reading and checking of parameters, campaign files, tables, pages) reads these declarations.
+//! A file states its equation, units and source, its keyword in campaign files, and its parameters.
+//! A law is added in a file of its own and by one line in the list of its kind: [`normal`] or
+//! [`tangential`]. Everything that lists laws (reading and checking of parameters, campaign files,
+//! tables, pages) reads these declarations.
 //!
-//! This room stands on the ground of the crate: it knows no sphere, no matrix and no other room.
+//! This module is at the lowest level of the crate: it depends on no sphere, matrix or other
+//! module.
 
 pub mod adhesion;
 pub mod normal;

@@ -1,11 +1,13 @@
 //! Stokesian Dynamics of sheared layers and suspensions of rough, frictional spheres.
 //!
-//! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under the shear flow
-//! `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the paper"; its equations are cited as (n).
+//! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under
+//! the shear flow `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the
+//! paper"; its equations are cited as (n).
 //!
-//! A suspension fills a triply periodic cell instead, under the same flow. Both are one code, generic in the [`Space`]: [`Layer`], the
-//! default, or [`Bulk`]. Equations below are those of the layer, in which tensors and tangent planes are those of three dimensions for a
-//! suspension: friction is then a vector, its bound a disc.
+//! A suspension fills a triply periodic cell instead, under the same flow. Both share one code,
+//! generic in the [`Space`]: [`Layer`], the default, or [`Bulk`]. Equations below are those of the
+//! layer, for a suspension, tensors and tangent planes are three-dimensional: friction is then a
+//! vector, its bound a disc.
 //!
 //! # Units and symbols
 //! Mean radius a, viscosity μ and shear rate are 1. x is the flow, y the gradient, z the vorticity.
@@ -21,14 +23,14 @@
 //! | `η, N1, N2, Π` | relative viscosity, normal stress differences, particle pressure |
 //!
 //! # Equations
-//! Each stands with its derivation's source, signs and limits at the top of the module named at the right.
+//! The module named at the right documents the source, signs and limits of each.
 //! ```text
 //! (F, T, S~) = R (v, −E)                           R grand resistance, symmetric positive definite      hydrodynamics::resistance
 //! R = R_far + Σ_pairs [R2B − R2B∞]                 Stokesian Dynamics; Ball-Melrose: isolated drag for R_far
 //! R = isolated drag + Σ_pairs singular terms       leading-order lubrication                           hydrodynamics::two_sphere
 //! R_far = M⁻¹, its uniform mode at no cost         M mobility of the periodic layer                     hydrodynamics::far_field
 //! R2B                                              two spheres, any gap and size ratio                  hydrodynamics::two_sphere
-//! f ≥ 0, w = C v + b + κ f ≥ 0, f w = 0            normal forces, w what the gap gains beyond h         contact
+//! f ≥ 0, w = C v + b + κ f ≥ 0, f w = 0            normal forces, w the gap minus h after the step         contact
 //! |t| ≤ ρ(f), z = D v + d − μ t = 0 inside         friction, z the slip beyond what the law allows      contact
 //! κ, μ, ρ                                          contact laws, a file each                            law
 //! R_FU v = R_FE E + F_external + Cᵀ f − Dᵀ t       the motion                                           stage
@@ -36,7 +38,7 @@
 //! dx/dt = u∞ + v, dθ/dt = Ω                        fourth order in time                                 run::steppers
 //! ```
 //!
-//! # Units of what goes in and comes out
+//! # Units of input and output
 //! | Quantity | Unit | Where |
 //! | --- | --- | --- |
 //! | lengths, gaps, roughness | a | [`Params`], [`Snapshot`], [`Sample`] |
@@ -45,8 +47,8 @@
 //! | forces, critical load | μ·a²·rate | [`contact::Contact`], [`Params::critical_load`] |
 //! | viscosity; stresses | μ; μ·rate | [`Sample`], [`Stress`] |
 //!
-//! # The rooms, from the ground up
-//! A room may call only those above it in this list.
+//! # Modules, from the lowest level up
+//! A module may depend only on those above it in this list.
 //! ```text
 //! error           why a computation was refused or could not be finished
 //! law             constitutive laws of contact: pure functions of numbers, one file each
@@ -64,15 +66,18 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 pair: two spheres alone; verify: known results, computed anew
+//!                 pair: two spheres alone; verify: known results, recomputed
 //! ```
-//! A right-hand side goes through them in this order: pairs in range (`space`), their near field and the far field of all
-//! (`hydrodynamics`), contact forces and velocities (`contact`, `stage`), viscosity (`stress`), the next stage (`run::steppers`).
+//! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
+//! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
+//! viscosity (`stress`), the next stage (`run::steppers`).
 //!
-//! The crate reads no file, prints nothing and starts no thread; a run is a function of [`Params`] and a seed alone.
+//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`]
+//! and a seed.
 //!
 //! # Example
-//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` drives two spheres past each other.
+//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` moves two
+//! spheres past each other.
 //! ```
 //! use sd_core::{ContactScheme, Hydrodynamics, Layer, NearFields, Params, Simulation};
 //!

@@ -1,7 +1,8 @@
 //! Linear algebra: the only modules that name faer and pulp.
 //!
-//! Everything allocates only in constructors and sums in a fixed order, so the same input gives the same bits. Only
-//! large full matrices may be filled and factored with the help of an idle thread, in the same pieces and so with the same bits.
+//! All code allocates only in constructors and sums in a fixed order, so the same input gives the
+//! same bits. Only large full matrices may be filled and factored with the help of an idle thread,
+//! in the same pieces and so with the same bits.
 
 pub(crate) mod anderson;
 pub(crate) mod cholesky;
@@ -15,12 +16,12 @@ pub(crate) mod simd;
 pub(crate) mod staggered;
 mod vector;
 
-/// When an iteration ends: whichever comes first.
+/// Stopping criteria of an iteration; the first one met ends it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Until {
-    /// The residual is at most this.
+    /// Residual to reach.
     pub(crate) residual: f64,
-    /// So many iterations are done.
+    /// Maximum number of iterations.
     pub(crate) iterations: usize,
 }
 

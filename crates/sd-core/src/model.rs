@@ -1,6 +1,7 @@
-//! What decides a run: every parameter and every choice, declared once in [`PARAMETERS`].
+//! The parameters and choices of a run, declared once in [`PARAMETERS`].
 //!
-//! Reading, checking and printing of parameters, here and in the programs that use this crate, follow from that table.
+//! Reading, checking and printing of parameters, here and in the programs that use this crate,
+//! follow from that table.
 
 mod contact_laws;
 mod hydrodynamics;
@@ -27,15 +28,15 @@ pub use surface::Surface;
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// How touching spheres are kept apart.
+/// Contact scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactScheme {
     /// Complementarity solved at every stage: gaps stay at the roughness height.
     Rigid,
-    /// The paper's steps 1-6, to the letter.
+    /// The paper's steps 1-6.
     Procedure,
-    /// Other laws, each chosen by itself.
+    /// Laws chosen individually.
     Laws(ContactLaws),
 }
 
@@ -48,7 +49,7 @@ impl ContactScheme {
         }
     }
 
-    /// The laws, if they are chosen one by one.
+    /// The laws, if chosen individually.
     fn chosen_laws(&mut self) -> Option<&mut ContactLaws> {
         match self {
             Self::Rigid | Self::Procedure => None,
@@ -57,8 +58,8 @@ impl ContactScheme {
     }
 }
 
-/// Parameters of one run, but for its seed; their ranges are in [`PARAMETERS`]. Lengths in a, times in inverse shear rates, forces in
-/// mu·a²·rate.
+/// Parameters of one run without its seed; their ranges are in [`PARAMETERS`]. Lengths in a, times
+/// in inverse shear rates, forces in mu·a²·rate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Params {
@@ -73,7 +74,8 @@ pub struct Params {
     pub roughness: f64,
     /// Friction coefficient ν.
     pub friction: f64,
-    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does. 0 where the stress is imposed.
+    /// Dimensionless shear rate Γ = 6π/F_crit: 0 means friction never acts, ∞ that it always does.
+    /// 0 where the stress is imposed.
     #[serde(with = "infinite")]
     pub shear_rate: f64,
     /// Radius of the large spheres over that of the small; 1 is monodisperse.
@@ -82,7 +84,8 @@ pub struct Params {
     /// Number of large spheres over all spheres; without meaning at size ratio 1.
     #[serde(default = "half")]
     pub large_fraction: f64,
-    /// Sizes other than one or two; the size ratio and the share of large spheres are then without meaning.
+    /// Sizes other than one or two; the size ratio and the share of large spheres are then without
+    /// meaning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sizes: Option<Sizes>,
     /// Hydrodynamics.
@@ -94,13 +97,13 @@ pub struct Params {
     /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
-    /// Sense of the shear: 1, or −1 for a layer that is sheared the other way.
+    /// Sense of the shear: 1, or −1 for the opposite direction.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub direction: f64,
-    /// The layer a run begins with; `None`: the one that its seed makes.
+    /// The start layer; `None` for the one made from the seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Box<StartLayer>>,
-    /// Segments of the run, the first of which begins at strain 0; empty where one steady shear is imposed.
+    /// Segments of the run, starting at strain 0; empty for steady shear.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub segments: Vec<Segment>,
 }
@@ -110,10 +113,10 @@ fn one() -> f64 {
     1.0
 }
 
-/// Whether a value is the default, which is left out so that cases of before keep their keys.
+/// Whether a value is the default, which is omitted so that older cases keep their keys.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
-    reason = "the signature serde asks for"
+    reason = "the signature that serde requires"
 )]
 fn is_one(value: &f64) -> bool {
     *value == one()
@@ -127,11 +130,11 @@ fn half() -> f64 {
 impl Params {
     /// Most spheres of a layer or configuration.
     pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
-    /// A layer of more spheres than this is large: its active sets are looked at after less exact linear
-    /// systems, and the layer that a seed makes is numbered row by row.
+    /// Layers with more spheres than this are large: their active sets are updated after less exact
+    /// linear solves, and start layers are numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;
 
-    /// What parameters are before any is written: choices that hold the numbers of every other, and numbers that are none.
+    /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.
     pub const UNWRITTEN: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
@@ -142,7 +145,7 @@ impl Params {
         size_ratio: 1.0,
         large_fraction: 0.5,
         sizes: None,
-        hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
         shear_stress: None,
@@ -151,13 +154,14 @@ impl Params {
         segments: Vec::new(),
     };
 
-    /// Whether friction can act in the run at all: neither is its coefficient 0 nor the rate that of the lower plateau.
-    pub fn rubs(&self) -> bool {
+    /// Whether friction can act in the run: neither its coefficient nor the rate is 0.
+    pub fn has_friction(&self) -> bool {
         self.friction != 0.0 && (self.shear_stress.is_some() || self.shear_rate != 0.0)
     }
 
-    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite at Γ = 0. Where the
-    /// stress is imposed it is found at every stage, and this says nothing.
+    /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite
+    /// at Γ = 0. Under imposed stress it is determined at every stage, and this value is
+    /// meaningless.
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
@@ -176,7 +180,7 @@ impl Params {
         }
     }
 
-    /// Checks every value, and that they go together.
+    /// Checks every value and their consistency.
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
@@ -184,10 +188,11 @@ impl Params {
         Ok(parameters::check(self)?)
     }
 
-    /// Brings the parameters into the form in which equal physics has equal numbers.
+    /// Brings the parameters to a canonical form, in which equal physics has equal numbers.
     ///
-    /// Values without meaning under the other choices get the value that stands for that, zeros lose their sign, springs of
-    /// infinite stiffness are rigid contacts and tangential springs on rigid contacts are Coulomb's law.
+    /// Values without effect under the other choices get a fixed value, zeros lose their sign,
+    /// springs of infinite stiffness are rigid contacts and tangential springs on rigid contacts
+    /// are Coulomb's law.
     pub fn settle(&mut self) {
         parameters::settle(self);
     }
@@ -210,7 +215,7 @@ mod infinite {
     /// Infinity becomes text.
     #[expect(
         clippy::trivially_copy_pass_by_ref,
-        reason = "the signature serde asks for"
+        reason = "the signature that serde requires"
     )]
     pub(super) fn serialize<S: Serializer>(value: &f64, s: S) -> Result<S::Ok, S::Error> {
         if value.is_infinite() {
@@ -220,7 +225,7 @@ mod infinite {
         }
     }
 
-    /// Either form is read.
+    /// Reads either form.
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
         match Form::deserialize(d)? {
             Form::Number(value) => Ok(value),
@@ -231,12 +236,12 @@ mod infinite {
         }
     }
 
-    /// The same of a value that may be missing.
+    /// The same for an optional value.
     pub(super) mod optional {
         use serde::{Deserializer, Serializer};
 
         /// Infinity becomes text.
-        #[expect(clippy::ref_option, reason = "the signature serde asks for")]
+        #[expect(clippy::ref_option, reason = "the signature that serde requires")]
         pub(in crate::model) fn serialize<S: Serializer>(
             value: &Option<f64>,
             s: S,
@@ -247,7 +252,7 @@ mod infinite {
             }
         }
 
-        /// Either form is read.
+        /// Reads either form.
         pub(in crate::model) fn deserialize<'de, D: Deserializer<'de>>(
             d: D,
         ) -> Result<Option<f64>, D::Error> {

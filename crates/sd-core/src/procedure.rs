@@ -1,17 +1,19 @@
-//! The paper's steps 1 to 6 of section II A, to the letter.
+//! The paper's steps 1 to 6 of section II A.
 //!
-//! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The list is kept between steps.
-//! 2. One simultaneous solve for the normal forces that halt all listed pairs, (12)-(13).
+//! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The
+//!    list is kept between steps.
+//! 2. One simultaneous solve for the normal forces that stop all listed pairs, (12)-(13).
 //! 3. Pairs whose force would pull are dropped from the list.
 //! 4. to 6. Friction from the motion under the remaining normal forces, added after:
 //!
 //! ```text
-//! F_roll = K u_t,   K > 0 the inverse slip mobility of the isolated pair, u_t the slip that normal forces alone leave
+//! F_roll = K u_t,   K > 0 the inverse slip mobility of the isolated pair, u_t the slip under normal forces alone
 //! f ≤ F_crit: F_t = 0;   |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was found, and a pair enters below h by up to a
-//! step's motion: gaps drift. That is the scheme's own error, kept here for comparison.
+//! with the sign of (19) corrected: friction opposes slip. It pushes pairs together after f was
+//! computed, and pairs enter below h by up to a step's motion: gaps drift. This error of the scheme
+//! is kept for comparison.
 
 use crate::contact::solve::dense::DenseSystem;
 use crate::contact::solve::problem::{self, Forces, Problem, States, System};
@@ -23,7 +25,7 @@ use crate::model::Surface;
 use crate::space::Layer;
 use crate::space::pair::PairKey;
 
-/// Compliance where all pairs are halted at once: just enough for a factor of a hyperstatic network.
+/// Compliance of the simultaneous solve: just enough to factor a hyperstatic network.
 const HALT_COMPLIANCE: f64 = 1e-13;
 
 /// Listed pairs, ordered by (i, j).
@@ -65,7 +67,7 @@ impl ContactList {
     }
 }
 
-/// What a stage is solved for.
+/// Input of a stage.
 #[derive(Clone, Copy)]
 pub struct ProcedureInput<'a, S: Fluid = Layer> {
     /// Hydrodynamics, factored.
@@ -74,7 +76,7 @@ pub struct ProcedureInput<'a, S: Fluid = Layer> {
     pub background: &'a S::Background,
     /// Roughness, friction and critical load.
     pub surface: &'a Surface,
-    /// All forces but those of contact, `[3N]`.
+    /// All forces except contact forces, `[3N]`.
     pub forces: &'a [f64],
 }
 
@@ -87,7 +89,7 @@ pub struct ProcedureSolver<S: Fluid = Layer> {
 }
 
 impl<S: Fluid> ProcedureSolver<S> {
-    /// Workspace with room for all contacts of that many spheres.
+    /// Workspace for all contacts of that many spheres.
     pub fn new(spheres: usize) -> Self {
         let contacts = most_contacts::<S>(spheres);
         let mut solver = Self {
@@ -105,14 +107,15 @@ impl<S: Fluid> ProcedureSolver<S> {
 
     /// Solves one stage by steps 2 to 6.
     ///
-    /// Pairs that would be pulled leave the list (step 3). A listed pair out of lubrication range has left, too.
+    /// Pairs with a tensile force are removed from the list (step 3), and so are pairs out of
+    /// lubrication range.
     ///
     /// # Arguments
     /// - `listed`: pairs in contact; `contacts`: the same, with the forces found.
-    /// - `velocities`: disturbances `[3N]` that come out.
+    /// - `velocities`: resulting disturbances `[3N]`.
     ///
     /// # Errors
-    /// [`Error::ProcedureNeedsDense`], where the resistance is held pair by pair.
+    /// [`Error::ProcedureNeedsDense`], where the resistance is stored pair by pair.
     pub fn solve(
         &mut self,
         input: &ProcedureInput<'_, S>,
@@ -163,7 +166,8 @@ impl<S: Fluid> ProcedureSolver<S> {
         })
     }
 
-    /// Step 2: forces of either sign that halt all pairs, without friction; the largest velocity left.
+    /// Step 2: forces of either sign that stop all pairs, without friction; returns the largest
+    /// remaining velocity.
     fn halt_all(&mut self) -> f64 {
         self.states.closed.clear();
         self.states.closed.resize(self.problem.normal.len(), true);
@@ -179,7 +183,7 @@ impl<S: Fluid> ProcedureSolver<S> {
         problem::largest(&self.forces.slack)
     }
 
-    /// Steps 4 to 6: friction from the slip that the normal forces leave.
+    /// Steps 4 to 6: friction from the slip under the normal forces.
     fn add_friction(
         &mut self,
         resistance: &Resistance<S>,

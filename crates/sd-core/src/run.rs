@@ -1,4 +1,4 @@
-//! A run: its first layer, its steps in time, the simulation of them, and the instants and pairs that check it.
+//! Runs: start layers, time stepping, simulation; single instants and pairs.
 
 mod balance;
 pub mod instant;

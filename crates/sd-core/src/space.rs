@@ -1,4 +1,4 @@
-//! What differs between a layer and a suspension, and the geometry that is written once for both.
+//! Differences between layers and suspensions, and their common geometry.
 
 pub mod bulk;
 pub mod cell;
@@ -49,7 +49,7 @@ impl<T> Linear for T where
 {
 }
 
-/// A fixed number of equal things.
+/// A fixed number of equal elements.
 pub trait Few<T>:
     Copy + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
 {
@@ -62,7 +62,8 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
     /// Simple shear `u∞ = y x̂` in the sense of `direction`, 1 or −1.
     fn simple_shear(direction: f64) -> Self;
 
-    /// The same flow with a cross shear besides, `u∞ = rate y ẑ`, in a suspension; a layer has no vorticity direction.
+    /// The same flow with an additional cross shear, `u∞ = rate y ẑ`, in a suspension; a layer has
+    /// no vorticity direction.
     #[must_use]
     fn with_cross_shear(self, _rate: f64) -> Self {
         self
@@ -80,7 +81,7 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
     /// All numbers of it.
     fn numbers(&self) -> Vec<f64>;
 
-    /// Where a point that the flow has carried to `x` over `time` at its first velocity was before:
+    /// Earlier position of a point advected to `x` over `time` at its initial velocity:
     /// `x = (1 + time ∇u∞) x₀`.
     fn carried_back(&self, x: &S::Vector, time: f64) -> S::Vector;
 }
@@ -99,23 +100,23 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     const STRAINS: usize;
     /// Components of slip.
     const TANGENTS: usize;
-    /// Neighbours of a sphere within the lubrication range that room is made for.
+    /// Reserved number of neighbours of a sphere within the lubrication range.
     const MOST_NEIGHBOURS: usize;
-    /// Contacts of a sphere that room is made for.
+    /// Reserved number of contacts of a sphere.
     const MOST_CONTACTS: usize;
-    /// How a sphere lies at strain 0.
+    /// Orientation at strain 0.
     const UPRIGHT: Self::Orientation;
     /// Positions, velocities, forces.
     type Vector: Linear + Index<usize, Output = f64> + IndexMut<usize>;
-    /// A vector as snapshots have it.
+    /// The form of a vector in snapshots.
     type Point: Few<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// An image of the cell, by the number of cells along each axis.
     type Image: Copy + Debug + PartialEq + Default + Index<usize, Output = i32> + IndexMut<usize>;
     /// Angular velocities, torques.
     type Spin: Linear;
-    /// Slip, friction: vectors across the line of centres.
+    /// Slip, friction: vectors perpendicular to the line of centres.
     type Tangent: Linear + Serialize + DeserializeOwned;
-    /// How a sphere lies.
+    /// Orientation.
     type Orientation: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
@@ -123,9 +124,9 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Tensor: Few<f64> + Debug + PartialEq + Default;
     /// The imposed flow.
     type Background: ImposedFlow<Self>;
-    /// Something of each velocity of a sphere.
+    /// A value per velocity of a sphere.
     type PerMode<T: Copy>: Few<T>;
-    /// Something of each component of a slip.
+    /// A value per component of a slip.
     type PerTangent<T: Copy>: Few<T>;
     /// Weights of the velocities of two spheres.
     type Weights: Few<f64> + Debug + PartialEq;
@@ -141,19 +142,19 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         Self::dot(vector, vector)
     }
 
-    /// A vector as snapshots have it.
+    /// The form of a vector in snapshots.
     fn point(vector: &Self::Vector) -> Self::Point;
 
-    /// A vector of snapshots.
+    /// Converts a vector from the form of snapshots.
     fn vector(point: &Self::Point) -> Self::Vector;
 
     /// The same for all velocities of a sphere.
     fn each<T: Copy>(value: T) -> Self::PerMode<T>;
 
-    /// Takes a list of all spheres apart, sphere by sphere.
+    /// Splits a list of all spheres by sphere.
     fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>];
 
-    /// The same, to write.
+    /// The same, mutable.
     fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>];
 
     /// A block of zeros.
@@ -165,13 +166,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Velocity and angular velocity of a sphere, or force and torque.
     fn join(vector: &Self::Vector, spin: &Self::Spin) -> Self::PerMode<f64>;
 
-    /// The vector part of what [`Space::join`] gives.
+    /// The vector part of the result of [`Space::join`].
     fn translation(modes: &Self::PerMode<f64>) -> Self::Vector;
 
     /// The other part.
     fn rotation(modes: &Self::PerMode<f64>) -> Self::Spin;
 
-    /// Orthonormal directions across the line of centres.
+    /// Orthonormal directions perpendicular to the line of centres.
     fn tangents(normal: &Self::Vector) -> Self::PerTangent<Self::Vector>;
 
     /// The axis `n × d` about which surfaces roll along d.
@@ -195,37 +196,38 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Length of a vector by its components along directions.
     fn length(components: &Self::PerTangent<f64>) -> f64;
 
-    /// The nearest vector whose length is within a bound, 0 or more, by components along directions.
+    /// The nearest vector whose length is within a bound, 0 or more, by components along
+    /// directions.
     fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
 
     /// The same for each component of a slip.
     fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
 
-    /// Takes a list of all slips apart.
+    /// Splits a list of all slips.
     fn by_slip<T: Copy>(list: &[T]) -> &[Self::PerTangent<T>];
 
-    /// The same, to write.
+    /// The same, mutable.
     fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerTangent<T>];
 
-    /// Scalar product of vectors across the line of centres.
+    /// Scalar product of vectors perpendicular to the line of centres.
     fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64;
 
     /// Whether all numbers of a vector are finite.
     fn is_finite(tangent: &Self::Tangent) -> bool;
 
-    /// A vector across the line of centres n, moved with it to the new one.
+    /// A vector perpendicular to the line of centres n, transported to the new one.
     fn carried(tangent: &Self::Tangent, from: &Self::Vector, to: &Self::Vector) -> Self::Tangent;
 
-    /// A vector projected across a line of centres that has turned by little, its length kept.
+    /// A vector projected to a slightly rotated tangent plane, with its length preserved.
     fn projected(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;
 
-    /// How a sphere lies after a rotation by that vector.
+    /// Orientation after a rotation by a vector.
     fn turned(orientation: &Self::Orientation, rotation: &Self::Spin) -> Self::Orientation;
 
-    /// Whether all numbers of an orientation are finite, and it is one.
+    /// Whether an orientation is finite and normalized.
     fn is_orientation(orientation: &Self::Orientation) -> bool;
 
-    /// `ω₁ × ω₀`, by which rotations that follow each other differ from their sum.
+    /// `ω₁ × ω₀`, the difference between successive rotations and their sum.
     fn commutator(second: &Self::Spin, first: &Self::Spin) -> Self::Spin;
 
     /// Scalar product of strains and stresslets.

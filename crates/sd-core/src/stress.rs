@@ -1,4 +1,4 @@
-//! All stresses of the layer by their causes, energy balance.
+//! All stresses of the layer, by cause, and the energy balance.
 //!
 //! ```text
 //! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
@@ -6,16 +6,21 @@
 //! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
 //!
-//! Under cross shear at the rate γ̇_z the left-hand side has V Σ_yz γ̇_z/rate besides; η remains that of the primary shear.
+//! Under cross shear at the rate γ̇_z the left-hand side has the additional term V Σ_yz γ̇_z/rate;
+//! η remains that of the primary shear.
 //!
-//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the contact forces: each sphere feels the
-//! force at its end of the line of centres. Both n and t lie in the plane, so that contacts have no zz; that of stresslets is
-//! −(S_xx + S_yy), since they are traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of Jeffrey, Morris &
-//! Brady, Phys. Fluids A 5, 2317 (1993), and is left out: Π is that of contacts and repulsion alone.
+//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the
+//! contact forces: each sphere feels the force at its end of the line of centres. Both n and t lie
+//! in the plane, so that contacts have no zz; that of stresslets is −(S_xx + S_yy), since they are
+//! traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of
+//! Jeffrey, Morris & Brady, Phys. Fluids A 5, 2317 (1993), and is omitted: Π includes only contacts
+//! and repulsion.
 //!
-//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and tangential contact forces; repulsion. Adhesion is
-//! a part of the normal contact force: f − F_A. Rolling friction is a couple that turns one sphere against the other: without a force it
-//! has no first moment, and its antisymmetric parts on the two spheres cancel, so that it acts on the stress through the motion alone.
+//! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and
+//! tangential contact forces; repulsion. Adhesion is a part of the normal contact force: f − F_A.
+//! Rolling friction is a couple on the two spheres: it has no first moment of force, and its
+//! antisymmetric parts on the two spheres cancel, so that it affects the stress only through the
+//! motion.
 
 use crate::contact::{Contact, ContactState};
 use crate::hydrodynamics::resistance::Fluid;
@@ -23,10 +28,10 @@ use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::StageSolver;
 use serde::{Deserialize, Serialize};
 
-/// Relative viscosity above which the layer counts as jammed for the moment.
+/// Relative viscosity above which the layer counts as temporarily jammed.
 pub const JAM_VISCOSITY: f64 = 1e4;
 
-/// One component of the stress by what causes it, in mu·rate.
+/// One component of the stress, by cause, in mu·rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StressParts {
     /// From the stresslets.
@@ -56,10 +61,10 @@ impl StressParts {
     }
 }
 
-/// The components of the bulk stress, each by what causes it, in mu·rate.
+/// The components of the bulk stress, by cause, in mu·rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StressComponents {
-    /// Shear stress that the spheres add to that of the fluid, Σ_xy.
+    /// Shear stress of the spheres, in addition to that of the fluid, Σ_xy.
     pub shear: StressParts,
     /// First normal stress difference Σ_xx − Σ_yy.
     pub n1: StressParts,
@@ -74,15 +79,15 @@ pub struct StressComponents {
 pub struct Stress {
     /// η in full, in mu.
     pub viscosity: f64,
-    /// η without the contact stress, (20) of the paper to the letter.
+    /// η without the contact stress, as in (20) of the paper.
     pub viscosity_stresslet: f64,
-    /// All components by their causes, in mu·rate.
+    /// All components by cause, in mu·rate.
     pub components: StressComponents,
-    /// v'Rv/(V rate), in mu·rate; that of a cross shear is in it.
+    /// v'Rv/(V rate), in mu·rate; that of a cross shear is included.
     pub dissipation: f64,
 }
 
-/// Workspace for stresslets and the forces that go with them.
+/// Workspace for stresslets and their forces.
 #[derive(Default, Debug)]
 pub struct StressWork<S: Space = Layer> {
     /// Stresslet components of each sphere.
@@ -111,7 +116,8 @@ impl<S: Fluid> StressWork<S> {
         work + strained
     }
 
-    /// Stress for the motion last solved, with its contacts and pairs that repel besides, in a cell whose sides have the product `content`.
+    /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell whose
+    /// sides have the product `content`.
     pub fn stress(
         &mut self,
         stage: &StageSolver<S>,

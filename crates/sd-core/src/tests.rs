@@ -1,3 +1,3 @@
-//! Tests of rooms together, above all of which they stand.
+//! Tests across modules.
 
 mod iterated_far_field;

@@ -6,7 +6,7 @@ use std::process::Command;
 
 /// The law's own file.
 const FILE: &str = include_str!("added_law/cone.rs");
-/// Where the document says that the file goes.
+/// Path of the file according to the document.
 const PLACE: &str = "crates/sd-core/src/law/normal/cone.rs";
 /// The line that it adds to the list of laws, and the line before.
 const LINE: &str = "    Cone: cone,\n";
@@ -57,7 +57,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The room of the laws needs no other room, so that it makes a crate by itself.
+/// The module of the laws depends on no other module, so it can be compiled as a separate crate.
 #[test]
 fn law_of_the_document_passes_the_tests_of_all_laws() {
     let at = Path::new(env!("CARGO_TARGET_TMPDIR")).join("added-law");

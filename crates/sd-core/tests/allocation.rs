@@ -1,7 +1,8 @@
-//! Steps of a run that has settled allocate nothing, unless they make a new pattern of sparse matrices.
+//! After the first steps a run allocates nothing, unless it makes a new pattern of sparse matrices.
 //!
-//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The first steps are left out: until friction acts
-//! some of the products that size the workspace of the matrix multiplication have not been called yet.
+//! Buffers of dense matrices are reserved for as many pairs and contacts as a layer can have. The
+//! first steps are left out: before friction acts, some products that size the workspace of the
+//! matrix multiplication have not been called.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -13,7 +14,7 @@ use sd_core::{
 
 /// A layer in which spheres touch.
 fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
-    // Spheres that weld together jam far earlier than others.
+    // Spheres under stick-rotate jam much earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     Params {
         spheres: 40,
@@ -30,7 +31,7 @@ fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     }
 }
 
-/// A suspension in which they do.
+/// A suspension in which spheres touch.
 fn suspension(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     let mut params = Params {
@@ -75,7 +76,8 @@ fn other_laws() -> Vec<ContactLaws> {
         rigid(TangentialLaw::StickRotate),
         spring(TangentialLaw::RollSlip),
         spring(TangentialLaw::Coulomb),
-        // Clusters that neither slip nor roll bear much: softer springs would let them overlap.
+        // Clusters that neither slip nor roll carry large loads: softer springs would let them
+        // overlap.
         ContactLaws::linear_spring(1e6, TangentialLaw::StickRotate, 0.01),
         spring(TangentialLaw::StickSlide),
         ContactLaws {
@@ -106,7 +108,7 @@ fn steps_of_settled_runs_allocate_nothing() {
         }
     }
     // The procedure lets spheres overlap sooner under it.
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     assert_eq!(allocations(lubrication, ContactScheme::Rigid), 0);
 }
 
@@ -118,7 +120,7 @@ fn springs_with_lubrication_allocate_nothing() {
         lubrication_gap: 0.0,
         ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01)
     };
-    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     assert_eq!(allocations(hydrodynamics, ContactScheme::Laws(laws)), 0);
 }
 
@@ -131,8 +133,8 @@ fn other_laws_allocate_nothing() {
     }
 }
 
-/// Checks the steps of a run whose resistance is held pair by pair. A step allocates only where it makes a new pattern of near pairs, or
-/// has more pairs or contacts than any before.
+/// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where
+/// it makes a new pattern of near pairs, or has more pairs or contacts than any before.
 fn check_pairwise<S: Started>(params: &Params) {
     let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < 60 {
@@ -173,7 +175,7 @@ fn steps_that_keep_their_pattern_allocate_nothing() {
 fn steps_of_suspensions_that_keep_their_pattern_allocate_nothing_under_every_law() {
     let laws = other_laws().into_iter().map(ContactScheme::Laws);
     for contact in laws.chain([ContactScheme::Rigid]) {
-        let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+        let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
         check_pairwise::<Bulk>(&suspension(lubrication, contact));
     }
 }
@@ -186,7 +188,7 @@ fn suspensions_take_no_more_memory_than_is_estimated_and_not_far_less() {
         TangentialLaw::StickSlide,
         0.01,
     ));
-    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     for (spheres, hydrodynamics, contact, steps) in [
         (200, lubrication, springs, 100),
         (200, Hydrodynamics::BallMelrose, coulomb, 60),

@@ -1,4 +1,5 @@
-//! Three dimensions: agreement with numbers computed independently of this program (`tests/data/README.md`), symmetries, limits.
+//! Three dimensions: agreement with numbers computed independently of this program
+//! (`tests/data/README.md`), symmetries, limits.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -187,7 +188,8 @@ fn lattice_of_side(name: &str, side: f64) -> (Cell<sd_core::Bulk>, Vec<Vector3<f
 
 #[test]
 fn lattices_near_contact_have_their_exact_slopes() {
-    // Viscosity against one over the gap: strain along the axes (alpha) and E_xy (beta); 0 where it is logarithmic.
+    // Viscosity against one over the gap: strain along the axes (alpha) and E_xy (beta); 0 where it
+    // is logarithmic.
     for (name, side, alpha, beta) in [
         ("SC", 1.0, 3.0 * PI / 8.0, 0.0),
         ("BCC", 2.0 / 3.0_f64.sqrt(), 0.0, 3.0_f64.sqrt() * PI / 4.0),
@@ -231,7 +233,8 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         let (cell, centres) = lattice(name, phi);
         let volume = cell.content().unwrap();
         let mut configuration = sheared(centres, cell, Hydrodynamics::StokesianDynamics);
-        // By the symmetry of the lattice both strains and the force act apart: one solution holds all three.
+        // By the symmetry of the lattice both strains and the force decouple: one solution contains
+        // all three.
         let (axes, diagonal) = (0.5, 0.3);
         configuration.background.rate_of_strain = TracelessTensor {
             xx: diagonal,
@@ -312,7 +315,7 @@ fn cluster(hydrodynamics: Hydrodynamics) -> Configuration {
     }
 }
 
-/// Largest difference between a motion turned and the motion of what is turned.
+/// Largest difference between the rotated motion and the motion of the rotated configuration.
 fn turned(configuration: &Configuration, turn: &Matrix3<f64>) -> f64 {
     let mut other = configuration.clone();
     for list in [&mut other.centres, &mut other.forces, &mut other.torques] {
@@ -344,7 +347,7 @@ fn motion_turns_with_the_configuration() {
     for hydrodynamics in [
         Hydrodynamics::StokesianDynamics,
         Hydrodynamics::BallMelrose,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         let worst = turned(&cluster(hydrodynamics), turn.matrix());
         assert!(worst < 1e-10, "{hydrodynamics:?}: {worst:e}");
@@ -381,7 +384,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
     for hydrodynamics in [
         Hydrodynamics::StokesianDynamics,
         Hydrodynamics::BallMelrose,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         let radii = vec![1.0, 1.0, 1.4, 1.0];
         let layer = instant::solve(

@@ -1,4 +1,5 @@
-//! Recorded steps of every contact law, flowing and near jamming, each solved from the state before it.
+//! Recorded steps of every contact law, flowing and near jamming, each solved from the state before
+//! it.
 //!
 //! Their origin is described in `tests/data/README.md` at the repository's top.
 
@@ -21,7 +22,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// Whether the layer flows, whatever its friction.
+    /// Whether the layer flows at any friction.
     fn flows(&self) -> bool {
         let welds = self.params.contact.laws().tangential == TangentialLaw::StickRotate;
         self.params.area_fraction <= 0.693 && !welds
@@ -55,7 +56,7 @@ fn solve(law: &str, chosen: impl Fn(&Recorded) -> bool) {
         let sample = layer.step().unwrap();
         let counters = layer.counters();
         assert!(sample.viscosity.is_finite(), "{name}");
-        // Conditions hold wherever there is a motion that keeps the gaps.
+        // Conditions hold if an admissible motion exists.
         assert!(
             counters.worst_residual <= before.worst_residual.max(Quality::RESIDUAL_LIMIT),
             "{name}: {counters:?}"

@@ -46,7 +46,7 @@ fn suspension(segments: &[Segment]) -> Params {
     }
 }
 
-/// The same with soft spheres, whose springs remember.
+/// The same with soft spheres, whose springs have a memory.
 fn springs(segments: &[Segment]) -> Params {
     Params {
         contact: ContactScheme::Laws(ContactLaws::linear_spring(
@@ -149,7 +149,7 @@ fn spheres_out_of_range_of_others_move_with_the_flow() {
 fn a_step_is_the_instant_of_its_configuration_and_flow() {
     for (hydrodynamics, tolerance) in [
         (Hydrodynamics::BallMelrose, 1e-9),
-        // The far field of runs is iterated, that of so few spheres at an instant is not.
+        // The far field of runs is iterated, but not that of an instant of so few spheres.
         (Hydrodynamics::StokesianDynamics, 1e-5),
     ] {
         let params = dilute(&[crossed(0.0, 0.3, 2.0)], hydrodynamics);
@@ -199,7 +199,8 @@ fn a_step_is_the_instant_of_its_configuration_and_flow() {
 
 #[test]
 fn half_the_time_step_changes_a_run_hardly_more_than_without_cross_shear() {
-    // What is left is the end of the lubrication range, which pairs cross within a step.
+    // The remaining error is from the end of the lubrication range, which pairs cross within a
+    // step.
     let change = |segments: &[Segment]| {
         let [coarse, fine] = [0.02, 0.01].map(|time_step| {
             let params = Params {
@@ -222,13 +223,14 @@ fn half_the_time_step_changes_a_run_hardly_more_than_without_cross_shear() {
     assert!(without < 1e-4, "{without:.1e}");
 }
 
-/// Where the cell is cut makes no difference: its images move exactly as the flow does, contacts across the cut included.
+/// The position of the cell boundary has no effect: images move exactly with the flow, contacts
+/// across the boundary included.
 #[test]
 fn a_run_does_not_depend_on_where_the_cell_is_cut() {
     for params in [suspension, springs] {
         let params = params(&[crossed(0.0, 0.2, 10.0)]);
         let mut whole = begin(&params, 4);
-        // Away from a fixed set of contacts friction jumps, and rounding would decide.
+        // Without a fixed active set friction jumps, and rounding would determine it.
         steps(&mut whole, 30);
         let mut moved = whole.snapshot();
         let cell = whole.cell_at(whole.strain()).unwrap();
@@ -259,7 +261,7 @@ fn rigid_contacts_keep_their_gaps() {
 }
 
 #[test]
-fn a_run_goes_on_with_the_same_bits_from_every_step() {
+fn a_run_resumes_with_the_same_bits_from_every_step() {
     let segments = [
         Segment::default(),
         crossed(0.1, 0.3, 5.0),

@@ -20,7 +20,7 @@ fn spheres_pass() {
     pair::main().expect("the example of a pair");
 }
 
-/// The tables of the hard runs that these options ask for.
+/// The tables of the hard runs with these options.
 fn hard_runs(options: &str) -> String {
     let options = ["hard"].into_iter().chain(options.split(' '));
     let part = hard::Part::try_parse_from(options).expect("options of the example");
@@ -39,7 +39,8 @@ fn easy_runs_of_every_law_are_done() {
     assert!(tables.contains("None failed"), "{tables}");
 }
 
-/// Problems that take the most: none fails, none takes a minute, and nearly all are solved in runs that do not jam.
+/// The most expensive problems: none fails, none takes a minute, and nearly all are solved in runs
+/// that do not jam.
 #[test]
 fn hardest_problems_end() {
     for options in [
@@ -67,7 +68,8 @@ fn hardest_problems_end() {
 
 #[test]
 fn hard_run_that_is_refused_is_told_with_its_options() {
-    // Ten spheres have no room for the lubrication cut-off; roughness 0.4 leaves discs larger than the plane.
+    // Ten spheres have no room for the lubrication cut-off; roughness 0.4 leaves discs larger than
+    // the plane.
     let options = "--law rigid+coulomb --area-fraction 0.84 --friction 1 --roughness 0.01 --spheres 10 --seeds 1 --first-seed 2";
     let tables = hard_runs(options);
     assert!(

@@ -70,7 +70,7 @@ fn with(contact: ContactScheme, rolling_friction: f64, adhesion: f64) -> Contact
     })
 }
 
-/// Every kind of law: what depends on the critical load is nothing, a set, or all forces.
+/// Every kind of law: nothing, the active set, or all forces depend on the critical load.
 fn schemes() -> Vec<ContactScheme> {
     use FrictionOnset::{CriticalLoad, Reduced};
     use TangentialLaw::{Coulomb, RollSlip, StickRotate, StickSlide};
@@ -107,8 +107,9 @@ fn stress_is_viscosity_times_rate_under_every_law() {
         }
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
-        // Of every stage, not of those sampled alone: what misses of the balance counts as a residual.
-        // Spheres that weld together come close to jamming, and their gaps hold to what counts as solved only.
+        // For every stage, not only sampled ones: the deviation from the balance counts as a
+        // residual. Spheres under stick-rotate come close to jamming, and their gaps hold only to
+        // the tolerance of the solver.
         let welds = contact.laws().tangential == TangentialLaw::StickRotate;
         let limit = if welds { Quality::RESIDUAL_LIMIT } else { 1e-9 };
         assert!(counters.worst_residual < limit, "{contact:?}");
@@ -145,7 +146,8 @@ fn without_friction_the_path_is_that_of_the_imposed_rate() {
 #[test]
 fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     use FrictionOnset::Reduced;
-    // Rigid contacts are sampled in the middle of the step, where the rate is not quite that of its first stage.
+    // Rigid contacts are sampled in the middle of the step, where the rate is not quite that of its
+    // first stage.
     for (contact, close) in [
         (rigid(TangentialLaw::Coulomb, Reduced), 1e-6),
         (soft(TangentialLaw::Coulomb, Reduced, 0.0), 1e-7),
@@ -180,7 +182,8 @@ fn viscosity_is_that_of_the_imposed_rate_which_was_found() {
     }
 }
 
-/// Viscosity of the layer where a soft step begins, at the rate that the sample has, solved as a single instant.
+/// Viscosity of the layer at the start of a soft step, at the rate of the sample, solved as a
+/// single instant.
 fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
     let configuration: Configuration = Configuration {
         centres: snapshot
@@ -255,7 +258,7 @@ fn reversed_shear_is_the_mirror_image() {
         direction,
         ..forward.clone()
     };
-    // The layer sheared on is its mirror image sheared the other way.
+    // Continued shear of the layer equals reversed shear of its mirror image.
     let (on, a) = run(&from(layer(1.0), 1.0), 1, 40);
     let (mirrored, b) = run(&from(layer(-1.0), -1.0), 1, 40);
     for (one, two) in on.iter().zip(&mirrored) {
@@ -267,14 +270,15 @@ fn reversed_shear_is_the_mirror_image() {
     for (x, y) in a.orientations.iter().zip(&b.orientations) {
         assert!((x + y).abs() < 1e-6);
     }
-    // Reversed, its contacts open: the layer flows more easily than before and than it would going on.
+    // After the reversal its contacts open: the layer flows more easily than before and than under
+    // continued shear.
     let (back, _) = run(&from(layer(1.0), -1.0), 1, 40);
     assert!(back[0].viscosity < on[0].viscosity);
     assert!(back.iter().all(|sample| sample.viscosity > 1.0));
 }
 
 #[test]
-fn run_that_begins_with_the_end_of_another_goes_on_as_that_does() {
+fn run_from_the_end_of_another_continues_like_that() {
     let springs = soft(TangentialLaw::StickSlide, FrictionOnset::Reduced, 0.0);
     for contact in [
         rigid(TangentialLaw::Coulomb, FrictionOnset::CriticalLoad),
@@ -313,8 +317,8 @@ fn estimate(params: &Params) -> (f64, f64) {
     (mean, squares / (n * (n - 1.0)))
 }
 
-/// Below, in and above the rise, which is smooth at this area fraction: 3 standard errors at most between the viscosity at a stress and
-/// that at the rate which the stress leads to.
+/// Below, in and above the thickening, which is smooth at this area fraction: at most 3 standard
+/// errors between the viscosity at a stress and that at the resulting rate.
 fn curves_agree(contact: ContactScheme) {
     let mut viscosities = Vec::new();
     for stress in [0.03, 0.3, 30.0] {
@@ -354,8 +358,8 @@ fn curves_of_imposed_stress_and_rate_agree_under_springs() {
 }
 
 #[test]
-fn soft_layers_that_give_way_at_once_are_moved_in_shorter_steps() {
-    // In one piece a step of this layer would let spheres overlap by more than they may.
+fn very_soft_layers_are_moved_in_shorter_steps() {
+    // An undivided step of this layer would let spheres overlap too much.
     let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
     let params = Params {
         spheres: 30,

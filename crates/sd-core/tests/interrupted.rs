@@ -1,5 +1,5 @@
-//! Runs that are interrupted and go on from their snapshots, in layers and suspensions, under every contact law: they have the bits of
-//! those that are not.
+//! Interrupted runs, resumed from their snapshots, in layers and suspensions, under every contact
+//! law, have the bits of uninterrupted ones.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -20,7 +20,7 @@ use sd_core::{
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
 const NEAR: Hydrodynamics = Hydrodynamics::BallMelrose;
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 /// The paper's law, an onset of friction that others do not have, and the rest.
 fn all_schemes() -> Vec<ContactScheme> {
@@ -45,7 +45,7 @@ fn layer(spheres: usize, contact: ContactScheme, hydrodynamics: Hydrodynamics) -
 /// The smallest dense suspension of two sizes.
 fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     let volume_fraction = if contact.laws().tangential == TangentialLaw::StickRotate {
-        // Spheres that weld together jam far earlier than others.
+        // Spheres under stick-rotate jam much earlier than others.
         0.4
     } else if hydrodynamics == FULL {
         0.45
@@ -70,7 +70,8 @@ fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     params
 }
 
-/// What a run with these parameters may begin with: sheared until spheres touch, under springs and lubrication, which cost least.
+/// A start for runs with these parameters: sheared until spheres touch, under springs and
+/// lubrication, which is cheapest.
 fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
     let springs = ContactLaws {
         stiffness_unit: StiffnessUnit::Flow,
@@ -96,7 +97,7 @@ fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
     }
 }
 
-/// A run that goes on from what its snapshot is as text.
+/// A run resumed from the text form of its snapshot.
 fn resumed<S: Started>(params: &Params, run: &Simulation<S>, tables: &NearFields) -> Simulation<S> {
     let snapshot: Snapshot<S> = serde_json::from_str(&text(&run.snapshot())).unwrap();
     Simulation::from_snapshot(params, snapshot, tables).unwrap()
@@ -107,7 +108,7 @@ fn text(what: &impl serde::Serialize) -> String {
     serde_json::to_string(what).unwrap()
 }
 
-/// Goes on from a start, once at a stretch and once interrupted twice.
+/// Runs from a start, once uninterrupted and once interrupted twice.
 fn check<S: Started>(params: &Params, start: &Snapshot<S>, tables: &NearFields) {
     let what = format!("{:?}, {:?}", params.hydrodynamics, params.contact);
     let mut start = start.clone();
@@ -137,7 +138,7 @@ fn check<S: Started>(params: &Params, start: &Snapshot<S>, tables: &NearFields) 
     }
 }
 
-/// Without this much to remember the test is none.
+/// Without this much memory the test would be void.
 fn check_memory<S: Space>(memory: &ContactMemory<S>, laws: &ContactLaws, what: &str) {
     let none = S::Tangent::default();
     let any = |list: &[(u32, u32, S::Tangent)]| list.iter().any(|force| force.2 != none);
@@ -163,7 +164,7 @@ fn check_all<S: Started>(
     make: impl Fn(ContactScheme, Hydrodynamics) -> Params,
 ) {
     let tables = NearFields::default();
-    // Spheres that weld together begin with a start of their own.
+    // Spheres under stick-rotate have their own start.
     let mut starts: Vec<Snapshot<S>> = Vec::new();
     for contact in schemes {
         for &hydrodynamics in hydrodynamics {
@@ -191,7 +192,7 @@ fn layers_go_on_with_the_same_bits() {
 }
 
 #[test]
-fn layers_of_sparse_matrices_go_on_with_the_same_bits() {
+fn layers_of_sparse_matrices_resume_with_the_same_bits() {
     check_all::<Layer>(
         all_schemes(),
         &[FULL, NEAR, LUBRICATION],
@@ -205,7 +206,7 @@ fn suspensions_go_on_with_the_same_bits() {
 }
 
 #[test]
-fn suspensions_in_full_stokesian_dynamics_go_on_with_the_same_bits() {
+fn suspensions_in_full_stokesian_dynamics_resume_with_the_same_bits() {
     check_all::<Bulk>(all_schemes(), &[FULL], suspension);
 }
 
@@ -219,7 +220,7 @@ fn under_stress(params: Params) -> Params {
 }
 
 #[test]
-fn layers_under_an_imposed_stress_go_on_with_the_same_bits() {
+fn layers_under_an_imposed_stress_resume_with_the_same_bits() {
     let mut schemes = all_schemes();
     schemes.push(ContactScheme::Procedure);
     check_all::<Layer>(schemes, &[NEAR], |contact, hydrodynamics| {

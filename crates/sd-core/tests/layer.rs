@@ -28,7 +28,7 @@ fn params() -> Params {
     }
 }
 
-/// Samples of a run over some steps, and where it ended.
+/// Samples of a run over some steps, and its end.
 fn run(params: &Params, seed: u64, steps: u64) -> (Vec<Sample>, Snapshot) {
     let mut simulation =
         Simulation::<sd_core::Layer>::new(params, seed, &NearFields::default()).unwrap();
@@ -126,7 +126,8 @@ fn one_sphere_in_a_large_cell_gives_the_dilute_limit() {
             (sample.viscosity - 1.0) / area_fraction
         };
         assert!((excess(1e-4) - 5.0 / 3.0).abs() < 1e-5);
-        // Images in the layer matter at order c^(3/2): eight times less at a quarter of the cell's density.
+        // Images in the layer matter at order c^(3/2): eight times less at a quarter of the cell's
+        // density.
         let deviation = |c| (excess(c) - 5.0 / 3.0).abs();
         if hydrodynamics == Hydrodynamics::StokesianDynamics {
             let ratio = deviation(0.02) / deviation(0.005);
@@ -165,9 +166,9 @@ fn near_jamming_every_stage_is_converged_or_counted() {
     };
     let (samples, snapshot) = run(&dense, 1, 400);
     let counters = snapshot.counters;
-    // Two a step, but in the first ones, whose contacts bear nothing yet.
+    // Two per step, except in the first ones, without loaded contacts.
     assert!((800..840).contains(&counters.stages), "{counters:?}");
-    // The condition of the problem, not luck: contacts come close to the isostatic 2N.
+    // A condition of the test: contacts come close to the isostatic 2N.
     assert!(samples.iter().any(|s| s.contacts > 160));
     assert!(counters.worst_residual < 1e-8, "{counters:?}");
     assert!(counters.worst_friction_error < 1e-6 || counters.unconverged_stages > 0);
@@ -185,7 +186,7 @@ fn a_step_in_which_spheres_would_overlap_is_halved() {
     };
     let (samples, snapshot) = run(&jamming, 2, 50);
     assert!(snapshot.counters.stages > 110, "no step was halved");
-    // One sample per step all the same, and gaps that held.
+    // Still one sample per step, and the gaps held.
     let strains: Vec<f64> = samples.iter().map(|s| s.strain).collect();
     assert!((0..50).all(|k| (strains[k] - 0.02 * k as f64).abs() < 1e-12));
     assert!(snapshot.counters.minimum_gap > 0.8 * 0.01);
@@ -214,7 +215,7 @@ fn overlap_ends_a_procedure_run_with_step_and_pair() {
         Simulation::<sd_core::Layer>::new(&dense, 1, &NearFields::default()).unwrap();
     let failure = (0..1000).find_map(|_| simulation.step().err());
     let Some(Error::Step { source, strain, .. }) = failure else {
-        panic!("the procedure cannot hold this layer for five strains, yet it went on");
+        panic!("the procedure cannot hold this layer for five strains, but did so");
     };
     assert!(matches!(*source, Error::Overlap { gap, .. } if gap <= 0.0));
     assert!(strain > 0.0);
@@ -340,8 +341,8 @@ fn without_contacts_five_strains_are_reversible() {
 
 #[test]
 fn order_in_time_is_four() {
-    // Three spheres that stay within each other's lubrication range: where a pair enters or leaves it, its term jumps by
-    // about 1e-4 of the drag, which no integrator follows at fourth order.
+    // Three spheres that stay within each other's lubrication range: where a pair enters or leaves
+    // it, its term jumps by about 1e-4 of the drag, which no integrator follows at fourth order.
     let start = start::Start {
         radii: vec![1.0; 3],
         centres: vec![

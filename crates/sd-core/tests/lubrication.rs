@@ -1,4 +1,5 @@
-//! Leading-order lubrication: against a published code, by identities, and with every law of contact.
+//! Leading-order lubrication: against a published code, by identities, and with every law of
+//! contact.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -14,7 +15,7 @@ use sd_core::{
 };
 use serde_json::Value;
 
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 fn reference() -> Value {
     let path = concat!(
@@ -97,7 +98,8 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
         let viscosity =
             instant.stress.unwrap().viscosity / case["viscosity"].as_f64().unwrap() - 1.0;
         assert!(viscosity.abs() < 0.005, "viscosity: {viscosity:.4}");
-        // With the exact pair functions the forces are plainly others: the agreement is that of the model.
+        // With the exact pair functions the forces differ clearly, so the agreement is specific to
+        // the model.
         let exact = Configuration {
             hydrodynamics: Hydrodynamics::BallMelrose,
             // The exact functions need gaps.
@@ -153,7 +155,8 @@ fn resistance_is_symmetric_and_positive_definite_where_spheres_overlap() {
             let v = (0..270).map(|k| (seed * f64::from(k)).sin()).collect();
             (v, Vector3::new(seed.cos(), seed.sin(), 0.5))
         };
-        // v'R w of motions and strains common to all spheres, as forces on v and stresslets on the strain.
+        // v'R w of motions and strains common to all spheres, as forces on v and stresslets on the
+        // strain.
         let form = |(v, e): &(Vec<f64>, Vector3<f64>), (w, strain): &(Vec<f64>, Vector3<f64>)| {
             let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
             resistance.apply(w, strain, &mut work, &mut forces, &mut stresslets);
@@ -176,7 +179,7 @@ fn params(contact: ContactScheme) -> Params {
     common::small_layer(contact, LUBRICATION)
 }
 
-/// Every normal law with every tangential law it goes with.
+/// Every normal law with every compatible tangential law.
 fn schemes() -> Vec<ContactScheme> {
     let mut all = vec![ContactScheme::Rigid];
     for tangential in [
@@ -284,7 +287,7 @@ fn field(stiffness: f64) -> ContactScheme {
 }
 
 #[test]
-fn smooth_springs_overlap_by_what_their_forces_ask_for() {
+fn smooth_springs_overlap_according_to_their_forces() {
     let params = Params {
         roughness: 0.0,
         ..params(field(1e4))
@@ -353,7 +356,7 @@ fn springs_in_units_of_the_flow_have_plateaus() {
         let mut layer = run(&params, 9, 150);
         layer.step().unwrap().viscosity
     };
-    // Friction that never acts is none; a load of next to nothing is that of the upper plateau.
+    // Inactive friction is none; a negligible critical load is the upper plateau.
     assert_eq!(viscosity(0.0, 0.5).to_bits(), viscosity(0.0, 0.0).to_bits());
     let (limit, near) = (viscosity(f64::INFINITY, 0.5), viscosity(1e9, 0.5));
     assert!((near / limit - 1.0).abs() < 1e-3, "{near} {limit}");

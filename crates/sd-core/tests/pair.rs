@@ -1,25 +1,25 @@
-//! The paper's Fig. 8: two spheres driven past each other.
+//! The paper's Fig. 8: two spheres moving past each other.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::pair::{Passed, Passing, pass};
+use sd_core::pair::{PairScenario, PairTrajectory, pass};
 use sd_core::{Error, NearFields};
 
-fn case(size_ratio: f64, contact: Option<(f64, f64)>) -> Passed {
-    let passing = Passing {
+fn case(size_ratio: f64, contact: Option<(f64, f64)>) -> PairTrajectory {
+    let scenario = PairScenario {
         size_ratio,
         contact,
         offset: 0.25 * size_ratio,
         start: 5.0 + size_ratio,
         time_step: 0.2,
     };
-    pass(&passing, &NearFields::default()).unwrap()
+    pass(&scenario, &NearFields::default()).unwrap()
 }
 
 #[test]
 fn figure_8_for_equal_spheres() {
     let free = case(1.0, None);
-    // Fore-aft symmetric, each sphere turned by almost a quarter.
+    // Fore-aft symmetric, each sphere rotated by almost a quarter turn.
     assert!(
         (free.final_offset - 0.25).abs() < 1e-4,
         "{}",
@@ -33,7 +33,7 @@ fn figure_8_for_equal_spheres() {
     assert!(touching.minimum_gap > 0.98 * 0.05);
     assert!(touching.final_offset > free.final_offset + 0.05);
     assert!(touching.time < free.time);
-    let turn = |p: &Passed| p.rotation_degrees[0].abs();
+    let turn = |p: &PairTrajectory| p.rotation_degrees[0].abs();
     assert!(turn(&touching) < turn(&free) - 3.0);
     let little = case(1.0, Some((0.05, 0.1)));
     let much = case(1.0, Some((0.05, 0.5)));
@@ -43,7 +43,7 @@ fn figure_8_for_equal_spheres() {
 
 #[test]
 fn the_small_sphere_of_an_unequal_pair_turns_most() {
-    // Aimed as squarely as in the figure: at a quarter of the large sphere's radius.
+    // An offset as in the figure: a quarter of the large sphere's radius.
     for (ratio, times) in [(2.0, 1.2), (10.0, 4.0)] {
         let free = case(ratio, None);
         assert!(
@@ -57,14 +57,14 @@ fn the_small_sphere_of_an_unequal_pair_turns_most() {
 
 #[test]
 fn head_on_spheres_are_refused() {
-    let passing = Passing {
+    let scenario = PairScenario {
         size_ratio: 1.0,
         contact: None,
         offset: 0.0,
         start: 5.0,
         time_step: 0.2,
     };
-    let refused = pass(&passing, &NearFields::default());
+    let refused = pass(&scenario, &NearFields::default());
     assert!(matches!(
         refused,
         Err(Error::OutOfRange {

@@ -1,4 +1,5 @@
-//! Layers whose resistance is held pair by pair against the same layers with all of `R_FU` factored.
+//! Layers with the resistance stored pair by pair against the same layers with the full factor of
+//! `R_FU`.
 
 #![expect(
     clippy::panic,
@@ -19,9 +20,9 @@ use sd_core::{
     StageSolver, TangentialLaw,
 };
 
-/// Spheres from which on layers are held pair by pair.
+/// Minimum number of spheres for pairwise storage.
 const PAIRWISE: usize = 100;
-/// Spheres from which on the far field is iterated.
+/// Minimum number of spheres for an iterated far field.
 const ITERATED: usize = 160;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
@@ -77,7 +78,7 @@ fn sheared(params: &Params, steps: u64) -> Layer {
     Layer::of(&simulation)
 }
 
-/// The same layer, sheared on for some steps under laws of its own.
+/// The same layer, sheared further for some steps under given laws.
 fn sheared_on(mut snapshot: Snapshot, params: &Params, steps: u64) -> Layer {
     snapshot.memory = SchemeMemory::Laws(ContactMemory::default());
     snapshot.near_pairs.clear();
@@ -90,7 +91,7 @@ fn sheared_on(mut snapshot: Snapshot, params: &Params, steps: u64) -> Layer {
     Layer::of(&simulation)
 }
 
-/// One stage of a layer, held pair by pair or factored.
+/// One stage of a layer, stored pair by pair or factored.
 fn stage(layer: &Layer, laws: &Laws, lubrication_gap: f64, pairwise: bool) -> StageSolver {
     stage_under(
         Hydrodynamics::BallMelrose,
@@ -134,8 +135,8 @@ fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
-/// Compares velocities, forces and states; `limits`: of velocities and of forces, each over the largest. Returns how many contacts have
-/// friction.
+/// Compares velocities, forces and states; `limits`: of velocities and of forces, each over the
+/// largest. Returns how many contacts have friction.
 fn compare(
     found: &StageSolver,
     expected: &StageSolver,
@@ -155,7 +156,7 @@ fn compare(
     for c in &expected.contacts.list {
         let same = |o: &&Contact| o.pair.key() == c.pair.key();
         let Some(other) = found.contacts.list.iter().find(same) else {
-            // Another candidate than the rounds of the other layer took up.
+            // A candidate that the other layer did not include.
             assert!(c.normal_force <= limit, "{what:?}: {c:?}");
             continue;
         };
@@ -178,7 +179,8 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
         (0.75, 0.3, 40, 0.2, 1e-6),
         (0.75, 0.3, 40, 40.0, 1e-6),
         (0.75, 0.0, 40, 0.2, 1e-6),
-        // Near jamming forces of 10³ meet the compliance that only the factored layer has: 1e-7 of the velocities, amplified.
+        // Near jamming forces of 10³ meet the compliance that only the factored layer has: 1e-7 of
+        // the velocities, amplified.
         (0.8, 1.0, 60, 0.2, 1e-5),
     ] {
         let layer = sheared(&params(PAIRWISE, area_fraction, friction), steps);
@@ -202,7 +204,8 @@ fn velocities_forces_and_states_are_those_of_the_factored_layer() {
     }
 }
 
-/// All laws that go together, with either onset; some with a repulsion, rolling friction or adhesion besides, and the repulsion alone.
+/// All compatible laws, with either onset; some with a repulsion, rolling friction or adhesion, and
+/// the repulsion alone.
 fn all_laws() -> Vec<ContactLaws> {
     let mut all = Vec::new();
     for (normal, stiffness) in [
@@ -272,14 +275,15 @@ fn every_law_gives_the_motion_and_forces_of_the_factored_layer() {
 
 #[test]
 fn every_law_does_so_under_lubrication() {
-    // Friction has several right solutions in dense layers, of which each way may find its own: at 0.74 one law of these does.
-    laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::USUAL), 0.68);
+    // Friction has several valid solutions in dense layers, and the methods may find different
+    // ones: at 0.74 this happens for one of these laws.
+    laws_agree_under(Hydrodynamics::Lubrication(LeadingOrder::DEFAULT), 0.68);
 }
 
-/// Compares both ways under every law, in layers that were sheared under it.
+/// Compares both methods under every law, in layers that were sheared under it.
 fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
     for size_ratio in [1.0, 1.4] {
-        // Spheres that weld together jam far earlier than others.
+        // Spheres under stick-rotate jam much earlier than others.
         let at = |welds: bool| Params {
             size_ratio,
             hydrodynamics,
@@ -290,7 +294,7 @@ fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
         for chosen in all_laws() {
             let welds = chosen.tangential == TangentialLaw::StickRotate;
             let chosen = ContactLaws {
-                // Leading-order lubrication has a regularisation of its own.
+                // Leading-order lubrication has its own regularisation.
                 lubrication_gap: match hydrodynamics {
                     Hydrodynamics::Lubrication(_) => 0.0,
                     _ => chosen.lubrication_gap,
@@ -481,7 +485,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
         assert!(w > -1e-6 && c.normal_force >= 0.0, "{c:?}");
         assert!(w < 1e-8 || c.normal_force == 0.0, "{c:?}");
         assert!(c.tangential_force.abs() <= c.normal_force + 1e-7 * largest);
-        // What contacts exert on the spheres must be what the fluid resists with.
+        // Contact forces on the spheres must balance the resistance of the fluid.
         let (n, t) = (c.pair.normal, sd_core::contact::tangent(c.pair.normal));
         let on_j = n * c.normal_force - t * c.tangential_force;
         for (sphere, lever, sign) in [(c.pair.i, c.levers[0], -1.0), (c.pair.j, c.levers[1], 1.0)] {

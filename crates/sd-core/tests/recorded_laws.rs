@@ -1,8 +1,10 @@
-//! Instants and short runs of every contact law against those of the program before all laws became one problem.
+//! Instants and short runs of every contact law against those of an earlier program with separate
+//! solvers per law.
 //!
-//! The records and their origin are described in `tests/data/README.md` at the repository's top. Where friction begins with a jump, at a
-//! finite critical load, more than one set of contacts with friction can agree with itself, and the two programs may find different ones.
-//! Such instants are counted, and solved once more from the recorded forces: the recorded solution must then be found.
+//! The records and their origin are described in `tests/data/README.md` at the repository's top. If
+//! friction sets in with a jump at a finite critical load, several active sets can be consistent,
+//! and the two programs may find different ones. Such instants are counted, and solved again from
+//! the recorded forces: the recorded solution must then be found.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
@@ -26,7 +28,7 @@ use std::path::Path;
 
 /// Largest difference of velocities, forces and viscosities, over the largest of each.
 const LIMIT: f64 = 1e-6;
-/// Share of the instants at which friction may act on other contacts than it did.
+/// Maximum fraction of instants with another active set.
 const OTHER_SETS: f64 = 0.05;
 /// Relative residual of the iterated far field.
 const FAR_FIELD_RESIDUAL: f64 = 1e-7;
@@ -66,7 +68,7 @@ struct Solved {
     contradictions: usize,
 }
 
-/// What became of the records.
+/// Outcome of the records.
 #[derive(Debug, Default, PartialEq)]
 struct Tally {
     instants: u32,
@@ -128,14 +130,14 @@ impl Record {
         load > 0.0 && load.is_finite() && onset == FrictionOnset::CriticalLoad
     }
 
-    /// The ways of computing that apply.
+    /// The applicable methods of computing.
     fn methods(&self) -> Vec<Method> {
         match (self.params.contact, self.params.hydrodynamics) {
             (ContactScheme::Procedure, _) => vec![Method::Dense],
             (_, Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_)) => {
                 vec![Method::Dense, Method::Pairwise]
             }
-            // Near jamming the iteration may settle on another set of contacts with friction.
+            // Near jamming the iteration may converge to another active set.
             (_, Hydrodynamics::StokesianDynamics) if self.params.area_fraction <= 0.6 => {
                 vec![Method::Dense, Method::Iterated]
             }
@@ -184,7 +186,7 @@ impl Record {
             let pairs = self.instant.contacts.iter();
             #[expect(clippy::cast_possible_truncation, reason = "numbers of spheres")]
             let forces = pairs.map(|&(i, j, f, t)| {
-                // Which contacts slide must survive the rounding of the recorded digits.
+                // The set of sliding contacts must survive the rounding of the recorded digits.
                 let bound = surface.friction * f;
                 let slides = t.abs() > (1.0 - 1e-6) * bound;
                 let t = if slides { bound.copysign(t) } else { t };
@@ -229,7 +231,7 @@ impl Record {
         contacts.map(|&(i, j, f, t)| ((i, j), [f, t])).collect()
     }
 
-    /// What went wrong at the instant, if anything did.
+    /// The failure at the instant, if any.
     fn compare(&self, solved: &Solved, limit: f64) -> Option<String> {
         if !solved.quality.converged() {
             return Some(format!("{:?}", solved.quality));
@@ -251,7 +253,7 @@ impl Record {
         })
     }
 
-    /// Whether friction acts on other contacts than it did; forces near nothing count as none.
+    /// Whether friction acts on other contacts than recorded; negligible forces count as none.
     fn has_other_set(&self, solved: &Solved) -> bool {
         let expected = self.expected();
         let none = 1e-7 * largest(expected.values().flatten().copied());
@@ -299,7 +301,8 @@ fn check(law: &str) -> (Tally, Vec<String>) {
         let mut other = false;
         for method in record.methods() {
             tally.instants += 1;
-            // The far field is iterated to a relative residual of 1e-7 over all spheres: single velocities are less exact.
+            // The far field is iterated to a relative residual of 1e-7 over all spheres: single
+            // velocities are less exact.
             let limit = if method == Method::Iterated {
                 10.0 * LIMIT
             } else {
@@ -347,7 +350,8 @@ fn check(law: &str) -> (Tally, Vec<String>) {
             tally.runs += 1;
             let error = (found.0 / recorded.0 - 1.0).abs();
             if error > LIMIT {
-                // At a stage within the step friction may act on other contacts, which the record does not show.
+                // At a stage within the step friction may act on other contacts, which is not
+                // recorded.
                 println!("{what}, step {step}: viscosity {error:.1e}, {other}");
                 tally.other_runs += 1;
                 break;

@@ -1,4 +1,5 @@
-//! Agreement with numbers computed independently of this program; `tests/data/README.md` says where they come from.
+//! Agreement with numbers computed independently of this program; their sources are in
+//! `tests/data/README.md`.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,7 +13,8 @@ use sd_core::modes::{Background, Vec2};
 use sd_core::{Hydrodynamics, NearFields};
 use serde_json::Value;
 
-/// Compares one instant with one part of the file, to `tolerance` of the largest number of each kind.
+/// Compares one instant with one part of the file, to `tolerance` of the largest number of each
+/// kind.
 fn compare(instant: &SolvedConfiguration, part: &Value, what: &str, tolerance: f64) {
     let velocities: Vec<f64> = vectors::<2>(&part["velocity_disturbance"])
         .iter()
@@ -103,9 +105,10 @@ fn layers_under_shear() {
             forces: vec![Vec2::zeros(); n],
             torques: vec![0.0; n],
         };
-        // The `full` numbers carry noise of their own. Ours move by less than 1e-8 when the Ewald parameter goes from 0.2 to
-        // 0.8 and its tolerance from 1e-8 to 1e-12, and the mobility agrees with a brute-force lattice sum to 1e-8
-        // (far_field/tests.rs); the differences look random from sphere to sphere. Hence two more tolerances.
+        // The `full` numbers have their own noise. Ours move by less than 1e-8 when the Ewald
+        // parameter goes from 0.2 to 0.8 and its tolerance from 1e-8 to 1e-12, and the mobility
+        // agrees with a brute-force lattice sum to 1e-8 (far_field/tests.rs); the differences look
+        // random from sphere to sphere. Hence two more tolerances.
         for (name, hydrodynamics, alone_to, halted_to) in [
             ("ball_melrose", Hydrodynamics::BallMelrose, 1e-6, 1e-6),
             ("full", Hydrodynamics::StokesianDynamics, 4e-6, 2e-5),

@@ -30,7 +30,7 @@ fn layer(segments: &[Segment]) -> Params {
     }
 }
 
-/// The same with soft spheres, whose springs remember.
+/// The same with soft spheres, whose springs have a memory.
 fn springs(segments: &[Segment]) -> Params {
     Params {
         contact: ContactScheme::Laws(ContactLaws::linear_spring(
@@ -151,7 +151,7 @@ fn oscillation_takes_the_time_of_a_sine() {
     assert!((cycle - 0.2 * std::f64::consts::TAU).abs() < 1e-12);
 }
 
-/// The viscosity of a layer without contacts, as it lies at the end of a run.
+/// The viscosity of the layer at the end of a run, without contacts.
 fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
     let StartLayer { side, offset, .. } = snapshot.layer(params);
     let configuration: Configuration = Configuration {
@@ -176,7 +176,8 @@ fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
     solved.stress.unwrap().viscosity
 }
 
-/// Contact stresses in the last step before a reversal and in the first after it, and the snapshot between.
+/// Contact stresses in the last step before a reversal and in the first after it, and the snapshot
+/// between.
 fn reversed(params: &Params, seed: u64) -> ([f64; 2], Sample, Snapshot) {
     let mut run = begin(params, seed);
     let before = *steps(&mut run, count(1.5, params.time_step))
@@ -204,7 +205,8 @@ fn reversal() -> [Segment; 2] {
 
 #[test]
 fn contacts_bear_next_to_nothing_at_the_first_instant_after_a_reversal() {
-    // Pairs that others had pressed together along the extension are compressed by the flow now: 4 % of the contact stress is left.
+    // Pairs that were pressed together by others along the extension axis are now compressed by the
+    // flow: 4 % of the contact stress remains.
     let (mut before, mut after) = (0.0, 0.0);
     for seed in 1..=8 {
         let ([loaded, unloaded], ..) = reversed(&layer(&reversal()), seed);
@@ -227,7 +229,8 @@ fn contacts_bear_next_to_nothing_at_the_first_instant_after_a_reversal() {
         );
         if unloaded == 0.0 {
             open += 1;
-            // What the fluid bears is linear in the flow: without contacts the layer is as viscous either way.
+            // The hydrodynamic stress is linear in the flow: without contacts the viscosity is the
+            // same in both directions.
             let alone = without_contacts(&snapshot, &params);
             assert!((first.viscosity / alone - 1.0).abs() < 1e-9);
         }
@@ -298,7 +301,7 @@ fn a_segment_goes_on_as_a_run_that_begins_with_the_layer() {
 }
 
 #[test]
-fn a_run_goes_on_with_the_same_bits_from_every_step() {
+fn a_run_resumes_with_the_same_bits_from_every_step() {
     for params in [layer, springs] {
         let params = params(&protocol());
         params.validate().unwrap();

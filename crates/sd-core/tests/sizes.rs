@@ -34,7 +34,8 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     }
 }
 
-/// Viscosity of the start of seed 1 in simple shear, with radii changed by a share of each that grows from sphere to sphere.
+/// Viscosity of the start of seed 1 in simple shear, with radii changed by a relative amount that
+/// grows from sphere to sphere.
 fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
     let start = S::start(params, 1).unwrap();
     let radii = start.radii.iter().enumerate();
@@ -56,7 +57,8 @@ fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f
 
 #[test]
 fn many_sizes_go_over_into_a_few_as_they_come_together() {
-    // Three sizes have tables of their own; as many sizes as spheres, each within 1e-9 of these, have one table of all size ratios.
+    // Three sizes have tables of their own; as many sizes as spheres, each within 1e-9 of these,
+    // have one table of all size ratios.
     let sizes = "1:0.4 1.3:0.3 1.9:0.3";
     let tables = NearFields::default();
     let check = |params: &Params| {
@@ -78,7 +80,7 @@ fn many_sizes_go_over_into_a_few_as_they_come_together() {
     for hydrodynamics in [
         Hydrodynamics::BallMelrose,
         Hydrodynamics::StokesianDynamics,
-        Hydrodynamics::Lubrication(LeadingOrder::USUAL),
+        Hydrodynamics::Lubrication(LeadingOrder::DEFAULT),
     ] {
         // The far field of the larger layer and suspension is iterated.
         for spheres in [50, 150] {
@@ -104,7 +106,7 @@ fn check_interrupted<S: Started>(params: &Params) {
     let whole_samples: Vec<_> = (0..12).map(|_| whole.step().unwrap()).collect();
     let mut first = Simulation::<S>::new(params, 3, &tables).unwrap();
     let mut samples: Vec<_> = (0..5).map(|_| first.step().unwrap()).collect();
-    // Of another process, which has made its tables anew.
+    // As in another process, with new tables.
     let mut second =
         Simulation::<S>::from_snapshot(params, first.snapshot(), &NearFields::default()).unwrap();
     samples.extend((0..7).map(|_| second.step().unwrap()));
@@ -113,7 +115,7 @@ fn check_interrupted<S: Started>(params: &Params) {
 }
 
 #[test]
-fn interrupted_runs_of_many_sizes_go_on_to_the_bit() {
+fn interrupted_runs_of_many_sizes_resume_with_the_same_bits() {
     check_interrupted::<Layer>(&layer(60, 0.7, "lognormal 0.2"));
     check_interrupted::<Bulk>(&suspension(140, 0.4, "schulz 0.15"));
 }

@@ -1,7 +1,8 @@
-//! One instant of a published code of soft spheres (LF_DEM) in three dimensions: springs, friction, leading-order lubrication, two sizes.
+//! One instant of a published code of soft spheres (LF_DEM) in three dimensions: springs, friction,
+//! leading-order lubrication, two sizes.
 //!
-//! The model of that code differs from ours where spheres overlap, and in its stress; the test puts the differences in, from tables of
-//! coefficients of its own, and then expects the same numbers:
+//! The model of that code differs from ours where spheres overlap, and in its stress; the test adds
+//! the differences, from its own tables of coefficients, and then expects the same numbers:
 //!
 //! | | that code | ours |
 //! | --- | --- | --- |
@@ -119,8 +120,8 @@ fn symmetric(a: Vector, b: Vector) -> Matrix3<f64> {
     0.5 * (a * b.transpose() + b * a.transpose())
 }
 
-/// Leading orders of a pair by that code's table of coefficients, for 6 π μ = 1: entries 11, 12, 21, 22 of each function, without the
-/// factor of the gap.
+/// Leading orders of a pair by that code's table of coefficients, for 6 π μ = 1: entries 11, 12,
+/// 21, 22 of each function, without the factor of the gap.
 struct Coefficients {
     x_a: [f64; 4],
     y_a: [f64; 4],
@@ -191,7 +192,8 @@ impl Coefficients {
         for (one, other) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             let k = 2 * one + other;
             let a = along * (x * self.x_a[k]) + across * (y * self.y_a[k]);
-            // The force of a sphere by the rotation of the other is the torque of that one by its velocity, transposed.
+            // The force of a sphere by the rotation of the other is the torque of that one by its
+            // velocity, transposed.
             let (b, transposed) = (y * self.y_b[2 * other + one], y * self.y_b[k]);
             drag[one] -= a * v[other] + n.cross(&w[other]) * b;
             drag[2 + one] -=
@@ -238,7 +240,7 @@ impl Coefficients {
         sum
     }
 
-    /// What Y^M in place of Y^H adds to the stresslets of both.
+    /// Change of the stresslets of both by Y^M in place of Y^H.
     fn mistaken(&self, n: Vector, y: f64, w: [Vector; 2]) -> Matrix3<f64> {
         let of =
             |k: usize| symmetric(n, w[k % 2].cross(&n)) * (2.0 * y * (self.y_h[k] - self.y_m[k]));
@@ -256,7 +258,7 @@ impl Instant {
         self.file[key].as_f64().unwrap()
     }
 
-    /// The pairs with lubrication, as our resistance finds them.
+    /// The pairs with lubrication in our resistance.
     fn pairs(&self) -> Vec<Neighbours<Bulk>> {
         let Configuration {
             hydrodynamics,
@@ -290,7 +292,8 @@ impl Instant {
         [[1.0 / delta, -delta.ln()], dashpot]
     }
 
-    /// Our motion under that code's springs, with what our lubrication of overlapping spheres has besides its dashpots taken off.
+    /// Our motion under that code's springs, with the lubrication of overlapping spheres reduced to
+    /// its dashpots.
     fn moved(&self) -> SolvedConfiguration<Bulk> {
         let mut configuration = self.configuration.clone();
         let [ours, dashpot] = self.factors();
@@ -356,7 +359,8 @@ fn spring_forces_are_those_of_a_published_code() {
     let instant = instant();
     let friction = instant.number("friction");
     let mut compared = 0;
-    // There the stiffness grows with the mean radius of a pair, so that each mean has a law of its own here.
+    // There the stiffness grows with the mean radius of a pair, so that each mean has a law of its
+    // own here.
     for mean in [1.0, 1.2, 1.4] {
         let stiffness = |key: &str| instant.number(key) * mean * UNIT;
         let laws = Laws {

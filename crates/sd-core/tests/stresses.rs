@@ -1,4 +1,5 @@
-//! All components of the stress by their causes: each against a calculation of its own, and against symmetries.
+//! All components of the stress by cause: each against a separate calculation, and against
+//! symmetries.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,7 +13,7 @@ use sd_core::{
 };
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Springs that slide, with a repulsion besides: every part of the stress is there.
+/// Sliding springs with a repulsion: every part of the stress occurs.
 fn params() -> Params {
     Params {
         spheres: 40,
@@ -74,7 +75,8 @@ fn volume(configuration: &Configuration) -> f64 {
     2.0 * mean * configuration.cell.content().unwrap()
 }
 
-/// Stress `[xx, yy, zz, xy]` of forces on the second sphere of pairs, by `−r ⊗ F`, its symmetric part.
+/// Stress `[xx, yy, zz, xy]` of forces on the second sphere of pairs, by `−r ⊗ F`, its symmetric
+/// part.
 fn moment(pairs: &[Contact], force: impl Fn(&Contact) -> Vec2) -> [f64; 4] {
     let mut sum = [0.0; 4];
     for c in pairs {
@@ -138,7 +140,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
     close(stress.viscosity, 1.0 + sum / volume, 1.0);
     assert_eq!(stress.viscosity, 1.0 + c.shear.total());
     assert_eq!(stress.viscosity_stresslet, 1.0 + c.shear.hydrodynamic);
-    // What the stress does is what friction, contacts and fluid take.
+    // The power of the stress equals the dissipation by friction, contacts and fluid.
     let taken = stress.dissipation + instant.contact_power() / volume;
     close(c.shear.total(), taken, c.shear.total());
 }
@@ -180,7 +182,8 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
     close(n2.normal_contact, -0.5 * per_force, per_force);
     close(particle_pressure.normal_contact, per_force / 3.0, per_force);
     close(particle_pressure.total(), per_force / 3.0, per_force);
-    // Two spheres apart have the stresslet (20/3) pi E each; nothing dissipates less than spheres that move freely.
+    // Two spheres apart have the stresslet (20/3) pi E each; nothing dissipates less than spheres
+    // that move freely.
     let isolated = 2.0 * 20.0 / 3.0 * PI * 0.5 / 3200.0;
     assert!(shear.total() > isolated);
     // Mirrored on the line of centres the pair is itself: its stresslets have no e1.

@@ -1,6 +1,7 @@
-//! What a checkpoint costs beside the steps between two of them: less than 1 % of the run time.
+//! Cost of a checkpoint relative to the steps between two of them: less than 1 % of the run time.
 //!
-//! N = 90 at c = 0.693, both hydrodynamics; the checkpoint carries the samples of a whole run, the most it ever does.
+//! N = 90 at c = 0.693, both hydrodynamics; the checkpoint carries the samples of a whole run, the
+//! most it ever does.
 #![expect(clippy::print_stderr, reason = "the share is what this bench is for")]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};

@@ -1,7 +1,9 @@
-//! What commands take on a store of 100 000 finished runs: one is computed, and the others are copies of it.
+//! Time of commands on a store of 100 000 finished runs: one is computed, and the others are copies
+//! of it.
 //!
 //! `SEEDS=400` makes it a million, 400 seeds at each of 2500 points.
-//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `python/benches/overhead.py` measures on it.
+//! `STORE=FILE cargo bench --bench large_store` keeps the store, and `python/benches/overhead.py`
+//! measures on it.
 #![expect(clippy::print_stdout, reason = "the times are what this bench is for")]
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! What the command line and the Python package call alike: work on a campaign and its store, without arguments or output.
+//! The functions that the command line and the Python package share: they work on a campaign and
+//! its store, without arguments or output.
 
 mod error;
 mod explain;
@@ -23,39 +24,39 @@ use crate::runner::{Options, compute_campaign};
 use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
-/// What a run begins with.
+/// Options of the start of a campaign.
 #[derive(Debug, Clone, Copy)]
-pub struct Beginning<'b> {
-    /// Other stores, whose runs of the same cases are taken over.
+pub struct StartOptions<'b> {
+    /// Other stores; their runs of the same cases are reused.
     pub reuse: &'b [PathBuf],
     /// Whether failed runs are computed again.
     pub retry_failed: bool,
-    /// Which points come first.
+    /// The points to compute first.
     pub priority: &'b Priority,
 }
 
 /// A campaign in its store, ready to be computed.
 #[derive(Debug)]
-pub struct Begun {
+pub struct StartedCampaign {
     /// Its store.
     pub store: Store,
-    /// What was there.
+    /// What the store held before.
     pub adoption: Adoption,
-    /// What was taken over from other stores, if there were any.
+    /// What was reused from other stores, if any were given.
     pub taken: Option<Merged>,
-    /// What was damaged in the store, and is computed again.
+    /// Damaged runs of the store, which are computed again.
     pub damaged: Vec<Finding>,
 }
 
-/// Takes a campaign into its store, with all that is to happen before anything is computed.
+/// Enters a campaign into its store and prepares everything that precedes computing.
 ///
 /// # Errors
-/// Trouble with the store, or with one whose runs are to be taken over.
+/// An I/O or SQLite error of the store, or of one whose runs are to be reused.
 pub fn begin(
     path: &Path,
     campaign: &Campaign,
-    beginning: Beginning<'_>,
-) -> Result<Begun, StoreError> {
+    beginning: StartOptions<'_>,
+) -> Result<StartedCampaign, StoreError> {
     // Before anything is written.
     for other in beginning.reuse {
         Store::open_read_only(other)?;
@@ -79,7 +80,7 @@ pub fn begin(
     if beginning.retry_failed {
         store.retry_failed()?;
     }
-    Ok(Begun {
+    Ok(StartedCampaign {
         store,
         adoption,
         taken,
@@ -87,10 +88,12 @@ pub fn begin(
     })
 }
 
-/// Computes what is open of a campaign in its store, which must hold it to the end. Says how its cases stand then.
+/// Computes the open cases of a campaign in its store, which must hold that campaign to the end.
+/// Returns the number of cases by state.
 ///
 /// # Errors
-/// Those of [`compute_campaign`], and a store that holds another version of the campaign now, or lies at its path no more.
+/// Those of [`compute_campaign`], and a store that now holds another version of the campaign or is
+/// no longer at its path.
 pub fn complete(
     store: &mut Store,
     campaign: &Campaign,
@@ -100,7 +103,7 @@ pub fn complete(
     if counts.pending + counts.running > 0 {
         compute_campaign(store, campaign, options)?;
     } else {
-        // One may have died after its last case.
+        // A process may have died after its last case.
         store.release_dead()?;
     }
     store.check_campaign()?;

@@ -38,7 +38,7 @@ impl Campaign {
     /// Reads a campaign file.
     ///
     /// # Errors
-    /// Trouble with the file, or all that is wrong with what it says.
+    /// An I/O error, or all faults of its content.
     pub fn read(path: &Path) -> Result<Self, CampaignError> {
         let unreadable = |source| CampaignError::Unreadable {
             path: path.to_owned(),
@@ -59,10 +59,11 @@ impl Campaign {
         })
     }
 
-    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where relative paths in it begin.
+    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where
+    /// relative paths in it begin.
     ///
     /// # Errors
-    /// All that is wrong with it, the first fault in front.
+    /// All its faults, the first in front.
     pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
         let mut problems = Vec::new();
         let folder = Path::new(file).parent().unwrap_or(Path::new(""));
@@ -87,16 +88,16 @@ impl Campaign {
     }
 }
 
-/// The cases of a file, and what they are made by.
+/// The cases of a file and their definitions.
 #[derive(Default)]
 struct LaidOut {
     cases: Vec<(CaseKey, Case)>,
     rules: Vec<PointRule>,
-    /// Runs of points that share them with others.
+    /// Runs that several points share.
     folded: usize,
 }
 
-/// Reads the parts of a campaign, and notes what is wrong with them.
+/// Reads the parts of a campaign and records their faults.
 fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, LaidOut) {
     let nothing = || (String::new(), Protocol::default(), LaidOut::default());
     let document = match DeTable::parse(text) {
@@ -133,7 +134,7 @@ fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Pro
     (name, protocol.protocol, laid_out)
 }
 
-/// The protocol; without one the default, whose place is the first line.
+/// The protocol; the default where there is none, placed at the first line.
 fn protocol_of(top: &Table<'_>, first_line: Range<usize>, problems: &mut Vec<Problem>) -> Written {
     match top
         .get("protocol")
@@ -150,7 +151,7 @@ fn protocol_of(top: &Table<'_>, first_line: Range<usize>, problems: &mut Vec<Pro
     }
 }
 
-/// What to write instead of what is no TOML.
+/// A suggestion for a syntax error of TOML.
 fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
     if message == "duplicate key" {
         return "each key once in its table; tables that may be repeated have two brackets: [[grid]], [[protocol.segment]]"
@@ -165,7 +166,7 @@ fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
     match word.to_lowercase().as_str() {
         "infinity" | "inf" | "infinite" | "∞" => "write `inf`".into(),
         _ if word.starts_with(char::is_alphabetic) => {
-            format!("words stand in quotes: `\"{word}\"`; the file must be TOML 1.1")
+            format!("words need quotes: `\"{word}\"`; the file must be TOML 1.1")
         }
         _ => "the file must be TOML 1.1: `key = value` on lines of their own".into(),
     }
@@ -210,7 +211,8 @@ fn lay_out(
     for (span, entries) in tables {
         let grid = Grid::read(entries, span.clone(), protocol, Some(folder), problems);
         total = total.saturating_add(grid.len());
-        // Before the next grid is read: a count of seeds is short in the file and long in memory.
+        // Checked before the next grid is read: a short count of seeds in the file can take much
+        // memory.
         if total > CASE_LIMIT {
             problems.push(
                 Problem::at(
@@ -249,7 +251,7 @@ fn lay_out(
                             {
                                 rule.cases.end += 1;
                             }
-                            // Its seeds are those that the first grid asks for.
+                            // Its seeds are those of the first grid.
                             _ if !ruled.insert(identity(&case.params)) => return,
                             _ => rules.push(PointRule {
                                 precision,
@@ -259,14 +261,14 @@ fn lay_out(
                     }
                     cases.push((key, case));
                 }
-                // Values that have no meaning under one of the choices of the grid make the same case again.
+                // Values without effect under one of the choices of the grid repeat the same case.
                 Some((other, _)) if other == number => folded += usize::from(is_folded),
-                // Nor is it written twice where friction or shear rate have no effect.
+                // The same holds where friction or shear rate have no effect.
                 Some((_, was_folded)) if is_folded || was_folded => folded += 1,
                 Some((other, _)) => {
                     let message = format!("the case {} is in two grids", case.label());
                     let allowed =
-                        "each case once: take the values they share out of one of the grids";
+                        "each case may occur once: remove the shared values from one of the grids";
                     let again = Problem::at(&grid.span, message, allowed)
                         .labelled("again in this grid")
                         .also(&grids[other].span, "first in this grid");
@@ -282,7 +284,7 @@ fn lay_out(
     }
 }
 
-/// The name: also the name of the store's file, so it must be harmless.
+/// The name is also that of the store's file, so its characters are restricted.
 fn read_name(written: &Spanned<DeValue<'_>>) -> Result<String, Problem> {
     let allowed = "`name` is 1 to 64 of a-z, 0-9 and -, and does not begin with -";
     let DeValue::String(name) = written.get_ref() else {

@@ -1,4 +1,4 @@
-//! The command line: what it looks like, and which file does what it asks for.
+//! The command line: its arguments, and the dispatch to one file per command.
 
 mod cancel;
 mod check;
@@ -33,10 +33,11 @@ use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, LazyLock};
 
-/// What `--version` says. Only then is the program read as a whole to name its build.
+/// Text of `--version`. Only then is the whole program file read, to hash its build.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     if std::env::args_os().any(|argument| argument == "--version" || argument == "-V") {
@@ -47,30 +48,80 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
     }
 });
 
+/// The commands in the order of the help, by subject.
+const GROUPS: [(&str, &[&str]); 4] = [
+    (
+        "Daily commands",
+        &["plan", "run", "status", "report", "show", "serve"],
+    ),
+    (
+        "Results",
+        &[
+            "segments",
+            "structure",
+            "fit",
+            "convert",
+            "export",
+            "draw",
+            "replay",
+            "prune",
+            "check",
+        ],
+    ),
+    ("Cluster", &["submit", "merge", "cancel"]),
+    (
+        "Tools",
+        &["solve", "scalars", "verify", "pair", "completions", "man"],
+    ),
+];
+
+/// Template of the help of the program. Clap has no groups of subcommands.
+static HELP: LazyLock<String> = LazyLock::new(|| {
+    let commands = Command::augment_subcommands(clap::Command::new("sweep"));
+    let mut help = "{about-with-newline}\n{usage-heading} {usage}\n".to_owned();
+    for (heading, names) in GROUPS {
+        let _ = writeln!(help, "\n{heading}:");
+        for name in names {
+            let command = commands.find_subcommand(name);
+            let about = command.and_then(clap::Command::get_about);
+            let about = about.map(ToString::to_string).unwrap_or_default();
+            let _ = writeln!(help, "  {name:<12} {about}");
+        }
+    }
+    help + "\nOptions:\n{options}{after-help}"
+});
+
 /// Campaigns of Stokesian Dynamics: sheared layers of rough, frictional spheres.
 #[derive(Debug, Parser)]
 #[command(
     version = VERSION.as_str(),
     propagate_version = true,
     max_term_width = 110,
-    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, 3 the store or the output failed (disk full, lock, file gone),\n\
-                  4 the time limit was up and work is left: give the same command to go on,\n\
-                  128 + signal (INT 130, TERM 143) stopped after a checkpoint: give the same command to go on.\n\n\
-                  Example: sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml"
+    help_template = HELP.as_str(),
+    after_help = "Exit codes: 0 done, 1 some cases failed, 2 bad input and nothing written, \
+                  3 the store or the output failed (disk full, lock, file gone),\n\
+                  4 the time limit was reached with work left: repeat the same command to continue,\n\
+                  128 + signal (INT 130, TERM 143) stopped after a checkpoint: repeat the same \
+                  command to continue.\n\n\
+                  Examples:\n  \
+                  sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml\n  \
+                  sweep report sweeps/quickstart.toml --figure curves.svg\n  \
+                  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00\n  \
+                  sweep scalars --size-ratio 1 --separation 2.01"
 )]
 pub struct Cli {
-    /// One JSON object on standard output, nothing else
-    #[arg(long, global = true, help_heading = "Of every command")]
+    /// Print one JSON object on standard output, and nothing else
+    #[arg(long, global = true, help_heading = "Global options")]
     json: bool,
-    /// No progress and no notes on standard error
-    #[arg(long, short, global = true, help_heading = "Of every command")]
+    /// Print no progress and no notes on standard error
+    #[arg(long, short, global = true, help_heading = "Global options")]
     quiet: bool,
-    /// Say what happens on standard error: a line for every event of a case; twice for more. `SWEEP_LOG` chooses more finely, as
-    /// in SWEEP_LOG=sweep=debug
-    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = "Of every command")]
+    /// Log events of cases on standard error; twice for more. `SWEEP_LOG` selects in detail, as in
+    /// SWEEP_LOG=sweep=debug
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     verbose: u8,
-    /// Colours in errors
-    #[arg(long, global = true, help_heading = "Of every command", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
+    /// Colour errors
+    #[arg(long, global = true, help_heading = "Global options", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
     #[command(subcommand)]
     command: Command,
@@ -87,7 +138,7 @@ enum Colour {
     Never,
 }
 
-/// The subcommands. What is said of each stands with its arguments: text here would take the place of all of that.
+/// The subcommands. Each is documented at its arguments: text here would replace it.
 #[derive(Debug, Subcommand)]
 enum Command {
     Plan(plan::Arguments),
@@ -116,17 +167,17 @@ enum Command {
     Man(man::Arguments),
 }
 
-/// Where output goes, and how.
+/// Destination and form of the output.
 pub(crate) struct Output<'o> {
     pub(crate) out: &'o mut dyn TextOutput,
     pub(crate) json: bool,
     pub(crate) quiet: bool,
-    /// Columns of the terminal; `None` if it is none.
+    /// Columns of the terminal; `None` for other output.
     pub(crate) width: Option<u16>,
 }
 
 impl Output<'_> {
-    /// Says something on standard error, unless the user wants none of it.
+    /// Prints a note on standard error, unless `--quiet` is given.
     pub(crate) fn note(&self, text: &str) {
         note(self.quiet, text);
     }
@@ -138,7 +189,7 @@ impl Output<'_> {
     }
 }
 
-/// Says something on standard error, unless the user wants none of it.
+/// Prints a note on standard error, unless `--quiet` is given.
 fn note(quiet: bool, text: &str) {
     if !quiet {
         // Standard error may be closed.
@@ -146,13 +197,14 @@ fn note(quiet: bool, text: &str) {
     }
 }
 
-/// Does what the command line asks for; says the exit code.
+/// Executes the command and returns the exit code.
 ///
 /// # Errors
-/// Whatever stood in the way; [`Error::exit_code`] is the exit code then.
+/// Any error; [`Error::exit_code`] is its exit code.
 pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
     cli.start_log();
-    // A limit on the size of files is met like a full disk, and not by the end of the process.
+    // Reaching a limit on file sizes is an error like a full disk, instead of a signal that ends
+    // the process.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let mut visible = Visible::new(out);
     let mut output = Output {
@@ -188,7 +240,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Man(arguments) => man::execute(&arguments, &mut output),
     }?;
     match output.out.flush() {
-        // Nobody reads on: what was asked for was done, or not, all the same.
+        // The reader closed standard output; the exit code stays that of the command.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(code),
         flushed => Ok(flushed.map(|()| code)?),
     }
@@ -205,7 +257,8 @@ fn terminal_width() -> Option<u16> {
 }
 
 impl Cli {
-    /// Sends events to standard error, as many as are wanted. Those of another program that runs this one are left alone.
+    /// Logs events to standard error at the chosen level, unless the calling program has a log of
+    /// its own.
     fn start_log(&self) {
         use tracing_subscriber::filter::{LevelFilter, Targets};
         use tracing_subscriber::layer::SubscriberExt as _;
@@ -228,7 +281,7 @@ impl Cli {
             .try_init();
     }
 
-    /// Who tells the errors of this command.
+    /// The renderer for errors of this command.
     pub fn error_renderer(&self) -> ErrorRenderer {
         ErrorRenderer {
             coloured: match self.color {

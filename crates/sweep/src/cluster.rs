@@ -1,5 +1,6 @@
-//! Schedulers: what starts the tasks of a campaign on other machines, or on this one. Each is one file that makes a script,
-//! hands it over, says which tasks are still there, and cancels. Which task computes which case is not theirs to decide.
+//! Schedulers, which start the tasks of a campaign on other machines or on this one. Each is one
+//! file that writes a script, submits it, lists the remaining tasks, and cancels them. Schedulers
+//! do not decide which task computes which case.
 
 mod local;
 pub(crate) mod shard;
@@ -11,39 +12,39 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A job to be handed to a scheduler: so many tasks, each computing one slice of a campaign.
+/// A job for a scheduler: an array of tasks, each computing one slice of a campaign.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
     /// Name of the campaign.
     pub campaign: String,
-    /// The program, by its whole path.
+    /// Absolute path of the program.
     pub program: PathBuf,
-    /// Folder the shards are published in, by its whole path.
+    /// Absolute path of the folder of shards.
     pub folder: PathBuf,
     /// Folder of the plan in it: the campaign file, the slices, the script, the logs.
     pub plan_folder: PathBuf,
     /// Number of tasks.
     pub tasks: usize,
-    /// Cases each task computes at a time.
+    /// Cases that each task computes in parallel.
     pub workers: usize,
-    /// Tasks at work at a time, at most.
+    /// Maximum number of tasks that run at the same time.
     pub throttle: Option<usize>,
     /// Further arguments of `sweep run`.
     pub run_arguments: Vec<String>,
 }
 
-/// A task the scheduler still knows: waiting, at work, or about to end.
+/// A task known to the scheduler: pending, running, or ending.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct ActiveTask {
-    /// Its number; `None` speaks for all tasks of the job.
+    /// Its number; `None` for all tasks of the job.
     pub task: Option<usize>,
-    /// Its state in the words of the scheduler.
+    /// Its state, as named by the scheduler.
     pub state: String,
-    /// The node it runs on, if it does.
+    /// The node it runs on, if any.
     pub node: String,
 }
 
-/// What runs the tasks of a job.
+/// A scheduler.
 #[derive(Debug, Clone)]
 pub(crate) enum Scheduler {
     /// A cluster with Slurm.
@@ -61,22 +62,23 @@ impl Scheduler {
         }
     }
 
-    /// The scheduler of a job that is in a store.
+    /// The scheduler of a job recorded in a store.
     pub(crate) fn by_name(name: &str) -> Option<Self> {
         [Self::Slurm(Slurm::default()), Self::Local]
             .into_iter()
             .find(|scheduler| scheduler.name() == name)
     }
 
-    /// The scheduler that started this process as task number `task` and can start it again, and what it calls the task.
+    /// The scheduler that started this process as task number `task` and can restart it, and its
+    /// name of the task.
     pub(crate) fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
         slurm::this_task(task).map(|name| (Self::Slurm(Slurm::default()), name))
     }
 
-    /// The most tasks a job may have.
+    /// The maximum number of tasks of a job.
     ///
     /// # Errors
-    /// A scheduler that is not there.
+    /// The scheduler is missing.
     pub(crate) fn task_limit(&self) -> Result<usize, SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::task_limit(),
@@ -84,7 +86,7 @@ impl Scheduler {
         }
     }
 
-    /// The script that runs every task of a job.
+    /// The script of the tasks of a job.
     ///
     /// # Errors
     /// [`SchedulerError::Path`] on a path that a script cannot name.
@@ -95,7 +97,7 @@ impl Scheduler {
         }
     }
 
-    /// The command that hands the script over: a program and its arguments.
+    /// The command that submits the script: a program and its arguments.
     pub(crate) fn command(&self, job: &Job) -> Vec<String> {
         match self {
             Self::Slurm(slurm) => slurm.command(job),
@@ -103,10 +105,10 @@ impl Scheduler {
         }
     }
 
-    /// Hands the script of a job over, as [`Scheduler::command`] says; gives the job's name back.
+    /// Submits the script of a job by [`Scheduler::command`]; returns the name of the job.
     ///
     /// # Errors
-    /// A scheduler that is not there, that refuses, or whose answer cannot be understood.
+    /// The scheduler is missing, refuses, or gives an answer that cannot be parsed.
     pub(crate) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
         match self {
             Self::Slurm(slurm) => slurm.submit(job),
@@ -117,7 +119,7 @@ impl Scheduler {
     /// The tasks of a job that have not ended.
     ///
     /// # Errors
-    /// A scheduler that is not there or does not answer.
+    /// The scheduler is missing or does not answer.
     pub(crate) fn active(&self, job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::active(job),
@@ -128,7 +130,7 @@ impl Scheduler {
     /// Ends all tasks of a job; they checkpoint first.
     ///
     /// # Errors
-    /// A scheduler that is not there or refuses.
+    /// The scheduler is missing or refuses.
     pub(crate) fn cancel(&self, job: &str) -> Result<(), SchedulerError> {
         match self {
             Self::Slurm(_) => slurm::cancel(job),
@@ -136,73 +138,73 @@ impl Scheduler {
         }
     }
 
-    /// Asks for a task to be started again, after a signal with work left. `in_advance`: the signal was the one asked for
-    /// ahead of the time limit, which nobody else sends.
+    /// Requests a restart of a task, after a signal with work left. `in_advance`: the signal was
+    /// the one requested ahead of the time limit, which has no other sender.
     pub(crate) fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
         match self {
             Self::Slurm(_) => slurm::start_again(task, in_advance),
-            Self::Local => Requeue::No("the local scheduler does not start tasks again".into()),
+            Self::Local => Requeue::No("the local scheduler does not restart tasks".into()),
         }
     }
 }
 
-/// What becomes of a task that was told to stop with work left.
+/// The outcome for a task that was stopped with work left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Requeue {
-    /// It will be started again.
+    /// It will be restarted.
     Yes,
     /// It was cancelled, and stays so.
     Cancelled,
-    /// The scheduler would not start it again, and said why.
+    /// The scheduler refused to restart it, with a reason.
     No(String),
 }
 
-/// Why a scheduler could not do what was asked for.
+/// An error of a scheduler.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum SchedulerError {
-    /// A program of the scheduler is not there.
+    /// A program of the scheduler is missing.
     #[error("there is no `{program}` on this machine")]
     #[diagnostic(help("{advice}"))]
     Missing {
         /// The program.
         program: String,
-        /// What can be done.
+        /// Advice.
         advice: &'static str,
     },
     /// The scheduler refused.
     #[error("`{command}` was refused: {said}")]
     #[diagnostic(help("{advice}"))]
     Refused {
-        /// What was asked.
+        /// The command.
         command: String,
-        /// What it said.
+        /// Its answer.
         said: String,
-        /// What can be done.
+        /// Advice.
         advice: String,
     },
-    /// An answer that cannot be understood.
+    /// An answer that cannot be parsed.
     #[error("`{command}` gave no job number but {said:?}")]
     #[diagnostic(help(
-        "the job may be there all the same: look with `squeue --me` before the same command is given again; computing twice \
+        "the job may still exist: check with `squeue --me` before you repeat the command; computing twice \
          does no harm"
     ))]
     Answer {
-        /// What was asked.
+        /// The command.
         command: String,
-        /// What it said.
+        /// Its answer.
         said: String,
     },
     /// More tasks than a job may have.
     #[error("{asked} tasks are more than the {limit} a job may have here")]
     #[diagnostic(help(
-        "nothing was submitted; give --tasks {limit} or fewer: each then computes more cases. Several workers per task \
+        "nothing was submitted; give --tasks {limit} or fewer, so that each computes more cases. Several workers per task \
          (--workers-per-task) make them faster"
     ))]
     TooManyTasks {
-        /// Tasks asked for.
+        /// Requested tasks.
         asked: usize,
-        /// Most allowed: MaxArraySize of the site.
+        /// Maximum: MaxArraySize of the site.
         limit: usize,
     },
     /// A word that no command line can hold.
@@ -220,7 +222,7 @@ pub enum SchedulerError {
     },
 }
 
-/// A word as the shell reads it back unchanged.
+/// A word quoted for the shell.
 ///
 /// # Errors
 /// [`SchedulerError::Word`] on a word with a NUL byte, which no command line can hold.

@@ -1,8 +1,9 @@
-//! What runs cost, in seconds of processor: known from runs measured on this machine with this build, and where none is near from
-//! a short run.
+//! Costs of runs in CPU seconds, from runs measured on this machine with this build, or from a
+//! short run where no similar run was measured.
 //!
-//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate [`step_cost`], which knows how
-//! methods grow with the number of spheres, is averaged with weights that fall as the fourth power of the distance in parameters.
+//! Between measured runs the cost of a step is interpolated: its ratio to the rough estimate
+//! [`step_cost`], which includes the scaling of methods with the number of spheres, is averaged
+//! with weights that fall as the fourth power of the distance in parameters.
 
 mod cache;
 mod pilot;
@@ -16,17 +17,17 @@ use sd_core::{Method, Params};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Distance in parameters up to which a measured run tells the cost of another one.
+/// Distance in parameters up to which a measured run determines the cost of another.
 pub(crate) const NEAR: f64 = 0.6;
-/// Distance up to which it still tells about what another one costs.
+/// Distance up to which it still gives an estimate.
 pub(crate) const COMPARABLE: f64 = 1.0;
 /// Area fraction that no layer of discs exceeds by much.
 const CLOSEST: f64 = 0.86;
 /// Volume fraction that no random suspension of spheres exceeds by much.
 const CLOSEST_SPHERES: f64 = 0.66;
-/// Distance below which runs count as of one place.
+/// Distance below which runs count as one point.
 const CORE: f64 = 0.05;
-/// Points measured that are looked at, at most: the latest ones.
+/// Maximum number of measured points that are used, the latest ones.
 const MOST_POINTS: usize = 600;
 
 /// A measured run.
@@ -36,48 +37,48 @@ pub(crate) struct Record {
     pub(crate) params: Params,
     /// Its steps.
     pub(crate) steps: u64,
-    /// Seconds of processor.
+    /// CPU seconds.
     pub(crate) cpu_s: f64,
 }
 
-/// What is known of one point.
-struct Known {
+/// Measured costs of one point.
+struct PointCosts {
     values: Vec<Option<Value>>,
     method: Method,
     /// Logarithms of cost over rough estimate, one of every run.
     logarithms: Vec<f64>,
 }
 
-/// What a step costs.
+/// Cost of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct StepCost {
-    /// Seconds of processor.
+    /// CPU seconds.
     pub(crate) seconds: f64,
     /// Distance to the nearest measured run; infinite where none is comparable.
     pub(crate) distance: f64,
-    /// How runs measured near scatter; `None` where there are no two of one point.
+    /// Scatter of similar measured runs; `None` where no point has two.
     pub(crate) scatter: Option<Scatter>,
 }
 
-/// How the costs of runs of one point scatter.
+/// Scatter of the costs of runs of one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scatter {
     /// Standard deviation over the mean.
     pub(crate) relative: f64,
-    /// Runs measured near, and the degrees of freedom of their scatter.
+    /// Number of similar measured runs, and degrees of freedom of their scatter.
     pub(crate) runs: f64,
     pub(crate) freedom: f64,
 }
 
-/// What is known of costs.
+/// Measured costs.
 #[derive(Default)]
 pub(crate) struct Costs {
-    known: Vec<Known>,
+    known: Vec<PointCosts>,
     place_of: HashMap<Identity, usize>,
 }
 
 impl Costs {
-    /// Of the runs that this machine and this build have measured.
+    /// The costs of runs measured by this build on this machine.
     pub(crate) fn of_this_machine() -> Self {
         let mut costs = Self::default();
         for record in cache::records() {
@@ -86,7 +87,7 @@ impl Costs {
         costs
     }
 
-    /// Takes note of a measured run.
+    /// Adds a measured run.
     pub(crate) fn learn(&mut self, record: &Record) {
         let rough = step_cost(&record.params);
         if record.steps == 0 || record.cpu_s <= 0.0 || rough <= 0.0 {
@@ -98,7 +99,7 @@ impl Costs {
             .place_of
             .entry(identity(&record.params))
             .or_insert_with(|| {
-                known.push(Known {
+                known.push(PointCosts {
                     values: values(&record.params),
                     method: Method::of(&record.params),
                     logarithms: Vec::new(),
@@ -108,7 +109,7 @@ impl Costs {
         known[place].logarithms.push(logarithm);
     }
 
-    /// What a step of runs with these parameters costs.
+    /// Cost of a step of runs with these parameters.
     pub(crate) fn step(&self, params: &Params) -> StepCost {
         let (values, method, rough) = (values(params), Method::of(params), step_cost(params));
         let (mut total, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
@@ -117,7 +118,7 @@ impl Costs {
             let Some(distance) = distance(&values, &known.values) else {
                 continue;
             };
-            // Other methods grow in other ways with the number of spheres.
+            // Other methods scale differently with the number of spheres.
             let distance = distance + if known.method == method { 0.0 } else { 1.0 };
             let of_point = known.logarithms.len() as f64;
             let sum: f64 = known.logarithms.iter().sum();
@@ -145,7 +146,7 @@ impl Costs {
         }
     }
 
-    /// What runs cost, one after the other, each point looked at once.
+    /// Costs of runs in order, each point evaluated once.
     pub(crate) fn of_cases(&self) -> impl Fn(&Case) -> f64 {
         let memory = std::cell::RefCell::new(HashMap::new());
         move |case| {
@@ -158,7 +159,7 @@ impl Costs {
     }
 }
 
-/// Values on all axes; `None` where they say nothing.
+/// Values on all axes; `None` where they have no effect.
 fn values(params: &Params) -> Vec<Option<Value>> {
     let value = |axis: &Axis| match axis.value(params) {
         Value::Count(count) => Value::Number(count as f64),
@@ -169,7 +170,8 @@ fn values(params: &Params) -> Vec<Option<Value>> {
         .collect()
 }
 
-/// How far two points are apart, as far as costs go; `None` where they differ in a choice. Below 1 costs are about alike.
+/// Distance of two points in terms of cost; `None` where they differ in a choice. Below 1 costs are
+/// similar.
 fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     let mut squares = 0.0;
     for ((axis, a), b) in AXES.iter().zip(a).zip(b) {
@@ -177,7 +179,7 @@ fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
             (a, b) if a == b => 0.0,
             (Some(Value::Word(_)), _) | (_, Some(Value::Word(_))) => return None,
             (Some(Value::Number(a)), Some(Value::Number(b))) => numbers_apart(axis.key, *a, *b),
-            // A value that means nothing here, and something there.
+            // A value that has an effect at only one of the points.
             _ => 0.5,
         };
         squares += apart * apart;
@@ -185,12 +187,12 @@ fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     Some(squares.sqrt())
 }
 
-/// How far two numbers on an axis are apart, as far as costs go.
+/// Distance of two numbers on an axis in terms of cost.
 fn numbers_apart(key: &str, a: f64, b: f64) -> f64 {
     if a == b {
         return 0.0;
     }
-    // Contacts, and the work they make, grow fast where little room is left.
+    // The number of contacts and their cost grow fast near close packing.
     let of_room = |closest: f64| {
         let room = |fraction: f64| (closest - fraction).max(0.01);
         (room(a) / room(b)).ln().abs() / 0.25
@@ -227,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn cost_at_a_measured_point_is_the_measured_one_and_between_points_it_lies_between() {
+    fn cost_at_a_measured_point_is_the_measured_one_and_interpolated_between() {
         let mut costs = Costs::default();
         assert_eq!(costs.step(&params()).distance, f64::INFINITY);
         costs.learn(&record(0.65, 90, 2.0));
@@ -262,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_that_differ_in_a_choice_tell_nothing() {
+    fn runs_that_differ_in_a_choice_are_not_comparable() {
         let mut costs = Costs::default();
         costs.learn(&record(0.65, 90, 2.0));
         let other = Params {

@@ -1,4 +1,4 @@
-//! Tables as whole columns, for programs that take them so.
+//! Tables as whole columns, for programs.
 
 pub(crate) mod csv_rows;
 mod parquet;
@@ -11,7 +11,7 @@ use sd_core::{Params, Sample};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// A word in a table.
+/// Text in a table.
 pub type Word = Cow<'static, str>;
 
 /// A column of a table.
@@ -19,15 +19,15 @@ pub type Word = Cow<'static, str>;
 pub struct DataColumn {
     /// Its name.
     pub name: Word,
-    /// Its unit; `1` where there is none, nothing for words and where it is not known.
+    /// Its unit; `1` for pure numbers, empty for text and where it is unknown.
     pub unit: &'static str,
-    /// Its meaning; empty where its name says it.
+    /// Its meaning; empty where its name suffices.
     pub meaning: &'static str,
     /// What is in it.
     pub cells: Cells,
 }
 
-/// The cells of a column; `None` where there is nothing.
+/// The cells of a column; `None` for empty ones.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
     /// Words.
@@ -39,7 +39,7 @@ pub enum Cells {
 }
 
 impl Cells {
-    /// None yet, with room for so many.
+    /// An empty column with a capacity.
     pub fn with_capacity(kind: Kind, rows: usize) -> Self {
         match kind {
             Kind::Word => Self::Word(Vec::with_capacity(rows)),
@@ -62,8 +62,8 @@ impl Cells {
         self.len() == 0
     }
 
-    /// Adds a cell. A whole number among others becomes one of them; what is of another kind leaves the cell empty, as does what
-    /// is not a number.
+    /// Adds a cell. In a column of floats an integer is converted; a value of another kind or NaN
+    /// leaves the cell empty.
     pub fn push(&mut self, value: Option<Value>) {
         match self {
             Self::Word(cells) => cells.push(match value {
@@ -82,7 +82,7 @@ impl Cells {
         }
     }
 
-    /// Leaves out the rows that are not to be kept.
+    /// Removes rows.
     pub(crate) fn keep(&mut self, rows: &[bool]) {
         fn kept<C>(cells: &mut Vec<C>, rows: &[bool]) {
             let mut row = rows.iter();
@@ -109,13 +109,13 @@ impl Cells {
         }
     }
 
-    /// A cell as text; empty where there is nothing.
+    /// A cell as text; empty for `None`.
     pub fn text(&self, row: usize) -> String {
         match self {
             Self::Word(cells) => cells[row].clone().unwrap_or_default().into_owned(),
             Self::Count(cells) => cells[row].map_or_else(String::new, |count| count.to_string()),
             Self::Number(cells) => cells[row].map_or_else(String::new, |number| {
-                // All digits, with an exponent where there would be many zeros.
+                // All digits, with an exponent in place of many zeros.
                 let text = format!("{number:?}");
                 text.strip_suffix(".0").unwrap_or(&text).to_owned()
             }),
@@ -124,7 +124,7 @@ impl Cells {
 }
 
 impl DataColumn {
-    /// A column without cells yet, of which nothing is known but its name.
+    /// A column without cells, unit or meaning.
     pub fn named(name: impl Into<Word>, kind: Kind, rows: usize) -> Self {
         Self {
             name: name.into(),
@@ -172,7 +172,8 @@ pub(crate) fn write_parquet(
     file.finish()
 }
 
-/// Writes a table as comma-separated values: a header row of names, then a row each, with nothing where there is nothing.
+/// Writes a table as comma-separated values: a header row of names, then the rows; missing values
+/// are empty.
 pub(crate) fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
     csv_rows::write(
         table.iter().map(|column| column.name.as_ref()),
@@ -192,7 +193,8 @@ fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = Strin
     (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
 }
 
-/// A table of samples, each with its step in the first column, whose other columns are these fields.
+/// A table of samples, each with its step in the first column, whose other columns are these
+/// fields.
 pub(crate) fn numbered(
     samples: &[(u64, Sample)],
     fields: impl Fn(&Sample) -> Vec<Field>,

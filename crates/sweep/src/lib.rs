@@ -1,11 +1,12 @@
-//! Campaigns of sheared layers: everything of the `sweep` program but its `main`.
+//! Campaigns of sheared layers: all of the `sweep` program but its `main`.
 //!
-//! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and keeps every
-//! state of every case in the [`store`], and a [`report`] averages what the store holds. The store is the only memory:
-//! a process may die at any line, and the next one goes on. On a cluster a scheduler of the `cluster` starts tasks that compute slices of the
-//! campaign in stores of their own, published as shards and merged into the one store.
+//! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and
+//! keeps every state of every case in the [`store`], and a [`report`] averages what the store
+//! holds. The store is the only state: a process may die at any point, and the next one continues.
+//! On a cluster a scheduler of the `cluster` starts tasks that compute slices of the campaign in
+//! stores of their own, published as shards and merged into the one store.
 //!
-//! # The rooms, from the ground up
+//! # Modules, from the lowest level up
 //! ```text
 //! system  text  data                  the machine; words and numbers; tables
 //! model  statistics                   axes, case, protocol, campaign, order of work; averages, doubts, stopping rules
@@ -18,7 +19,7 @@
 //! ```
 //!
 //! # From another program
-//! The Python package calls the same functions as the commands do, and holds none of their work:
+//! The Python package calls the same functions as the commands:
 //! ```text
 //! campaign::Campaign                  a campaign file, or the text of one
 //! api::{plan, InstantInput, …}        what plan, solve and scalars read and answer
@@ -28,7 +29,7 @@
 //! report::outline                     a figure, to be drawn elsewhere
 //! report::draw_spheres                a picture of a kept frame
 //! data::DataColumn                    what tables are made of
-//! Error, api::ErrorRenderer           the same words, and the kind of trouble by its exit code
+//! Error, api::ErrorRenderer           the same messages, and the kind of error by its exit code
 //! ```
 
 pub mod api;

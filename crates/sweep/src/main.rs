@@ -13,7 +13,7 @@ fn main() -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(error) if error.is_closed_pipe() => ExitCode::from(exit::DONE),
         Err(error) => {
-            // Nobody reads standard error any more: the exit code still tells.
+            // Standard error may be closed; the exit code still reports the error.
             let _ = write!(std::io::stderr(), "{}", error_renderer.explain(&error));
             ExitCode::from(error.exit_code())
         }

@@ -1,4 +1,4 @@
-//! What a run is and which runs a campaign has: the words that all other rooms share.
+//! Runs and campaigns: the types that all other modules share.
 
 pub mod axes;
 pub(crate) mod campaign;

@@ -1,4 +1,4 @@
-//! What the store holds, averaged over seeds: the answer to the campaign's question.
+//! Reports: the results of a store, averaged over seeds.
 
 mod axis_words;
 mod columns;

@@ -1,4 +1,5 @@
-//! Computes the cases of a store: a bounded pool, one case per thread, until nothing is left or a signal says stop.
+//! Computes the cases of a store in a bounded pool, one case per thread, until none is left or a
+//! signal stops it.
 
 mod compute;
 mod error;
@@ -7,7 +8,7 @@ mod progress;
 mod stop;
 
 pub use error::RunnerError;
-pub use progress::{Progress, Standing, Style};
+pub use progress::{CampaignProgress, Progress, Style};
 pub use stop::{Reason, Stop};
 
 use crate::campaign::{Campaign, Protocol};
@@ -19,72 +20,76 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Time from one look at signals and bars to the next.
+/// Interval between checks of signals and updates of bars.
 const TICK: Duration = Duration::from_millis(100);
-/// Time from one look at other processes to the next.
+/// Interval between checks of other processes.
 const LOOK: Duration = Duration::from_secs(2);
-/// Time from one heartbeat to the next.
+/// Interval between heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// Short cases are claimed together for this time, and their results kept together after it at the latest.
-const KEEP_AFTER: Duration = Duration::from_secs(1);
-/// A look at all cases takes at most this share of the time.
-const LOOK_SHARE: u32 = 50;
-/// How long all threads wait for other processes before the user is told for whom, and then between one time and the next.
-const WAIT_UNTOLD: Duration = Duration::from_secs(5);
-/// The same once it was told.
-const WAIT_TOLD: Duration = Duration::from_mins(5);
-/// How long a step in progress may go on after a signal before it is abandoned for its last checkpoint.
+/// Estimated time of the short cases that are claimed together, and maximum delay before their
+/// results are stored.
+const MAX_RESULT_DELAY: Duration = Duration::from_secs(1);
+/// Scans of all cases take at most 1 over this of the time.
+const SCAN_SHARE: u32 = 50;
+/// Time that all threads wait for other processes before the first note to the user.
+const WAIT_BEFORE_NOTE: Duration = Duration::from_secs(5);
+/// Interval between further notes.
+const WAIT_BETWEEN_NOTES: Duration = Duration::from_mins(5);
+/// Time that a step in progress may continue after a signal before it is abandoned for its last
+/// checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// What goes along with a run: publishes its store, for one.
+/// An observer of a run, which publishes its store for instance.
 pub trait RunObserver: Sync {
     /// Called every few seconds.
     fn look(&self, progress: &Progress);
-    /// Called before the process is ended because a step takes too long after a signal.
+    /// Called before the process ends because a step takes too long after a signal.
     fn before_abort(&self, signal: i32, progress: &Progress);
 }
 
-/// How to run.
+/// Options of a run.
 #[derive(Clone, Copy)]
 pub struct Options<'o> {
-    /// Cases computed at a time, one thread each.
+    /// Cases computed in parallel, one thread each.
     pub workers: usize,
-    /// Threads, at least as many: those without a case help to fill and to factor the large matrices of the others.
+    /// Number of threads, at least the number of cases: idle threads help to fill and to factor
+    /// large matrices.
     pub threads: usize,
-    /// Computing time after which a single case ends as failed; without one, many times what it is expected to take.
+    /// Computing time after which a case ends as failed; by default a multiple of its estimate.
     pub wall_limit: Option<Duration>,
     /// Keep a frame of the layer with every sample.
     pub trajectory: bool,
-    /// What goes along with the run.
+    /// The observer of the run.
     pub observer: Option<&'o dyn RunObserver>,
-    /// Says when to stop.
+    /// The stop request.
     pub stop: &'o Stop,
-    /// What the user sees.
+    /// The progress display.
     pub progress: &'o Progress,
 }
 
-/// What the threads of a run share.
+/// Shared state of the threads of a run.
 struct Shared<'r> {
-    /// The store; whoever holds the lock is the one writer.
+    /// The store; the holder of the lock is the only writer.
     store: Mutex<&'r mut Store>,
-    /// How every run is made.
+    /// The protocol of every run.
     protocol: &'r Protocol,
     options: Options<'r>,
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
-    /// The first trouble with the store: all stop.
+    /// The first error of the store, which stops all threads.
     trouble: Mutex<Option<StoreError>>,
     working: AtomicUsize,
-    /// Threads with a case; the others wait for cases of other processes.
+    /// Number of threads with a case; the others wait for cases of other processes.
     computing: AtomicUsize,
 }
 
-/// Computes what a store lacks of the campaign it has taken in: first the tables that its spheres need, then all its cases.
+/// Computes the open cases of a store: first the tables for its spheres, then all cases.
 ///
-/// Returns when no case is left that can be had, or after a signal. Cases that fail are no error: they are in the store.
+/// Returns when no case is available, or after a signal. Failed cases are no error: they are in the
+/// store.
 ///
 /// # Errors
-/// Trouble with the store, threads the system would not give, sizes of spheres that no table can be made for.
+/// An I/O or SQLite error, threads that cannot be started, sizes of spheres without a table.
 pub fn compute_campaign(
     store: &mut Store,
     campaign: &Campaign,
@@ -95,7 +100,7 @@ pub fn compute_campaign(
     run(store, &campaign.protocol, &tables, options)
 }
 
-/// Computes all cases that can be had; returns when none is left, or after a signal.
+/// Computes all available cases; returns when none is left, or after a signal.
 fn run(
     store: &mut Store,
     protocol: &Protocol,
@@ -111,9 +116,9 @@ fn run(
             reason: error.to_string(),
         })?;
     panics::capture_in_workers();
-    options.stop.set_under_way(true);
+    options.stop.set_running(true);
     let result = run_in(&pool, store, protocol, tables, options);
-    options.stop.set_under_way(false);
+    options.stop.set_running(false);
     result
 }
 
@@ -151,7 +156,7 @@ fn run_in(
     });
     let is_well = lock(&shared.trouble).is_none();
     if is_well && let Err(error) = shared.look_around() {
-        shared.give_up(error);
+        shared.stop_on_error(error);
     }
     progress.end();
     let trouble = lock(&shared.trouble).take();
@@ -163,13 +168,13 @@ fn run_in(
 }
 
 impl<'r> Shared<'r> {
-    /// The store, for as long as the guard lives. A panic elsewhere leaves it whole: transactions roll back.
+    /// Locks the store. A panic elsewhere leaves it intact: transactions roll back.
     fn store(&self) -> MutexGuard<'_, &'r mut Store> {
         lock(&self.store)
     }
 
-    /// Keeps the first trouble, which ends the run.
-    fn give_up(&self, error: StoreError) {
+    /// Records the first error, which ends the run.
+    fn stop_on_error(&self, error: StoreError) {
         lock(&self.trouble).get_or_insert(error);
     }
 
@@ -181,7 +186,7 @@ impl<'r> Shared<'r> {
     /// One thread: batch after batch, most of one case.
     fn work(&self, worker: usize) {
         while !self.stopping() {
-            let claims = self.store().claim(self.options.workers, KEEP_AFTER);
+            let claims = self.store().claim(self.options.workers, MAX_RESULT_DELAY);
             let result = match claims {
                 Ok(claims) if !claims.is_empty() => {
                     self.computing.fetch_add(1, Ordering::AcqRel);
@@ -190,8 +195,9 @@ impl<'r> Shared<'r> {
                     result
                 }
                 Ok(_) => {
-                    // A statement of its own: the guard of a `match` would keep the store from all others while this thread sleeps.
-                    let left = self.store().anything_left();
+                    // A separate statement: the guard of a `match` would lock the store while this
+                    // thread sleeps.
+                    let left = self.store().has_open_cases();
                     match left {
                         Ok(true) => {
                             std::thread::sleep(TICK * 2);
@@ -204,12 +210,13 @@ impl<'r> Shared<'r> {
                 Err(error) => Err(error),
             };
             if let Err(error) = result {
-                self.give_up(error);
+                self.stop_on_error(error);
             }
         }
     }
 
-    /// Computes claimed cases one after the other, keeps what comes of them together, and gives back what is left at a stop.
+    /// Computes claimed cases in order, stores their results together, and releases the remaining
+    /// cases at a stop.
     fn compute_batch(&self, worker: usize, claims: &[Claim]) -> Result<(), StoreError> {
         let mut ended = Vec::new();
         let mut since = Instant::now();
@@ -224,7 +231,7 @@ impl<'r> Shared<'r> {
                 Ok(None) => {}
                 Err(error) => self.unless_lost(error)?,
             }
-            if since.elapsed() >= KEEP_AFTER {
+            if since.elapsed() >= MAX_RESULT_DELAY {
                 self.keep_ended(&std::mem::take(&mut ended))?;
                 since = Instant::now();
             }
@@ -236,7 +243,8 @@ impl<'r> Shared<'r> {
         Ok(())
     }
 
-    /// Another process thought us dead and has the case now, whose result will be the same: that is no trouble.
+    /// Another process considered this one dead and now has the case. This is no error, as its
+    /// result will be the same.
     fn unless_lost(&self, error: StoreError) -> Result<(), StoreError> {
         match error {
             StoreError::ClaimLost { .. } => {
@@ -247,26 +255,27 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Watches over the threads from the one that started them.
+    /// Supervises the threads from the one that started them.
     fn supervise(&self, waiting: &Mutex<Option<String>>) {
         let (mut looked, mut beaten) = (Instant::now(), Instant::now());
         let mut look = self.options.progress.every().unwrap_or(LOOK);
         let mut stopped: Option<Instant> = None;
-        // When at least one thread computed last, and how long after that the user is told what is waited for.
-        let (mut busy, mut patience) = (Instant::now(), WAIT_UNTOLD);
+        // Last time at which some thread computed, and the delay until the next note about waiting.
+        let (mut busy, mut patience) = (Instant::now(), WAIT_BEFORE_NOTE);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
             let told = lock(waiting).take();
             if let Some(text) = told {
                 self.options.progress.note(&text);
             }
-            // A worker may wait for the lock of the file and hold the store as long; what is due is done after that.
+            // A worker may hold the store while it waits for the lock of the file; due tasks are
+            // done after that.
             if beaten.elapsed() >= HEARTBEAT
                 && let Ok(mut store) = self.store.try_lock()
             {
                 beaten = Instant::now();
                 if let Err(error) = store.heartbeat() {
-                    self.give_up(error);
+                    self.stop_on_error(error);
                 }
             }
             if looked.elapsed() >= look
@@ -275,41 +284,41 @@ impl<'r> Shared<'r> {
                 looked = Instant::now();
                 drop(store);
                 if let Err(error) = self.look_around() {
-                    self.give_up(error);
+                    self.stop_on_error(error);
                 }
-                look = look.max(looked.elapsed() * LOOK_SHARE);
+                look = look.max(looked.elapsed() * SCAN_SHARE);
                 if let Some(observer) = self.options.observer {
                     observer.look(self.options.progress);
                 }
             }
             if self.computing.load(Ordering::Acquire) > 0 {
-                (busy, patience) = (Instant::now(), WAIT_UNTOLD);
+                (busy, patience) = (Instant::now(), WAIT_BEFORE_NOTE);
             } else if busy.elapsed() >= patience {
-                patience += WAIT_TOLD;
-                if let Err(error) = self.say_what_is_waited_for() {
-                    self.give_up(error);
+                patience += WAIT_BETWEEN_NOTES;
+                if let Err(error) = self.print_wait_reason() {
+                    self.stop_on_error(error);
                 }
             }
             self.options.progress.draw();
             if let Some(reason) = self.options.stop.reason() {
                 let since = *stopped.get_or_insert_with(|| {
-                    // A task with a observer publishes first, whatever else it is told.
+                    // A task with an observer publishes first, whatever the signal.
                     self.options.progress.note(match reason {
-                        Reason::TimeLimit => "the time is up: stopping at the next step",
+                        Reason::TimeLimit => "time limit reached: stopping after this step",
                         Reason::Signal(_) if self.options.observer.is_some() => {
                             "stopping at the next step"
                         }
                         Reason::Signal(_) => {
-                            "stopping at the next step; once more, after a second, aborts at once"
+                            "stopping after this step; another signal, after a second, aborts"
                         }
                     });
                     Instant::now()
                 });
                 if since.elapsed() > GRACE && self.options.stop.may_abandon() {
-                    self.options
-                        .progress
-                        .note("a step takes too long: its case goes on from its last checkpoint");
-                    // Given back here, so that what the abandoned threads may still write no longer counts.
+                    self.options.progress.note(
+                        "a step takes too long: its case will continue from its last checkpoint",
+                    );
+                    // Released here, so that later writes of the abandoned threads do not count.
                     if let Ok(mut store) = self.store.try_lock() {
                         let _ = store.leave();
                     }
@@ -324,12 +333,12 @@ impl<'r> Shared<'r> {
         }
     }
 
-    /// Says for which processes all threads wait.
-    fn say_what_is_waited_for(&self) -> Result<(), StoreError> {
+    /// Notes the processes that all threads wait for.
+    fn print_wait_reason(&self) -> Result<(), StoreError> {
         let processes = self.store().processes()?;
         for process in processes {
             self.options.progress.note(&format!(
-                "waiting for {} runs of process {} on {}, last heard of {} ago; they go on here once it is gone",
+                "waiting for {} runs of process {} on {}, last heartbeat {} ago; they continue here if it dies",
                 process.running,
                 process.pid,
                 process.host,
@@ -339,19 +348,21 @@ impl<'r> Shared<'r> {
         Ok(())
     }
 
-    /// Frees the cases of dead processes, and sees how far all are. The store must still hold what this process computes.
+    /// Releases the cases of dead processes and updates the progress. The store must still hold the
+    /// campaign of this process.
     fn look_around(&self) -> Result<(), StoreError> {
         let mut store = self.store();
         let freed = store.release_dead()?;
         if freed > 0 {
             self.options.progress.note(&format!(
-                "{freed} cases of a process that is gone go on from their last checkpoints"
+                "{freed} cases of a dead process continue from their last checkpoints"
             ));
         }
         store.check_campaign()?;
         self.options.progress.see(&store.work()?);
-        // While the store is held no other case can end: whoever reads of one before this finds it counted here.
-        self.options.progress.tell_standing();
+        // While the store is locked no other case can end, so this count includes every case
+        // reported before.
+        self.options.progress.print_progress();
         Ok(())
     }
 }

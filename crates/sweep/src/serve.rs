@@ -1,8 +1,8 @@
-//! The live page: a server that reads the store and nothing else.
+//! The live page: a server that only reads the store.
 //!
-//! It has three routes, all of them reading: the page, its data, and the movie of a run. Requests
-//! must name this machine as their host, so that no page of another site can have its visitor's
-//! browser read the store (DNS rebinding). A connection carries one request.
+//! It has three read-only routes: the page, its data, and the movie of a run. Requests must name
+//! this machine as their host, so that no other site can read the store through a visitor's browser
+//! (DNS rebinding). A connection carries one request.
 
 use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
@@ -25,20 +25,20 @@ use tokio::time::{Instant, sleep, timeout};
 
 /// How long an answer about the store is reused.
 const FRESH: Duration = Duration::from_secs(1);
-/// Frames of a movie at most.
+/// Maximum number of frames of a movie.
 const FRAMES: usize = 120;
-/// Connections at a time.
+/// Maximum number of connections.
 const CONNECTIONS: usize = 24;
-/// Readers of the store at a time; each has a few files open.
+/// Maximum number of readers of the store; each has a few files open.
 const READERS: usize = 4;
-/// How long a connection may take to send its request.
-const ASKING: Duration = Duration::from_secs(3);
-/// How long an answer may take; after it the status is 503.
-const ANSWERING: Duration = Duration::from_mins(1);
-/// How long a connection may last.
+/// Time for a connection to send its request.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(3);
+/// Time for a response; after it the status is 503.
+const RESPONSE_TIMEOUT: Duration = Duration::from_mins(1);
+/// Maximum duration of a connection.
 const VISIT: Duration = Duration::from_mins(2);
 
-/// Why there is no live page, or no answer to a request.
+/// Errors of the server.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum ServeError {
@@ -53,12 +53,12 @@ pub enum ServeError {
     /// A resource that the system refused.
     #[error("cannot start {what}: {reason}")]
     Start {
-        /// What was asked for.
+        /// The resource.
         what: &'static str,
         /// What the system said.
         reason: String,
     },
-    /// The address could not be written where it is read.
+    /// The address could not be printed.
     #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
 }
@@ -69,10 +69,10 @@ struct Shared {
     data: Mutex<Option<(Instant, String)>>,
 }
 
-/// Serves the page of a store at an address until a signal; `ready` is told the address.
+/// Serves the page of a store at an address until a signal; calls `ready` with the address.
 ///
 /// # Errors
-/// An address that cannot be had, a system without sockets or signals.
+/// An unavailable address, a system without sockets or signals.
 pub(crate) fn serve(
     source: StoreSource,
     address: SocketAddr,
@@ -103,32 +103,33 @@ pub(crate) fn serve(
                 _ = terminate.recv() => {}
             }
         };
-        // Open connections are closed at once: the server only reads.
+        // Open connections are closed immediately: the server only reads.
         tokio::select! {
             () = accept(listener, routes(source)) => {}
             () = stopped => {}
         }
         Ok(())
     });
-    // A reader may be waiting for the store: nobody waits for it.
+    // A reader may still wait for the store; it is abandoned.
     runtime.shutdown_background();
     result
 }
 
-/// Answers one request of each connection, as many at a time as there are places; the system queues the others.
+/// Answers one request per connection, up to the maximum number in parallel; the system queues the
+/// others.
 async fn accept(listener: TcpListener, routes: Router) {
     let places = Arc::new(Semaphore::new(CONNECTIONS));
     while let Ok(place) = Arc::clone(&places).acquire_owned().await {
         let Ok((stream, _)) = listener.accept().await else {
-            // The process has no file descriptors left until a visitor gives one back.
+            // The process has no free file descriptors until a connection closes.
             sleep(FRESH).await;
             continue;
         };
-        // An idle connection would take the place of one that sends a request.
+        // An idle connection would block one that sends a request.
         let visit = http1::Builder::new()
             .keep_alive(false)
             .timer(TokioTimer::new())
-            .header_read_timeout(ASKING)
+            .header_read_timeout(REQUEST_TIMEOUT)
             .serve_connection(
                 TokioIo::new(stream),
                 TowerToHyperService::new(routes.clone()),
@@ -156,7 +157,7 @@ fn routes(source: StoreSource) -> Router {
 }
 
 /// Whether a Host header names this machine: its loopback, or an address rather than a name.
-fn is_ours(host: &str) -> bool {
+fn is_local_host(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
         _ => host,
@@ -168,14 +169,15 @@ fn is_ours(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Whether a request names this machine as its host; else why it is refused.
+/// Checks that a request names this machine as its host; otherwise returns the reason for the
+/// refusal.
 fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
     let mut hosts = request.headers().get_all(header::HOST).iter();
     let (Some(host), None) = (hosts.next(), hosts.next()) else {
         let text = "a request needs one Host header and no second one\n";
         return Err((StatusCode::BAD_REQUEST, text));
     };
-    if !host.to_str().is_ok_and(is_ours) {
+    if !host.to_str().is_ok_and(is_local_host) {
         let text = "this server answers to localhost and to addresses only\n";
         return Err((StatusCode::MISDIRECTED_REQUEST, text));
     }
@@ -187,13 +189,13 @@ fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
     Ok(())
 }
 
-/// Refuses other hosts and adds the headers that keep the page to itself.
+/// Refuses other hosts and adds the security headers of the page.
 async fn guard(request: Request, next: Next) -> Response {
     let mut response = match check_host(&request) {
-        Ok(()) => timeout(ANSWERING, next.run(request))
+        Ok(()) => timeout(RESPONSE_TIMEOUT, next.run(request))
             .await
             .unwrap_or_else(|_| {
-                let text = "the store is being read for too long: try again later\n";
+                let text = "reading the store takes too long: try again later\n";
                 (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
             }),
         Err(refusal) => refusal.into_response(),
@@ -223,23 +225,23 @@ async fn read<T: Send + 'static>(
         })?
 }
 
-/// An answer, or why there is none.
+/// A response, or an error.
 fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     match result {
         Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Err(ServeError::Report(ReportError::Store(error @ StoreError::NoFrames { .. }))) => {
             (StatusCode::NOT_FOUND, format!("{error}\n")).into_response()
         }
-        // The reason names files of this machine, which is no business of whoever asks.
+        // The reason may name files of this machine, so it is not sent to the client.
         Err(error) => {
             tracing::warn!(%error, "a request was not answered");
-            let text = "the store cannot be read now; `sweep check STORE` says why\n";
+            let text = "the store cannot be read; `sweep check STORE` shows why\n";
             (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
         }
     }
 }
 
-/// All of a store.
+/// The whole store.
 fn everything<'s>(store: &'s Store, all: &'s Selection) -> Excerpt<'s> {
     Excerpt {
         store,
@@ -256,9 +258,9 @@ async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
     answer("text/html; charset=utf-8", result)
 }
 
-/// Its data as it is now.
+/// Its present data.
 async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
-    // Several pages that ask at once share one reading.
+    // Pages that poll at the same time share one reading.
     let mut last = shared.data.lock().await;
     if let Some((_, text)) = last.as_ref().filter(|(at, _)| at.elapsed() < FRESH) {
         return answer("application/json", Ok(text.clone()));
@@ -284,7 +286,7 @@ async fn send_movie(State(shared): State<Arc<Shared>>, Segment(key): Segment<Str
 
 #[cfg(test)]
 mod tests {
-    use super::is_ours;
+    use super::is_local_host;
 
     #[test]
     fn only_this_machine_is_ours() {
@@ -295,7 +297,7 @@ mod tests {
             "[::1]:8420",
             "10.0.0.3:80",
         ] {
-            assert!(is_ours(ours), "{ours}");
+            assert!(is_local_host(ours), "{ours}");
         }
         for foreign in [
             "evil.example",
@@ -305,7 +307,7 @@ mod tests {
             "",
             ":80",
         ] {
-            assert!(!is_ours(foreign), "{foreign}");
+            assert!(!is_local_host(foreign), "{foreign}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! From samples to the average of a run, and from runs to a mean with its error.
+//! Averages of samples over a run, and means over runs with their errors.
 
 pub mod doubt;
 pub(crate) mod segments;
@@ -22,14 +22,14 @@ pub(crate) struct Distribution {
     pub mean: f64,
     /// First quartile.
     pub quartile_1: f64,
-    /// Median: near jamming the mean is that of a few spikes, the median is not.
+    /// Median: near jamming a few spikes dominate the mean, but not the median.
     pub median: f64,
     /// Third quartile.
     pub quartile_3: f64,
 }
 
 impl Distribution {
-    /// Of some values; `None` if there are none.
+    /// Computes it from values; `None` without values.
     pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         Some(Self {
@@ -41,12 +41,13 @@ impl Distribution {
     }
 }
 
-/// Arithmetic mean; `None` of nothing.
+/// Arithmetic mean; `None` without values.
 pub(crate) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Quantile of sorted values, interpolated between neighbours (type 7 of Hyndman and Fan, the default of R and `NumPy`).
+/// Quantile of sorted values, interpolated between neighbours (type 7 of Hyndman and Fan, the
+/// default of R and `NumPy`).
 fn quantile(sorted: &[f64], probability: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let place = probability * last as f64;
@@ -86,7 +87,7 @@ impl Estimate {
         }
     }
 
-    /// From one value per run; `None` without runs.
+    /// Computes it from one value per run; `None` without runs.
     pub fn of(runs: &[f64]) -> Option<Self> {
         let n = runs.len() as f64;
         let mean = mean(runs)?;
@@ -105,13 +106,14 @@ impl Estimate {
     }
 }
 
-/// The quantile of Student's distribution that makes a 95 % interval, by degrees of freedom.
+/// The quantile of Student's distribution for a 95 % interval, by degrees of freedom.
 pub(crate) fn student_95(freedom: f64) -> Option<f64> {
     student(freedom, 0.975)
 }
 
 thread_local! {
-    /// Quantiles found so far, by the bits of degrees of freedom and probability: thousands of points have as many runs.
+    /// Cache of quantiles, by the bits of degrees of freedom and probability, for thousands of
+    /// points with equal numbers of runs.
     static QUANTILES: RefCell<HashMap<(u64, u64), Option<f64>>> = RefCell::default();
 }
 
@@ -140,8 +142,8 @@ pub(crate) struct Averages {
     pub viscosity_stresslet: Option<Distribution>,
     /// First normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Components and parts of the stress, and numbers of the network of contacts over the samples that have them, in the order of
-    /// [`sampled::means`].
+    /// Components and parts of the stress, and numbers of the contact network over the samples that
+    /// have them, in the order of [`sampled::means`].
     pub(crate) means: [Option<f64>; MEANS],
     /// Dissipation.
     pub dissipation: Option<f64>,
@@ -153,12 +155,12 @@ pub(crate) struct Averages {
     pub rolling: u64,
     /// Approach velocity, summed over the contacts of all samples; positive for approach.
     pub approach: f64,
-    /// Whether the viscosity was steady, and how long it remembers.
+    /// Steadiness and correlation time of the viscosity.
     pub steadiness: Option<Steadiness>,
 }
 
 impl Averages {
-    /// Of the samples whose step is at least `discard_step`.
+    /// Averages the samples from step `discard_step` on.
     pub(crate) fn of(samples: &[(u64, Sample)], discard_step: u64) -> Self {
         let kept: Vec<&Sample> = samples
             .iter()
@@ -216,7 +218,7 @@ impl Averages {
     }
 }
 
-/// A quotient; `None` where it has no meaning.
+/// A quotient; `None` where it is undefined.
 pub(crate) fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
     (denominator > 0.0).then(|| numerator / denominator)
 }

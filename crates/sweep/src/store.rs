@@ -1,13 +1,15 @@
-//! The store: one `SQLite` file per campaign, the only memory of the program.
+//! The store: one `SQLite` file per campaign, which holds all state of the program.
 //!
-//! State changes are synced to the disk before they count; checkpoints survive a killed process at once and a power
-//! cut up to the last few. Every change to a running case is made on condition that this process still owns it. A run is a
-//! pure function of its case, so what is damaged or lost is computed again.
+//! State changes are synced to the disk before they take effect; checkpoints survive a killed
+//! process, and all but the last few survive a power cut. Every change to a running case requires
+//! that this process still owns it. A run is a pure function of its case, so damaged or lost
+//! results are recomputed.
 
 mod campaign;
 mod check;
 mod checkpoints;
 mod claims;
+mod details;
 mod digest;
 mod ends;
 mod error;
@@ -32,7 +34,6 @@ mod schema;
 mod settle;
 mod statements;
 mod states;
-mod story;
 mod submissions;
 mod work;
 
@@ -40,6 +41,7 @@ pub(crate) use crate::model::checkpoint::can_be_kept;
 pub use crate::model::checkpoint::{Checkpoint, Damage};
 pub use check::{Checked, Finding, accept_changes, check};
 pub use claims::Claim;
+pub use details::{CaseDetails, Origin};
 pub use error::StoreError;
 pub use failures::{Attempt, FailureLine};
 pub use frames::StoredFrame;
@@ -58,7 +60,6 @@ pub use registry::DEATH_LIMIT;
 pub use rules::PointState;
 pub use settle::Finished;
 pub(crate) use settle::LastState;
-pub use story::{Origin, Story};
 pub use submissions::{OpenCase, SliceState, Submission};
 pub(crate) use work::PointWork;
 pub use work::{Counts, ProcessLine, Work};

@@ -1,4 +1,5 @@
-//! What the spheres of an instant look like together: pair distributions, contacts, networks; averaged over frames and runs.
+//! Structure of the spheres at an instant: pair distributions, contacts, networks; averaged over
+//! frames and runs.
 //!
 //! ```text
 //! network     spheres in their cell and their loaded contacts, of a layer or a suspension

@@ -1,4 +1,4 @@
-//! What the machine gives: clocks, processes, files, disks, exit codes, tables kept in the user's cache.
+//! Services of the system: clocks, processes, files, disks, exit codes, tables in the user's cache.
 
 pub(crate) mod clock;
 pub mod disk;
@@ -9,7 +9,7 @@ pub mod tables;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What a mutex guards, which a panic of another thread leaves whole.
+/// Locks a mutex whose data stays valid after a panic of another thread.
 pub(crate) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

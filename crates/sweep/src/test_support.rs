@@ -1,4 +1,4 @@
-//! Made-up samples and snapshots for the tests of what stands around the physics.
+//! Synthetic samples and snapshots for tests outside the physics.
 
 use crate::spaces::{AnyFrame, AnySnapshot, InSpace};
 use sd_core::simulation::{Counters, Frame, FrameContact, SNAPSHOT_VERSION};
@@ -61,7 +61,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
     }
 }
 
-/// A plausible snapshot after so many steps.
+/// A plausible snapshot after a number of steps.
 pub(crate) fn snapshot(steps: u64) -> AnySnapshot {
     let layer: Snapshot = serde_json::from_value(serde_json::json!({
         "version": SNAPSHOT_VERSION,
@@ -78,7 +78,7 @@ pub(crate) fn snapshot(steps: u64) -> AnySnapshot {
     InSpace::Layer(layer)
 }
 
-/// A frame of a suspension of two spheres in contact, the first of them at that place.
+/// A frame of a suspension of two spheres in contact, the first at that position.
 pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
     InSpace::Suspension(Frame {
         strain,

@@ -1,4 +1,4 @@
-//! Text for people: numbers, times and sizes in words, and nothing in it that a terminal would obey.
+//! Text for people: formatted numbers, times and sizes, without control sequences of terminals.
 
 pub mod format;
 pub(crate) mod visible;

@@ -1,14 +1,14 @@
 //! Frames of a run: their compact form in the store, and the files they are exported to.
 //!
-//! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are stored themselves, not
-//! as differences of positions. What decides a run is never read back from a frame.
+//! Stored numbers have single precision: seven digits are more than a picture needs, and gaps are
+//! stored explicitly, not as differences of positions. A run never depends on a stored frame.
 
 mod bonds;
 mod extxyz;
 mod tables;
 
 pub(crate) use bonds::write_bonds;
-pub(crate) use extxyz::{Filmed, write_extxyz};
+pub(crate) use extxyz::{FrameSource, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
 use crate::spaces::{AnyFrame, InSpace};
@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 
 /// First byte of a stored frame of a layer.
 const LAYER: u8 = 2;
-/// The same of a suspension.
+/// The same for a suspension.
 const SUSPENSION: u8 = 3;
-/// The same of a suspension with an offset along the vorticity, which stands before the frame.
+/// The same for a suspension with an offset along the vorticity, which precedes the frame.
 const CROSSED: u8 = 4;
 
-/// A frame as it is stored.
+/// A stored frame.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     strain: f64,
@@ -33,44 +33,46 @@ struct Stored {
     offset: f32,
     /// Radii; a single one if all are equal.
     radii: Vec<f32>,
-    /// Of each sphere its centre, its orientation, its stresslet.
+    /// For each sphere: centre, orientation, stresslet.
     spheres: Vec<f32>,
     /// i, j, state of each contact.
     contacts: Vec<(u32, u32, u8)>,
-    /// Of each contact its normal, gap, normal force, tangential force.
+    /// For each contact: normal, gap, normal force, tangential force.
     forces: Vec<f32>,
     /// Quasi-force of rolling friction of each contact; none without such friction.
     rolling: Vec<f32>,
 }
 
-/// A space whose frames are kept: its orientations and tangents as numbers.
+/// A space with stored frames: its orientations and tangents as numbers.
 pub(crate) trait Kept: Space {
     /// First byte of its stored frames.
     const VERSION: u8;
-    /// Numbers of an orientation.
+    /// Number of components of an orientation.
     const ORIENTATION: usize;
-    /// Numbers of a vector across a line of centres.
+    /// Number of components of a vector perpendicular to a line of centres.
     const TANGENT: usize;
 
-    /// The numbers of an orientation.
+    /// The components of an orientation.
     fn orientation(orientation: &Self::Orientation) -> &[f64];
 
-    /// The orientation of so many numbers.
+    /// The orientation with these components.
     fn orientation_of(numbers: &[f64]) -> Self::Orientation;
 
-    /// The numbers of a vector across a line of centres.
+    /// The components of a vector perpendicular to a line of centres.
     fn across(tangent: &Self::Tangent) -> &[f64];
 
-    /// The vector of so many numbers.
+    /// The vector with these components.
     fn tangent_of(numbers: &[f64]) -> Self::Tangent;
 
-    /// How much of a force acts across a line of centres: with a sign where there is one direction, else its size.
+    /// The component of a force perpendicular to a line of centres: signed in a layer, else its
+    /// magnitude.
     fn amount(tangent: &Self::Tangent) -> f64;
 
     /// The angle in the plane of flow and gradient of a line that lay along the flow at strain 0.
     fn angle(orientation: &Self::Orientation) -> f64;
 
-    /// The vorticity component of the rotation from one orientation to another, of a suspension of the one by less than half a turn.
+    /// The vorticity component of the rotation between two orientations; in a suspension that by
+    /// less than half a turn.
     fn turned_by(from: &Self::Orientation, to: &Self::Orientation) -> f64;
 }
 
@@ -160,7 +162,7 @@ impl Kept for Bulk {
 /// Names of the states, by their stored number.
 pub const STATES: [&str; 3] = ["frictionless", "rolling", "slipping"];
 
-/// The number of a state in [`STATES`].
+/// The index of a state in [`STATES`].
 pub fn state_number(state: ContactState) -> u8 {
     match state {
         ContactState::Frictionless => 0,
@@ -178,7 +180,7 @@ fn single(value: f64) -> f32 {
 /// A frame as bytes.
 ///
 /// # Errors
-/// Those of the encoder, which is given nothing it cannot encode.
+/// Those of the encoder, which cannot occur for this data.
 pub fn encode(frame: &AnyFrame) -> Result<Vec<u8>, postcard::Error> {
     match frame {
         InSpace::Layer(frame) => encode_in(frame),
@@ -247,7 +249,7 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
     }
 }
 
-/// A frame from bytes; `None` if they are none of this version.
+/// A frame from bytes; `None` if they are not a frame of this version.
 pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
     let (version, content) = bytes.split_first()?;
     let stored = || postcard::from_bytes::<Stored>(content).ok();
@@ -269,7 +271,7 @@ pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
 /// Frames with their steps.
 pub(crate) type Frames<'f, S> = Vec<(u64, &'f Frame<S>)>;
 
-/// Those of layers, and those of suspensions. A run stays in its space: one of the two is empty.
+/// Frames of layers, and frames of suspensions. One of the two is empty.
 pub(crate) fn by_space<'f>(
     frames: &[(u64, &'f AnyFrame)],
 ) -> (Frames<'f, Layer>, Frames<'f, Bulk>) {
@@ -283,7 +285,7 @@ pub(crate) fn by_space<'f>(
     (layers, suspensions)
 }
 
-/// Numbers in rows of that length; `None` where there are not so many rows.
+/// Numbers in rows of that length; `None` if the number of rows does not match.
 fn rows(numbers: &[f32], length: usize, count: usize) -> Option<Vec<Vec<f64>>> {
     let is_whole = Some(numbers.len()) == length.checked_mul(count);
     let row = |row: &[f32]| row.iter().copied().map(f64::from).collect();

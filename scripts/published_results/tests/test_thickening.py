@@ -71,7 +71,8 @@ def test_runs_are_counted(known):
 
 
 def test_intervals_are_those_of_welch():
-    # Two samples of five each with the variances 2.5 and 10: t' of 5 degrees of freedom 5.88, half width t s.
+    # Two samples of five each with the variances 2.5 and 10: t' of 5 degrees of freedom 5.88, half
+    # width t s.
     one, two = [1.0, 2.0, 3.0, 4.0, 5.0], [2.0, 4.0, 6.0, 8.0, 10.0]
     mean, half = sum_of_means([(1.0, two), (-1.0, one)])
     assert mean == pytest.approx(3.0, abs=1e-12)

@@ -1,4 +1,5 @@
-//! faer's bare Cholesky factorization of a matrix `[6N × 6N]`: what right-hand sides are measured by.
+//! faer's bare Cholesky factorization of a matrix `[6N × 6N]`: the reference for the time of
+//! right-hand sides.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;

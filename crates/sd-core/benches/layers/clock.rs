@@ -1,9 +1,9 @@
-//! Computing time of this thread, which other programs on the machine do not add to.
+//! CPU time of this thread, independent of other programs on the machine.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::time::Duration;
 
-/// Computing time of this thread, from its start.
+/// CPU time of this thread since its start.
 #[derive(Clone, Copy)]
 pub(crate) struct Moment(Duration);
 
@@ -15,7 +15,7 @@ impl Moment {
         Self(Duration::from_secs(seconds) + Duration::from_nanos(nanoseconds))
     }
 
-    /// Computing time since then, in seconds.
+    /// CPU time since then, in seconds.
     pub(crate) fn seconds(self) -> f64 {
         Self::now().0.saturating_sub(self.0).as_secs_f64()
     }

@@ -14,7 +14,7 @@ use sd_core::{
 pub(crate) const TIME_STEP: f64 = 0.005;
 /// Strain after which the layer is taken.
 const STRAIN: f64 = 0.8;
-/// Layers of as many spheres and more are copies of smaller ones.
+/// Layers of at least this many spheres are copies of smaller ones.
 const COPIED_FROM: usize = 400;
 
 pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
@@ -33,7 +33,8 @@ pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodyn
     }
 }
 
-/// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer, with as many contacts per sphere.
+/// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer,
+/// with as many contacts per sphere.
 ///
 /// # Panics
 /// If such an N is not k² times a smaller number of spheres.
@@ -91,7 +92,8 @@ pub(crate) struct Layer {
     pub(crate) centres: Vec<Vec2>,
     pub(crate) stage: StageSolver,
     laws: Laws,
-    /// Contact forces of the stage before. After the first solve those of the same instant, as good a start as in a run.
+    /// Contact forces of the stage before. After the first solve those of the same instant, as good
+    /// a start as in a run.
     memory: ContactMemory,
 }
 
@@ -125,8 +127,9 @@ impl Layer {
         self.stage.resistance.factor().expect("a regular layer");
     }
 
-    /// Forces, factor and velocities of a stage that looks ahead by `time_span`, once for each [`Layer::assemble`]; a far field is iterated
-    /// from nothing. Whether its contact problem is solved.
+    /// Forces, factor and velocities of a stage that looks ahead by `time_span`, once for each
+    /// [`Layer::assemble`]; a far field is iterated from zero. Returns whether its contact problem
+    /// is solved.
     pub(crate) fn solve(&mut self, time_span: f64) -> bool {
         self.stage.begin_step();
         self.stage.start_far_field_from(&[]);

@@ -7,8 +7,8 @@ use sd_core::contact::{ContactMemory, Pass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
 
-/// Viscosity of a step: as the method has it, which is that of the first stage or where gaps are held of the second; and that of the layer at
-/// its start, with contacts that look ahead by [`LOOK`].
+/// Viscosity of a step: that of the method, at the first stage or with constrained gaps at the
+/// second; and that of the layer at its start, with contacts that look ahead by [`LOOK`].
 pub(crate) type Viscosities = Vec2;
 
 /// Gaps below this share of the roughness height have a step done again, as in the program.
@@ -34,13 +34,14 @@ pub(crate) struct Layer {
     velocities: Vec<Vec<Vec2>>,
     /// Disturbances `[3N]` of the first stage.
     disturbances: Vec<f64>,
-    /// The first stage of the step, where it is known already: from the end of the step before, or a step refused.
+    /// The first stage of the step, where it is known already: from the end of the step before, or
+    /// a step refused.
     first: Option<Stage>,
     last: Option<Stage>,
     pub(crate) refused: u64,
 }
 
-/// What is measured at a stage.
+/// Measurements of a stage.
 #[derive(Clone, Copy)]
 struct Stage {
     gap: f64,
@@ -141,7 +142,8 @@ impl Layer {
         stress.viscosity
     }
 
-    /// Tries a step: the viscosity at its start and the largest estimated error; `None` if a gap fell too low.
+    /// Tries a step: the viscosity at its start and the largest estimated error; `None` if a gap
+    /// fell too low.
     fn attempt(&mut self, method: &Method, dt: f64, smallest: bool) -> Option<(Viscosities, f64)> {
         let start = self.centres.clone();
         let mut last = None;
@@ -191,7 +193,7 @@ impl Layer {
         Some((viscosity, error))
     }
 
-    /// After a step that stands: what it knows of the next.
+    /// After an accepted step: its information about the next.
     fn accept(&mut self, method: &Method, dt: f64) {
         self.time += dt;
         self.first = None;

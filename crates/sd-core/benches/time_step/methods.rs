@@ -10,7 +10,8 @@ pub(crate) struct Method {
     /// Time spans τ of the stages, in steps.
     pub(crate) spans: &'static [f64],
     pub(crate) weights: &'static [f64],
-    /// Weights of the embedded method less these, if there is one; then the order of the error over a step.
+    /// Weights of the embedded method less these, if there is one; then the order of the error over
+    /// a step.
     pub(crate) embedded: Option<(&'static [f64], f64)>,
     /// Whether the last stage is the first of the next step.
     pub(crate) last_is_first: bool,
@@ -40,7 +41,8 @@ pub(crate) const MIDPOINT: Method = Method {
     last_is_first: false,
     held: false,
 };
-/// The method of the program: the midpoint rule, with the gaps of the step's start held over the whole step.
+/// The method of the program: the midpoint rule, with the gaps of the step's start held over the
+/// whole step.
 pub(crate) const HELD: Method = Method {
     name: "midpoint, gaps held",
     spans: &[1.0, 1.0],

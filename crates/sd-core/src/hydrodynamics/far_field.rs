@@ -1,14 +1,16 @@
-//! The far field: mobility of the force and dipole modes of all spheres, and its inverse, the far-field resistance.
+//! The far field: mobility of the force and dipole modes of all spheres, and its inverse, the
+//! far-field resistance.
 //!
-//! Velocity modes of sphere i from force modes of sphere j are derivatives of one Green's function, summed over all
-//! images in a doubly periodic layer, or without images in unbounded fluid:
+//! Velocity modes of sphere i from force modes of sphere j are derivatives of one Green's function,
+//! summed over all images in a doubly periodic layer, or without images in unbounded fluid:
 //!
 //! ```text
 //! (U − u∞, Ω − Ω∞, −E∞) = M (F, T, S~),   R_far = M⁻¹,   M symmetric and positive definite
 //! ```
-//! The rows of the grand matrices here are ordered **strain first**: the 3N strain or stresslet rows
-//! `(e1, e2, e3)` of sphere 0, of sphere 1, …, then the 3N velocity or force rows `(U_x, U_y, Ω)` of sphere 0, ….
-//! So the block of the inverse that is needed explicitly, force from velocity, is the trailing one.
+//! The rows of the grand matrices here are ordered **strain first**: the 3N strain or stresslet
+//! rows `(e1, e2, e3)` of sphere 0, of sphere 1, …, then the 3N velocity or force rows
+//! `(U_x, U_y, Ω)` of sphere 0, …. So the block of the inverse that is needed explicitly, force
+//! from velocity, is the trailing one.
 
 pub(crate) mod bulk;
 mod ewald;
@@ -144,8 +146,9 @@ impl FarField {
 
     /// Fills the grand mobility `[6N × 6N]`, its lower triangle, in 1/(mu a), 1/(mu a²), 1/(mu a³).
     ///
-    /// In a periodic cell the mobility of a uniform force, which is infinite, is replaced by a finite constant: use M
-    /// only as [`FarResistance`] does. Allocates nothing after the first call.
+    /// In a periodic cell the mobility of a uniform force, which is infinite, is replaced by a
+    /// finite constant: use M only as [`FarResistance`] does. Allocates nothing after the first
+    /// call.
     ///
     /// # Arguments
     /// - `cell`: any offset; the sides of the plan.
@@ -186,14 +189,15 @@ impl FarField {
         Ok(())
     }
 
-    /// The real-space half of the sums in [`FarField::fill`] alone, to no effect: for measuring what it takes. Periodic cells only.
+    /// Computes only the real-space half of the sums in [`FarField::fill`], to measure its cost.
+    /// Periodic cells only.
     pub fn real_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         if let Some(ewald) = &mut self.ewald {
             ewald.real_sums(cell, centres);
         }
     }
 
-    /// The same of the wave-space half.
+    /// The same for the wave-space half.
     pub fn wave_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         if let Some(ewald) = &mut self.ewald {
             ewald.wave_sums(cell, centres);
@@ -209,7 +213,7 @@ impl FarField {
     }
 }
 
-/// Refuses a cell of other sides than planned; infinite ones stand for unbounded fluid.
+/// Refuses a cell of other sides than planned; infinite ones denote unbounded fluid.
 fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
     let found = match *cell {
         Cell::Unbounded => [f64::INFINITY; 2],

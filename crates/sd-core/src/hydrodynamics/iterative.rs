@@ -1,4 +1,5 @@
-//! Stokesian Dynamics of large layers: the far field is iterated on top of a sparse resistance that has its near part.
+//! Stokesian Dynamics of large layers: the far field is iterated on top of a sparse resistance that
+//! has its near part.
 //!
 //! ```text
 //! x = (−E; v),   q the force modes of the far field, M its mobility, M₀ that of isolated spheres, P a sparse approximation of M⁻¹
@@ -7,19 +8,23 @@
 //! δ = P y:         y + (M − P⁻¹) (q₀ + W y) + V c = 0,   W = P − P (0; R_P⁻¹ (P ·)_F)
 //! ```
 //!
-//! P is M₀⁻¹ and the inverse mobilities of near pairs ([`Resistance`] has it in its terms); M₀⁻¹ alone would do, in twice as many
-//! iterations, and R_P is then that of Ball-Melrose hydrodynamics.
+//! P is M₀⁻¹ and the inverse mobilities of near pairs ([`Resistance`] includes it in its terms);
+//! M₀⁻¹ alone would suffice, with twice as many iterations, and R_P is then that of Ball-Melrose
+//! hydrodynamics.
 //!
-//! W is symmetric, positive semidefinite and at most P, and `z = W y` obeys `(W⁺ + M − P⁻¹) z + V c = −(M − P⁻¹) q₀`, `Vᵀ z = 0`,
-//! whose operator is at least M: positive definite. Conjugate gradients with W as preconditioner, less the part that would break
-//! the constraint, need one product with M and one solve with R_P per iteration. Where M is far above P⁻¹, in long waves, the
-//! pair terms resist little and W all but vanishes, so iterations hardly depend on N.
+//! W is symmetric, positive semidefinite and at most P, and `z = W y` obeys
+//! `(W⁺ + M − P⁻¹) z + V c = −(M − P⁻¹) q₀`, `Vᵀ z = 0`, whose operator is at least M: positive
+//! definite. Conjugate gradients, preconditioned with W minus the part that would violate the
+//! constraint, need one product with M and one solve with R_P per iteration. Where M is far above
+//! P⁻¹, in long waves, the pair terms resist little and W nearly vanishes, so the number of
+//! iterations hardly depends on N.
 //!
-//! The far field leaves a translation of the layer alone, but the pair terms resist it a little, as their two parts are not of one
-//! order of multipoles: `Vᵀ W V` is small, and the mean velocity what balances the forces on the layer as a whole.
+//! The far field does not resist a translation of the layer, but the pair terms resist it slightly,
+//! as their two parts are not of the same order of multipoles: `Vᵀ W V` is small, and the mean
+//! velocity balances the net force on the layer.
 //!
-//! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r is a flow that the spheres are subjected to
-//! besides the background.
+//! The relative residual is `√(rᵀ W r)/√(qᵀ M₀ q)`, r = x − M q − V c. A remaining r acts on the
+//! spheres like an additional background flow.
 
 pub(crate) mod fixed_point;
 mod local;
@@ -37,10 +42,11 @@ pub(crate) use near_solver::NearSolver;
 use split::SplitMotion;
 use uniform::{Uniform, translation, translations};
 
-/// Tolerance of M over the relative residual asked for; test `linear_motion_is_that_of_the_dense_far_field`.
+/// Tolerance of M over the requested relative residual; test
+/// `linear_motion_is_that_of_the_dense_far_field`.
 const OPERATOR_TOLERANCE: f64 = 0.1;
 
-/// How an iteration ended.
+/// Outcome of an iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Convergence {
     /// Iterations, each with one product with M and one solve with R_P for each part of the motion.
@@ -49,11 +55,12 @@ pub struct Convergence {
     pub evaluations: u32,
     /// Relative residual reached.
     pub residual: f64,
-    /// Whether it is the one asked for.
+    /// Whether it is within the tolerance.
     pub converged: bool,
 }
 
-/// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is O(N).
+/// The far field of Stokesian Dynamics, iterated on top of a [`Resistance`] without it. Memory is
+/// O(N).
 pub struct IterativeFarField<S: Fluid = Layer> {
     /// M.
     operator: S::Operator,
@@ -104,7 +111,7 @@ impl IterativeFarField {
 }
 
 impl<S: Fluid> IterativeFarField<S> {
-    /// Makes a plan for cells of the given sides.
+    /// Plans for cells of the given sides.
     ///
     /// # Arguments
     /// - `cell`: periodic.
@@ -158,35 +165,39 @@ impl<S: Fluid> IterativeFarField<S> {
         })
     }
 
-    /// Sets another limit of the iterations of one solve without contacts than [`IterativeFarField::MOST_ITERATIONS`].
+    /// Sets a limit of the iterations of one solve without contacts other than
+    /// [`IterativeFarField::MOST_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }
 
-    /// Forgets the last solve: the next one starts from Ball-Melrose.
+    /// Discards the last solution: the next solve starts from Ball-Melrose.
     pub fn forget(&mut self) {
         self.excess.fill(0.0);
         self.split.forget();
     }
 
-    /// Rounds what the last solve with contacts found to single precision, as [`IterativeFarField::found`] tells it: the next one then
-    /// starts from the same numbers wherever it is made.
+    /// Rounds the last solution with contacts to single precision, as in
+    /// [`IterativeFarField::found`], so that the next solve starts from the same numbers after a
+    /// restart.
     pub(crate) fn round(&mut self) {
         self.split.round();
     }
 
-    /// Where the next solve with contacts starts, in single precision: force modes and translations, scaled; `[12N + 4]`.
+    /// Initial guess of the next solve with contacts, in single precision: force modes and
+    /// translations, scaled; `[12N + 4]`.
     pub(crate) fn found(&self) -> Vec<f32> {
         self.split.found()
     }
 
-    /// Lets the next solve with contacts start from what [`IterativeFarField::found`] told; from nothing, if that is empty.
+    /// Sets the initial guess of the next solve with contacts to the value of
+    /// [`IterativeFarField::found`]; zero if that is empty.
     pub(crate) fn start_from(&mut self, found: &[f32]) {
         self.forget();
         self.split.start_from(found);
     }
 
-    /// Takes new positions. The next solve starts from what was found at the last ones.
+    /// Sets new positions. The next solve starts from the last solution.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -194,13 +205,15 @@ impl<S: Fluid> IterativeFarField<S> {
         self.operator.update(cell, centres)
     }
 
-    /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the first call.
+    /// Disturbance velocities `[3N]` under forces, without contacts. Allocates nothing after the
+    /// first call.
     ///
     /// # Arguments
-    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by pair, updated at the positions of [`IterativeFarField::update`].
+    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by
+    ///   pair, updated at the positions of [`IterativeFarField::update`].
     /// - `strain`: background `(e1, e2, e3)`.
-    /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`. External ones should add up to
-    ///   zero: hardly anything would resist their sum.
+    /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`.
+    ///   External ones should sum to zero, since their sum meets hardly any resistance.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`].
@@ -301,7 +314,8 @@ impl<S: Fluid> IterativeFarField<S> {
         })
     }
 
-    /// Adds the far field, beyond P, to what [`Resistance::apply`] of `near` gave for the velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
+    /// Adds the far field, beyond P, to the result of [`Resistance::apply`] of `near` for the
+    /// velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
     pub fn correct(&self, forces: &mut [f64], stresslets: &mut [S::Strain]) {
         let (strains, velocities) = self.excess.split_at(self.excess.len() - forces.len());
         for (force, excess) in forces.iter_mut().zip(velocities) {
@@ -315,7 +329,7 @@ impl<S: Fluid> IterativeFarField<S> {
         }
     }
 
-    /// Refuses vectors of other lengths; where the velocities begin in those of all modes.
+    /// Refuses vectors of other lengths; returns the index of the first velocity.
     fn check_lengths(
         &self,
         near: &Resistance<S>,
@@ -341,7 +355,7 @@ impl<S: Fluid> IterativeFarField<S> {
 }
 
 impl<S: Fluid> Work<S> {
-    /// `W r` and the lag that belongs to it; returns `rᵀ W r`.
+    /// `W r` and the corresponding lag; returns `rᵀ W r`.
     fn precondition(
         &mut self,
         near: &Resistance<S>,
@@ -374,7 +388,7 @@ impl<S: Fluid> Work<S> {
         Ok(dot(&self.residual, &self.preconditioned))
     }
 
-    /// The next direction: that of the residual, and a share of the last one.
+    /// The next direction: the preconditioned residual plus a multiple of the last one.
     fn turn(&mut self, share: f64) {
         for (next, last) in [
             (&self.pushed, &mut self.direction),
@@ -393,7 +407,7 @@ fn weighted_square(q: &[f64], drag: &[f64]) -> f64 {
     q.iter().zip(drag).map(|(q, drag)| q * q / drag).sum()
 }
 
-/// Takes the mean translation off velocities.
+/// Subtracts the mean translation from velocities.
 fn centre<S: Fluid>(velocities: &mut [f64]) {
     let spheres = (velocities.len() / S::MODES) as f64;
     let mean = translations::<S>(velocities).map(|sum| sum / spheres);

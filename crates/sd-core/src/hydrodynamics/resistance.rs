@@ -8,13 +8,17 @@
 //! ```
 //!
 //! Every pair term is positive semidefinite, so R is positive definite in all. Pairs count up to
-//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count at any distance and are
-//! then exact under Stokesian Dynamics. Under lubrication they have terms up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere, `[3N]`.
+//! `s' = 2r/(a_i + a_j) < 4` in a cell and in clusters; two spheres alone in unbounded fluid count
+//! at any distance and are then exact under Stokesian Dynamics. Under lubrication they have terms
+//! up to its cutoff only. Velocities and forces are ordered `(x, y, rotation)` sphere by sphere,
+//! `[3N]`.
 //!
-//! The same holds in a suspension, whose spheres have eleven modes; X^C is added to the pair terms. Vectors are then `[6N]`, `(U, Ω)` sphere
-//! by sphere, where `[3N]` is said here of a layer. What differs is in [`fluid`]'s implementations for the two spaces.
+//! The same holds in a suspension, whose spheres have eleven modes; X^C is added to the pair terms.
+//! Vectors are then `[6N]`, `(U, Ω)` sphere by sphere, where this module writes `[3N]` for a layer.
+//! The differences are in [`fluid`]'s implementations for the two spaces.
 //!
-//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair by pair without a factor.
+//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair
+//! by pair without a factor.
 
 mod bulk;
 mod dense;
@@ -48,7 +52,7 @@ pub use tables::NearFields;
 pub(crate) use tables::NearTerms;
 use tables::Twists;
 
-/// How `R_FU` is held.
+/// Storage of `R_FU`.
 enum Form<S: Fluid> {
     /// Stokesian Dynamics, full and factored.
     Dense(Box<DenseResistance<S>>),
@@ -71,7 +75,8 @@ pub struct Resistance<S: Fluid = Layer> {
     neighbours: NeighbourList<S>,
     /// Their terms.
     terms: Vec<S::Term>,
-    /// The far field of near pairs, which their terms then have in them: where a far field is iterated on top.
+    /// The far field of near pairs, included in their terms if the rest of the far field is
+    /// iterated.
     far_pairs: Option<FarPairs<S>>,
     form: Form<S>,
 }
@@ -79,10 +84,11 @@ pub struct Resistance<S: Fluid = Layer> {
 impl<S: Fluid> Resistance<S> {
     /// Workspace for spheres of the given radii, in cells of the given sides, with `R_FU` factored.
     ///
-    /// Tables that `tables` lacks are made here, which costs seconds per size ratio.
+    /// Tables missing in `tables` are computed here, which takes seconds per size ratio.
     ///
     /// # Errors
-    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01 to 100.
+    /// No sphere, a cell thinner than twice the lubrication range, a size ratio outside 0.01
+    /// to 100.
     pub fn new(
         hydrodynamics: Hydrodynamics,
         cell: &Cell<S>,
@@ -102,7 +108,7 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// As [`Resistance::new`] for Stokesian Dynamics, with another tolerance of the periodic sums than the usual one.
+    /// As [`Resistance::new`] for Stokesian Dynamics, with a given tolerance of the periodic sums.
     ///
     /// # Errors
     /// Those of [`Resistance::new`]; a tolerance out of range.
@@ -122,12 +128,13 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
-    /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor: O(N), for many spheres.
+    /// As [`Resistance::new`] with `R_FU` held as a [`PairwiseResistance`] in place of a factor:
+    /// O(N), for many spheres.
     ///
-    /// Under Stokesian Dynamics it is that of Ball-Melrose and of the far field of near pairs alone, on top of which the rest of the far
-    /// field is iterated.
+    /// Under Stokesian Dynamics it is the sum of Ball-Melrose and of the far field of near pairs;
+    /// the rest of the far field is iterated.
     ///
-    /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
+    /// `pattern_pairs`: ordered pairs of the near part's pattern of a resumed run; else empty.
     ///
     /// # Errors
     /// Those of [`Resistance::new`]; [`Error::OutOfMemory`].
@@ -153,14 +160,14 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
-    /// Says how high the asperities are that contacts touch at, in a, which serves layers held pair by pair.
+    /// Sets the asperity height of contacts, in a, for the pattern of pairwise storage.
     pub(crate) fn expect_contacts(&mut self, height: f64) {
         if let Form::Pairwise(pairwise) = &mut self.form {
             pairwise.expect_contacts(height, &self.radii);
         }
     }
 
-    /// Makes what all forms share, and then the form.
+    /// Creates the common parts, and then the form.
     fn with_form(
         hydrodynamics: Hydrodynamics,
         cell: &Cell<S>,
@@ -194,13 +201,15 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
-    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may overlap by less than `deepest`, in a.
+    /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may
+    /// overlap by less than `deepest`, in a.
     pub fn regularise(&mut self, lubrication_gap: f64, deepest: f64) {
         self.lubrication_gap = lubrication_gap;
         self.neighbours.allow_overlap(deepest);
     }
 
-    /// Assembles and factors at new positions. The cell's sides must be those of [`Resistance::new`]; its offset is free.
+    /// Assembles and factors at new positions. The cell's sides must be those of
+    /// [`Resistance::new`]; its offset is free.
     ///
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].
@@ -209,7 +218,8 @@ impl<S: Fluid> Resistance<S> {
         self.factor()
     }
 
-    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`. [`Resistance::factor`] must follow.
+    /// The first half of [`Resistance::update`]: far field, pair terms, `R_FU`.
+    /// [`Resistance::factor`] must follow.
     ///
     /// # Errors
     /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
@@ -238,8 +248,9 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along the line of centres, which the
-    /// fluid has no part in. Neither [`Resistance::apply`] nor [`Resistance::background_forces`] knows of it.
+    /// Adds `slope` n nᵀ of a pair's relative velocity to the assembled `R_FU`: a resistance along
+    /// the line of centres, independent of the fluid. [`Resistance::apply`] and
+    /// [`Resistance::background_forces`] ignore it.
     pub fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         match &mut self.form {
             Form::Dense(dense) => dense.add_spring(pair, slope),
@@ -248,8 +259,8 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every [`Resistance::assemble`]. What is held pair by
-    /// pair has no factor and stays as it is.
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every
+    /// [`Resistance::assemble`]. Pairwise storage has no factor and is unchanged.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
@@ -277,7 +288,7 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// What the far field of near pairs adds to their terms, where it does.
+    /// Terms of the far field of near pairs, if included.
     pub(crate) fn far_pairs(&self) -> impl Iterator<Item = (&Neighbours<S>, &S::Term)> {
         let pairs = self.neighbours.pairs();
         let terms = self.far_pairs.as_ref().map_or(&[][..], FarPairs::terms);
@@ -294,7 +305,7 @@ impl<S: Fluid> Resistance<S> {
         self.neighbours.pairs()
     }
 
-    /// Checks that spheres that were in range do not overlap at other positions either, to which they moved by little.
+    /// Checks that spheres that were in range do not overlap at nearby positions.
     ///
     /// # Errors
     /// [`Error::Overlap`].
@@ -306,7 +317,7 @@ impl<S: Fluid> Resistance<S> {
         self.neighbours.check(cell, centres, &self.radii)
     }
 
-    /// The nearest of the spheres that were in range, at other positions, to which they moved by little.
+    /// The closest pair of the spheres that were in range, at nearby positions.
     pub(crate) fn closest_at(
         &self,
         cell: &Cell<S>,
@@ -318,12 +329,12 @@ impl<S: Fluid> Resistance<S> {
     /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
     ///
     /// # Panics
-    /// Where `R_FU` is held pair by pair and has no factor: ask [`Resistance::pairwise`] first.
+    /// If `R_FU` is stored pair by pair, without a factor: check [`Resistance::pairwise`] first.
     pub fn solver(&self) -> &SkylineCholesky {
         match &self.form {
             Form::Dense(dense) => dense.solver(),
             Form::Skyline(skyline) => skyline.solver(),
-            Form::Pairwise(_) => unreachable!("what is held pair by pair has no factor"),
+            Form::Pairwise(_) => unreachable!("pairwise storage has no factor"),
         }
     }
 
@@ -335,7 +346,7 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// Puts a vector `[3N]` into the order of the factor's rows.
+    /// Permutes a vector `[3N]` to the order of the factor's rows.
     pub fn to_rows(&self, vector: &[f64], rows: &mut Vec<f64>) {
         rows.clear();
         match &self.form {
@@ -349,7 +360,7 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// Puts a vector in the order of the factor's rows back into that of the spheres, `[3N]`.
+    /// Permutes a vector `[3N]` from the order of the factor's rows to that of the spheres.
     pub fn from_rows(&self, rows: &[f64], vector: &mut [f64]) {
         match &self.form {
             Form::Skyline(skyline) => {
@@ -378,7 +389,8 @@ impl<S: Fluid> Resistance<S> {
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strain, forces);
     }
 
-    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of (20), for disturbances v `[3N]`.
+    /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of
+    /// (20), for disturbances v `[3N]`.
     ///
     /// `work` is scratch.
     pub fn apply(

@@ -1,13 +1,16 @@
-//! Two spheres alone in unbounded fluid: resistance functions, the pair matrix, the near-field table.
+//! Two spheres alone in unbounded fluid: resistance functions, the pair matrix, the near-field
+//! table.
 //!
 //! ```text
 //! R = R_far + Σ over near pairs of [R2B − R2B∞]
 //! ```
-//! `R2B` is the exact two-sphere resistance at any gap and size ratio, `R2B∞` the inverse of the pair's far-field mobility.
+//! `R2B` is the exact two-sphere resistance at any gap and size ratio, `R2B∞` the inverse of the
+//! pair's far-field mobility.
 //!
-//! - `series`: the functions at one separation, from coupled multipoles; 1e-11, with rounding 1e-9 at ξ = 1e-3
+//! - `series`: the functions at one separation, from coupled multipoles; 1e-11, with rounding 1e-9
+//!   at ξ = 1e-3
 //! - `near_contact`: singular terms and fitted remainder, for smaller gaps
-//! - `leading_order`: the singular terms alone, softened, as leading-order lubrication has them
+//! - `leading_order`: the singular terms alone, regularized: leading-order lubrication
 //! - `pair_frame`: the 34 independent entries of a pair matrix
 //! - `table`: [`NearField`], 25 ns per pair, and of all size ratios [`NearFieldRange`], 0.25 µs
 //! - `far_pair`: `R2B∞` near contact
@@ -44,10 +47,11 @@ const ALWAYS_SOLVED: f64 = 2e-3;
 /// Gap over the smaller radius from which [`scalars`] solves, if ξ is smaller.
 const SOLVED: f64 = 1e-2;
 
-/// The resistance functions of the planar problem (all but X^C, see [`twist()`]), each `[11, 12]`, dimensionless.
+/// The resistance functions of the planar problem (all but X^C, see [`twist()`]), each `[11, 12]`,
+/// dimensionless.
 ///
-/// Scaled as Kim & Karrila do: A by `6π mu a_1`, B and G by `4π mu a_1²`, C and H by `8π mu a_1³`, M by
-/// `(20/3)π mu a_1³`; d points from sphere 1 to sphere 2.
+/// Scaled as Kim & Karrila do: A by `6π mu a_1`, B and G by `4π mu a_1²`, C and H by `8π mu a_1³`,
+/// M by `(20/3)π mu a_1³`; d points from sphere 1 to sphere 2.
 ///
 /// ```text
 /// A_ij = X^A d_i d_j + Y^A (δ_ij − d_i d_j),   T = B U: B_ij = Y^B ε_ijk d_k,   C = X^C dd + Y^C (δ − dd)
@@ -79,7 +83,7 @@ pub struct Scalars {
 }
 
 impl Scalars {
-    /// All numbers in the order of the fields.
+    /// All values in the order of the fields.
     pub(crate) fn to_array(self) -> [f64; 20] {
         let mut all = [0.0; 20];
         for (to, from) in all.chunks_exact_mut(2).zip([
@@ -91,7 +95,7 @@ impl Scalars {
         all
     }
 
-    /// The functions from numbers in the order of the fields.
+    /// The functions from values in the order of the fields.
     pub(crate) fn from_array(all: &[f64; 20]) -> Self {
         let at = |k: usize| [all[2 * k], all[2 * k + 1]];
         Self {
@@ -131,7 +135,7 @@ pub(crate) fn check_size_ratio(size_ratio: f64) -> Result<f64, Error> {
     }
 }
 
-/// Refuses a separation at which the spheres touch, or which is not a number.
+/// Refuses a separation of touching spheres, or NaN.
 fn check_s_prime(s_prime: f64) -> Result<(), Error> {
     if s_prime > 2.0 && s_prime.is_finite() {
         return Ok(());
@@ -159,10 +163,11 @@ fn both_labellings(size_ratio: f64, xi: f64) -> [Scalars; 2] {
 /// - `s_prime`: `s' = 2r/(a_1 + a_2)`, above 2.
 ///
 /// # Accuracy
-/// 1e-8 relative at s' ≥ 2.002, where it solves at the given separation; below, 1e-8 of the value or of 0.1,
-/// whichever is larger. Digits of s' − 2 lost in forming s' are lost. Tests `agrees_with_reference`,
-/// `fit_meets_solutions_inside_the_switch`. Costs 0.1 ms at s' = 4, 20 ms at 2.01, up to 0.5 s nearer, and 2 s for very unequal
-/// spheres near contact: for many gaps use [`NearField`].
+/// 1e-8 relative at s' ≥ 2.002, where it solves at the given separation; below, 1e-8 of the value
+/// or of 0.1, whichever is larger. Digits of s' − 2 lost in forming s' are lost. Tests
+/// `agrees_with_reference`, `fit_meets_solutions_inside_the_switch`. Costs 0.1 ms at s' = 4, 20 ms
+/// at 2.01, up to 0.5 s nearer, and 2 s for very unequal spheres near contact: for many gaps use
+/// [`NearField`].
 ///
 /// # Errors
 /// [`Error::OutOfRange`] if an argument is, or is not a number.

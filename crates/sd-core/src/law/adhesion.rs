@@ -1,14 +1,15 @@
-//! A constant attraction of surfaces that touch: what it takes to pull them apart.
+//! Adhesion: a constant attraction of touching surfaces, equal to their pull-off force.
 //!
 //! ```text
 //! contact force f ≥ 0 of the normal law, and −F_A besides while the surfaces touch:    f − F_A ≥ −F_A
 //! springs touch while g < h,   rigid asperities while g < 1.01 h
 //! ```
 //!
-//! along the line of centres. A pair that is pulled keeps touching until the pull is F_A. It then opens, and the attraction is gone. The load
-//! that friction knows is f, so that adhesion presses: two spheres that nothing else pushes bear f = F_A. Source: the force in contact of
-//! Pednekar, Chun & Morris, Soft Matter 13, 1773 (2017), and Singh et al., Phys. Rev. Lett. 122, 098004 (2019), whose van der Waals attraction
-//! is constant there, without its range.
+//! along the line of centres. A pulled pair stays in contact until the pull reaches F_A. It then
+//! opens, and the attraction vanishes. The load for friction is f, so that adhesion adds to it: two
+//! spheres without other forces have f = F_A. Source: the force in contact of Pednekar, Chun &
+//! Morris, Soft Matter 13, 1773 (2017), and Singh et al., Phys. Rev. Lett. 122, 098004 (2019),
+//! whose van der Waals attraction is constant there, without its range.
 
 use super::Quantity;
 use super::quantity::Range;
@@ -25,8 +26,8 @@ pub static ADHESION: Quantity = Quantity {
     logarithmic: false,
 };
 
-/// Share of the roughness height by which rigid asperities may be apart and touch still: gaps are held at h but for what a step leaves,
-/// which is 2e-3 of h at the usual steps.
+/// Separation up to which rigid asperities count as touching, over the roughness height: gaps are
+/// held at h up to the error of a step, which is 2e-3 of h at default steps.
 const RIGID_RANGE: f64 = 0.01;
 
 /// Gap, in a, below which surfaces touch.

@@ -1,4 +1,4 @@
-//! Laws of the normal force: what presses two spheres apart, as a function of their overlap `d = h − g`.
+//! Laws of the normal force, the repulsive contact force as a function of the overlap `d = h − g`.
 //!
 //! ```text
 //! F(d) ≥ 0,   F = 0 for d ≤ 0
@@ -7,48 +7,49 @@
 use super::Quantity;
 use super::quantity::Range;
 
-/// Lists the laws: a line has the name of the law and of its file, which declares all else.
+/// Lists the laws: each line has the name of a law and of its file, which declares the rest.
 macro_rules! normal_laws {
     ($($law:ident: $file:ident,)+) => {
         $(pub mod $file;)+
 
         super::words! {
-            /// What presses two spheres apart; d = h − g.
+            /// Law of the normal contact force; d = h − g.
             NormalLaw {
                 $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
             }
         }
 
         impl NormalLaw {
-            /// The parameters it has, by their declarations.
+            /// The declarations of its parameters.
             pub fn parameters(self) -> &'static [&'static Quantity] {
                 match self {
                     $(Self::$law => $file::PARAMETERS,)+
                 }
             }
 
-            /// Whether the surfaces touch under it at all: without that there is no friction.
+            /// Whether surfaces can touch under it, which friction requires.
             pub fn touches(self) -> bool {
                 match self {
                     $(Self::$law => $file::TOUCHES,)+
                 }
             }
 
-            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times the overlap's.
+            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times
+            /// the overlap's.
             pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::force(overlap, stiffness),)+
                 }
             }
 
-            /// Slope dF/dd at an overlap d; infinite for contacts that do not give way.
+            /// Slope dF/dd at an overlap d; infinite for rigid contacts.
             pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::slope(overlap, stiffness),)+
                 }
             }
 
-            /// Overlap at which the contact bears a force; 0 for contacts that do not give way.
+            /// Overlap at which the contact has a given force; 0 for rigid contacts.
             pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::overlap(force, stiffness),)+
@@ -86,7 +87,8 @@ pub static STIFFNESS: Quantity = Quantity {
     logarithmic: true,
 };
 
-/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never pulls.
+/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never
+/// pulls.
 pub static DASHPOT: Quantity = Quantity {
     key: "dashpot",
     symbol: "dashpot",

@@ -1,19 +1,20 @@
-//! How friction begins with the load f of a contact.
+//! Onset of friction with the load f of a contact.
 //!
 //! ```text
-//! critical-load   |F_t| ≤ ν f where f > F_crit, nothing before
-//! reduced         |F_t| ≤ ν (f − F_crit) where f > F_crit, nothing before
-//! contact         |F_t| ≤ ν f at every contact; F_crit is but the unit of what keeps contacts from closing
+//! critical-load   |F_t| ≤ ν f where f > F_crit, none below
+//! reduced         |F_t| ≤ ν (f − F_crit) where f > F_crit, none below
+//! contact         |F_t| ≤ ν f at every contact; F_crit is only the unit of a repulsion
 //! ```
 //!
-//! Sources: Townsend & Wilson, Phys. Fluids 29, 121607 (2017); the critical-load model of Seto et al., Phys. Rev. Lett. 111,
-//! 218301 (2013), whose force does not jump; the repulsion of Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), in units of which
-//! stress and rate are given there.
+//! Sources: Townsend & Wilson, Phys. Fluids 29, 121607 (2017); the critical-load model of Seto et
+//! al., Phys. Rev. Lett. 111, 218301 (2013), whose force does not jump; the repulsion of Mari,
+//! Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), in units of which stress and rate are given
+//! there.
 
 super::words! {
-    /// How friction begins with the load.
+    /// Onset of friction with the load.
     FrictionOnset {
-        CriticalLoad = "critical-load", "The paper's: `|F_t| ≤ ν f` once f > F_crit, nothing before.";
+        CriticalLoad = "critical-load", "The paper's: `|F_t| ≤ ν f` once f > F_crit, none below.";
         Reduced = "reduced", "`|F_t| ≤ ν (f − F_crit)`, which does not jump.";
         Contact = "contact", "`|F_t| ≤ ν f` at every contact: F_crit is the unit of a repulsion.";
     }

@@ -1,8 +1,8 @@
-//! A physical quantity as people write it: its key, unit and range, declared once.
+//! A physical quantity of the input: its key, unit and range, declared once.
 
 use std::fmt;
 
-/// An interval of numbers, which is checked and printed from the same value.
+/// An interval of numbers, used both for checks and for messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
     low: f64,
@@ -12,7 +12,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// From `low` to `high`, both of which belong to it.
+    /// From `low` to `high`, both included.
     pub const fn from_to(low: f64, high: f64) -> Self {
         Self {
             low,
@@ -57,7 +57,7 @@ impl Range {
         }
     }
 
-    /// Whether a number lies in it; what is not a number never does.
+    /// Whether a number lies in it; NaN never does.
     pub fn contains(&self, value: f64) -> bool {
         let above = value > self.low || (self.low_belongs && value == self.low);
         let below = value < self.high || (self.high_belongs && value == self.high);
@@ -75,7 +75,7 @@ impl Range {
     }
 }
 
-/// In words: `from 0 to 10`, `above 0 and at most 0.84`, `above 0`.
+/// As text: `from 0 to 10`, `above 0 and at most 0.84`, `above 0`.
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (low, high) = (Short(self.low), Short(self.high));
@@ -110,22 +110,22 @@ pub struct Quantity {
     pub key: &'static str,
     /// Its symbol, the heading of a column.
     pub symbol: &'static str,
-    /// Its unit; `1` where there is none, nothing for words.
+    /// Its unit; `1` for pure numbers, empty for keywords.
     pub unit: &'static str,
-    /// What it is; up to a semicolon the label of an axis.
+    /// Its meaning; up to a semicolon the label of an axis.
     pub meaning: &'static str,
     /// The values it may have.
     pub range: Range,
-    /// What a person who reads the range should also know, such as the unit or what the ends mean.
+    /// A note to the range, such as the unit or the meaning of the ends.
     pub note: &'static str,
     /// A value to show as an example.
     pub example: &'static str,
-    /// Whether its values spread over decades, so that figures draw their logarithm.
+    /// Whether its values span decades, so that figures use a logarithmic axis.
     pub logarithmic: bool,
 }
 
 impl Quantity {
-    /// What is allowed, in words: the range and the note.
+    /// Description of allowed values: the range and the note.
     pub fn allowed(&self) -> String {
         match self.note {
             "" => self.range.to_string(),

@@ -4,8 +4,9 @@
 //! F = F0 exp(−g/l)
 //! ```
 //!
-//! along the line of centres, at every gap g within lubrication range, alone or besides a contact law, which it does not touch:
-//! friction knows the force of the contact only. Source: Mari et al., J. Rheol. 58, 1693 (2014), eq. (13).
+//! along the line of centres, at every gap g within lubrication range, alone or in addition to a
+//! contact law, which it does not affect: friction depends only on the contact force. Source: Mari
+//! et al., J. Rheol. 58, 1693 (2014), eq. (13).
 
 use super::Quantity;
 use super::quantity::Range;
@@ -34,10 +35,10 @@ pub static REPULSION_LENGTH: Quantity = Quantity {
     logarithmic: false,
 };
 
-/// F0 where nothing else holds the spheres apart, unless said otherwise.
+/// Default of F0 where only the repulsion separates the spheres.
 pub const REPULSION_ALONE: f64 = 1.0;
-/// l unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
-pub const USUAL_LENGTH: f64 = 0.02;
+/// Default of l: Mari et al., J. Rheol. 58, 1693 (2014).
+pub const DEFAULT_LENGTH: f64 = 0.02;
 
 /// The law, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]

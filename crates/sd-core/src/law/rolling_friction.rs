@@ -1,17 +1,18 @@
-//! Resistance to rolling: a couple that opposes the rotation of one sphere against the other while they are pressed.
+//! Rolling friction: a couple that opposes the relative rotation of two spheres in loaded contact.
 //!
 //! ```text
-//! u_r = a_ij (Ω_j − Ω_i),  a_ij = 2 a_i a_j/(a_i + a_j)       rolling velocity: the same in every frame, 0 where a pair turns as a whole
-//! |F_r| ≤ μ_r f                                              bound of the quasi-force F_r, f the load that friction counts
+//! u_r = a_ij (Ω_j − Ω_i),  a_ij = 2 a_i a_j/(a_i + a_j)       rolling velocity: objective; 0 if a pair rotates rigidly
+//! |F_r| ≤ μ_r f                                              bound of the quasi-force F_r, f the load of friction
 //! torque a_ij F_r on i, −a_ij F_r on j                       F_r has the sign of u_r, so that the couple opposes it; no force
-//! beside coulomb:       |F_r| < μ_r f: u_r = 0;   else F_r = μ_r f sign(u_r)
-//! beside stick-slide:   F_r = k_t ξ_r,   ξ_r' = u_r while the spring holds
+//! with coulomb:       |F_r| < μ_r f: u_r = 0;   else F_r = μ_r f sign(u_r)
+//! with stick-slide:   F_r = k_t ξ_r,   ξ_r' = u_r while the spring holds
 //! ```
 //!
-//! Forces in mu·a²·rate. It is a part of friction: it acts where friction acts, and begins with the load as friction does. Source: Luding,
-//! Granular Matter 10, 235 (2008), for the objective velocity and the quasi-force; in suspensions Singh et al., Phys. Rev. Lett. 124, 248005
-//! (2020). The couple of equal spheres is at most μ_r a f. Luding's reduced radius a_i a_j/(a_i + a_j) is half of a_ij: his coefficient
-//! is twice the one here for the same couple.
+//! Forces in mu·a²·rate. It is a part of friction: it acts where friction acts, with the same
+//! onset. Source: Luding, Granular Matter 10, 235 (2008), for the objective velocity and the
+//! quasi-force; in suspensions Singh et al., Phys. Rev. Lett. 124, 248005 (2020). The couple of
+//! equal spheres is at most μ_r a f. Luding's reduced radius a_i a_j/(a_i + a_j) is half of a_ij:
+//! his coefficient is twice the one here for the same couple.
 
 use super::quantity::Range;
 use super::tangential::{Halt, TangentialLaw};
@@ -34,17 +35,18 @@ pub fn radius([a_i, a_j]: [f64; 2]) -> f64 {
     2.0 * a_i * a_j / (a_i + a_j)
 }
 
-/// Whether it can stand beside a law of the tangential force: one that halts the slip of the pair in its layer, and leaves it free to roll.
-pub fn goes_with(law: TangentialLaw) -> bool {
+/// Whether it can be combined with a tangential law: one that constrains the slip of the pair in
+/// its layer, but not its rolling.
+pub fn can_combine(law: TangentialLaw) -> bool {
     match law.halts() {
         Halt::Slip | Halt::SpringSlip => true,
         Halt::IsolatedSlip | Halt::SlipAndRotation => false,
     }
 }
 
-/// The laws that it can stand beside, as a file has them.
-pub fn goes_with_words() -> String {
-    let laws = TangentialLaw::ALL.iter().filter(|law| goes_with(**law));
+/// The laws with which it can be combined, by their keywords.
+pub fn combinable_words() -> String {
+    let laws = TangentialLaw::ALL.iter().filter(|law| can_combine(**law));
     let words: Vec<String> = laws.map(|law| format!("{:?}", law.word())).collect();
     words.join(" or ")
 }
@@ -61,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stands_beside_laws_that_leave_pairs_free_to_roll() {
-        assert_eq!(goes_with_words(), "\"stick-slide\" or \"coulomb\"");
+    fn it_combines_with_laws_that_leave_pairs_free_to_roll() {
+        assert_eq!(combinable_words(), "\"stick-slide\" or \"coulomb\"");
     }
 }

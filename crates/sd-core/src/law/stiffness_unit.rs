@@ -1,17 +1,17 @@
-//! What stiffnesses are in units of: what stays the same while Γ varies.
+//! Unit of stiffnesses, which determines what is constant while Γ varies.
 //!
 //! ```text
 //! critical-load   k in F_crit/a         a property of the material, as F_crit is
-//! flow            k in 6π mu a · rate   overlaps stay the same at every rate: the limit of hard spheres is approached alike
+//! flow            k in 6π mu a · rate   overlaps are the same at every rate: an equal approach to the hard-sphere limit
 //! ```
 //!
-//! Source of the second: Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), whose stiffness follows the stress so that the largest overlap
-//! stays the same.
+//! Source of the second: Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), whose stiffness
+//! follows the stress so that the largest overlap stays the same.
 
 use std::f64::consts::PI;
 
 super::words! {
-    /// What stiffnesses are in units of.
+    /// Unit of stiffnesses.
     StiffnessUnit {
         CriticalLoad = "critical-load", "F_crit/a: a property of the material, as F_crit is.";
         Flow = "flow", "6π μ a × shear rate: overlaps stay the same at every rate.";
@@ -19,7 +19,7 @@ super::words! {
 }
 
 impl StiffnessUnit {
-    /// The force that is 1 in it, in mu·a²·rate.
+    /// The unit of force, in mu·a²·rate.
     pub fn force(self, critical_load: f64) -> f64 {
         match self {
             Self::CriticalLoad => critical_load,

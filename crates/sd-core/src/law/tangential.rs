@@ -1,28 +1,29 @@
-//! Laws of the tangential force: what resists the sliding and rolling of spheres that touch.
+//! Laws of the tangential force, which resists sliding and rolling of touching spheres.
 //!
 //! ```text
-//! |F_t| ≤ ρ(f),   and inside the bound the law halts something: a slip, a spring, a rotation
+//! |F_t| ≤ ρ(f),   and inside the bound the law constrains a motion: a slip, a spring, a rotation
 //! ```
 //!
-//! f is the load that counts, after the [onset](super::onset) of friction. Without friction (`friction = 0`) none of them acts.
+//! f is the effective load, after the [onset](super::onset) of friction. Without friction
+//! (`friction = 0`) none of them acts.
 
 use super::Quantity;
 
-/// What a law brings to rest while its force is inside the bound.
+/// The motion that a law constrains to zero while its force is inside the bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Halt {
-    /// The slip that the two spheres would have by themselves, as if no other sphere were near.
+    /// The slip of the pair in isolation, without other spheres.
     IsolatedSlip,
     /// The slip of the pair in its layer.
     Slip,
-    /// The slip of the pair beyond what a tangential spring gives way.
+    /// The slip of the pair minus the deformation of a tangential spring.
     SpringSlip,
     /// The slip of the pair, and the rotation of one sphere against the other.
     SlipAndRotation,
 }
 
 impl Halt {
-    /// How many motions of a pair that is.
+    /// Number of constrained motions of a pair.
     pub fn motions(self) -> usize {
         match self {
             Self::IsolatedSlip | Self::Slip | Self::SpringSlip => 1,
@@ -31,34 +32,35 @@ impl Halt {
     }
 }
 
-/// Lists the laws: a line has the name of the law and of its file, which declares all else.
+/// Lists the laws: each line has the name of a law and of its file, which declares the rest.
 macro_rules! tangential_laws {
     ($($law:ident: $file:ident,)+) => {
         $(pub mod $file;)+
 
         super::words! {
-            /// What resists sliding and rolling of spheres that touch. Without friction (`friction = 0`) none of them acts.
+            /// Law of the tangential contact force. Without friction (`friction = 0`) none of them
+            /// acts.
             TangentialLaw {
                 $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
             }
         }
 
         impl TangentialLaw {
-            /// The parameters it has, by their declarations.
+            /// The declarations of its parameters.
             pub fn parameters(self) -> &'static [&'static Quantity] {
                 match self {
                     $(Self::$law => $file::PARAMETERS,)+
                 }
             }
 
-            /// What it brings to rest while its force is inside the bound.
+            /// The motion that it constrains to zero while its force is inside the bound.
             pub fn halts(self) -> Halt {
                 match self {
                     $(Self::$law => $file::HALTS,)+
                 }
             }
 
-            /// Bound ρ on the tangential force at a load that counts; infinite for laws without one.
+            /// Bound ρ on the tangential force at an effective load; infinite for laws without one.
             pub fn bound(self, friction: f64, load: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::bound(friction, load),)+
@@ -76,7 +78,7 @@ tangential_laws! {
 }
 
 impl TangentialLaw {
-    /// Whether it has a tangential spring, which needs a spring along the line of centres as well.
+    /// Whether it has a tangential spring, which requires a normal spring too.
     pub fn has_spring(self) -> bool {
         self.halts() == Halt::SpringSlip
     }

@@ -1,22 +1,22 @@
-//! Choices that are known by a word.
+//! Choices with keywords.
 
-/// One choice of several, as people write and read it.
+/// A keyword with its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Word {
-    /// The word in files, tables and JSON.
+    /// The keyword in files, tables and JSON.
     pub word: &'static str,
-    /// What it means, in a few words.
+    /// A short description.
     pub meaning: &'static str,
 }
 
-/// A closed list of choices, each declared once with its word.
+/// A closed list of choices, each declared once with its keyword.
 pub trait Words: Copy + PartialEq + 'static {
-    /// All choices, in the order in which they are listed.
+    /// All choices, in the order of their declaration.
     const ALL: &'static [Self];
-    /// Their words, in the same order.
+    /// Their keywords, in the same order.
     const WORDS: &'static [Word];
 
-    /// Its place in [`Words::ALL`].
+    /// Its index in [`Words::ALL`].
     fn place(self) -> usize {
         Self::ALL
             .iter()
@@ -24,19 +24,19 @@ pub trait Words: Copy + PartialEq + 'static {
             .expect("`ALL` has every variant, as one macro writes both")
     }
 
-    /// The word for this choice.
+    /// The keyword of this choice.
     fn word(self) -> &'static str {
         Self::WORDS[self.place()].word
     }
 
-    /// The choice with this word.
+    /// The choice with this keyword.
     fn of_word(word: &str) -> Option<Self> {
         let place = Self::WORDS.iter().position(|known| known.word == word)?;
         Some(Self::ALL[place])
     }
 }
 
-/// Declares an enum whose variants are known by words: its list, its words, and serde under the same words.
+/// Declares an enum with keywords: its list, its keywords, and serde with the same keywords.
 macro_rules! words {
     ($(#[$about:meta])* $name:ident { $($variant:ident = $word:literal, $meaning:literal;)+ }) => {
         $crate::law::words! {

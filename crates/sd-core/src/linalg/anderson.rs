@@ -1,28 +1,29 @@
-//! Acceleration of a fixed point (Anderson 1965) that remembers many steps.
+//! Anderson acceleration of a fixed point (1965) with a long history.
 //!
 //! ```text
-//! steps e_k of x and d_k of the residual that belong together, d_k orthonormal:   x ← x + r − Σ (d_k·r)(e_k + d_k)
+//! corresponding steps e_k of x and d_k of the residual, d_k orthonormal:   x ← x + r − Σ (d_k·r)(e_k + d_k)
 //! ```
-//! Anderson's method with the least-squares problem solved as it grows; of a linear fixed point it makes the least residual in the
-//! space spanned, as GMRES does.
+//! Anderson's method with incremental solution of the least-squares problem; for a linear fixed
+//! point it minimizes the residual in the spanned space, like GMRES.
 
 use crate::linalg::dense::{add_scaled, dot};
 
-/// The steps that the acceleration of one fixed point remembers.
+/// The history of the acceleration of one fixed point.
 pub(crate) struct Anderson {
-    /// Pairs of steps (of x, of the residual), as many as are remembered at most, `kept` of them in use.
+    /// Pairs of steps (of x, of the residual), up to the length of the history, `kept` of them in
+    /// use.
     steps: Vec<[Vec<f64>; 2]>,
     kept: usize,
-    /// Which of them is overwritten next once all are in use.
+    /// Index of the one overwritten next once all are in use.
     oldest: usize,
     /// The last x and its residual.
     last: [Vec<f64>; 2],
-    /// Whether `last` is the iterate before this one, so that a step can be learned from it.
+    /// Whether `last` is the preceding iterate, so that a step can be added from it.
     connected: bool,
 }
 
 impl Anderson {
-    /// Remembers up to `depth` steps of `unknowns` numbers; more unknowns make it allocate.
+    /// A history of up to `depth` steps of `unknowns` numbers; more unknowns cause an allocation.
     pub(crate) fn new(depth: usize, unknowns: usize) -> Self {
         let pair = || [Vec::with_capacity(unknowns), Vec::with_capacity(unknowns)];
         Self {
@@ -34,14 +35,14 @@ impl Anderson {
         }
     }
 
-    /// Forgets all steps.
+    /// Clears the history.
     pub(crate) fn restart(&mut self) {
         self.kept = 0;
         self.oldest = 0;
         self.connected = false;
     }
 
-    /// Learns nothing from the step that led to the present x: g has changed since. What was learned before serves still.
+    /// Skips the step that led to the present x, since g has changed; earlier steps are kept.
     pub(crate) fn skip_step(&mut self) {
         self.connected = false;
     }
@@ -100,7 +101,7 @@ impl Anderson {
         } else if useful {
             self.kept += 1;
         } else if full {
-            // The place in the middle has become empty: the last pair takes it.
+            // The last pair fills the gap in the middle.
             self.steps.swap(slot, depth - 1);
             self.kept -= 1;
             self.oldest = 0;
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_learned_serves_another_problem_of_the_same_slopes() {
+    fn learned_steps_remain_useful_for_another_problem_of_the_same_slopes() {
         // g(x) = A x + b, whose b changes once all directions are known.
         let slopes = [[1.5, -0.3], [0.4, 0.2]];
         let residual = |x: &[f64], b: [f64; 2]| -> Vec<f64> {
@@ -149,7 +150,7 @@ mod tests {
                 let r = residual(&x, before);
                 anderson.advance(&mut x, &r);
             }
-            // The second direction is learned from the step after the change, or from one that is none.
+            // The second direction is added from the step after the change, or from an invalid one.
             if skips {
                 anderson.skip_step();
             }

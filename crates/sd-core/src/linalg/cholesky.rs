@@ -1,4 +1,4 @@
-//! Cholesky factorizations, by how the matrix is held.
+//! Cholesky factorizations, by the storage of the matrix.
 
 pub(crate) mod dense;
 mod recursive;

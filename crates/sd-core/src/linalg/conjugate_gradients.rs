@@ -16,15 +16,17 @@ pub(crate) struct ConjugateGradients {
 }
 
 impl ConjugateGradients {
-    /// Largest entry of the residual that the last solve left.
+    /// Largest entry of the residual of the last solve.
     pub(crate) fn residual(&self) -> f64 {
         largest(&self.residual)
     }
 
-    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; how many iterations that took.
+    /// `x ≈ A⁻¹ b` from x = 0, the residual measured by its largest entry; returns the number of
+    /// iterations.
     ///
     /// # Arguments
-    /// - `apply`: writes A times its first argument to the second; A symmetric and positive definite, as is
+    /// - `apply`: writes A times its first argument to the second; A symmetric and positive
+    ///   definite, as is
     /// - `precondition`: the same for an approximation of its inverse.
     pub(crate) fn solve(
         &mut self,

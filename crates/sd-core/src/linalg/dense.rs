@@ -25,7 +25,7 @@ impl Matrix {
         }
     }
 
-    /// Takes a new shape and sets all entries to zero; allocates only beyond the largest shape so far.
+    /// Sets the shape and zeroes all entries; allocates only beyond the largest shape so far.
     pub fn reset(&mut self, rows: usize, columns: usize) {
         self.rows = rows;
         self.columns = columns;
@@ -33,14 +33,14 @@ impl Matrix {
         self.values.resize(rows * columns, 0.0);
     }
 
-    /// Takes a new shape, leaving old entries wherever they fall: for matrices that are about to be overwritten.
+    /// Sets the shape without clearing entries, for matrices that are then overwritten.
     pub fn reshape(&mut self, rows: usize, columns: usize) {
         self.rows = rows;
         self.columns = columns;
         self.values.resize(rows * columns, 0.0);
     }
 
-    /// Room for that many entries, so that matrices up to that size allocate nothing.
+    /// Reserves that many entries, so that matrices up to that size allocate nothing.
     pub fn reserve(&mut self, entries: usize) {
         self.values
             .reserve(entries.saturating_sub(self.values.len()));
@@ -61,7 +61,7 @@ impl Matrix {
         &self.values[j * self.rows..(j + 1) * self.rows]
     }
 
-    /// One column, to write.
+    /// One column, mutable.
     pub fn column_mut(&mut self, j: usize) -> &mut [f64] {
         &mut self.values[j * self.rows..(j + 1) * self.rows]
     }
@@ -71,7 +71,7 @@ impl Matrix {
         &self.values
     }
 
-    /// All entries, to write.
+    /// All entries, mutable.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
@@ -85,7 +85,7 @@ impl Matrix {
         }
     }
 
-    /// `y ← y + A x`, with the leading rows of A that y has. Columns with x = 0 cost nothing.
+    /// `y ← y + A x`, with the leading rows of A that y has. Columns with x = 0 are skipped.
     pub fn add_product(&self, x: &[f64], y: &mut [f64]) {
         vectorised(
             #[inline(always)]
@@ -130,7 +130,7 @@ impl Matrix {
         );
     }
 
-    /// A block as faer sees it.
+    /// A block as a view of faer.
     pub(super) fn view(
         &self,
         row: usize,
@@ -142,7 +142,7 @@ impl Matrix {
             .submatrix(row, column, rows, columns)
     }
 
-    /// The whole as faer sees it.
+    /// The matrix as a view of faer.
     pub(super) fn view_mut(&mut self) -> MatMut<'_, f64> {
         MatMut::from_column_major_slice_mut(&mut self.values, self.rows, self.columns)
     }

@@ -1,24 +1,27 @@
-//! Generalised minimal residuals (Saad & Schultz 1986), preconditioned from the right, with the preconditioned vectors kept.
+//! Generalised minimal residuals (Saad & Schultz 1986), preconditioned from the right, with the
+//! preconditioned vectors kept.
 //!
 //! ```text
 //! x = Z y,   Z = P⁻¹ V,   A Z = V H,   y least in |b − V H y|
 //! ```
 //!
-//! For systems that are not symmetric. The preconditioner may be of any precision, since the residual is that of A itself.
+//! For systems that are not symmetric. The preconditioner may be of any precision, since the
+//! residual is that of A itself.
 
 use super::Until;
 use super::dense::{add_scaled, add_scaled_and_dot, dot};
 
-/// How far a solve went.
+/// Outcome of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Reached {
+pub(crate) struct GmresInfo {
     /// Products with A, each with one application of the preconditioner.
     pub(crate) iterations: usize,
     /// Euclidean norm of b − A x.
     pub(crate) residual: f64,
 }
 
-/// Workspace of the iteration. Reused, it allocates only for longer vectors, or more iterations, than ever before.
+/// Workspace of the iteration. When reused, it allocates only for longer vectors or more iterations
+/// than before.
 #[derive(Debug, Default)]
 pub(crate) struct Gmres {
     /// Orthonormal basis V of the residuals.
@@ -46,14 +49,14 @@ impl Gmres {
         until: Until,
         mut apply: impl FnMut(&[f64], &mut [f64]),
         mut precondition: impl FnMut(&[f64], &mut [f64]),
-    ) -> Reached {
+    ) -> GmresInfo {
         x.fill(0.0);
         let norm = dot(b, b).sqrt();
         self.rhs.clear();
         self.rhs.push(norm);
         self.rotations.clear();
         if norm <= until.residual || until.iterations == 0 {
-            return Reached {
+            return GmresInfo {
                 iterations: 0,
                 residual: norm,
             };
@@ -95,13 +98,14 @@ impl Gmres {
             self.rhs[row] = share;
             add_scaled(x, &self.preconditioned[row], share);
         }
-        Reached {
+        GmresInfo {
             iterations,
             residual: self.rhs[iterations].abs(),
         }
     }
 
-    /// Applies the rotations so far to the newest column of H and adds the one that makes it triangular.
+    /// Applies the rotations so far to the newest column of H and adds the one that makes it
+    /// triangular.
     fn rotate(&mut self, column: usize, below: f64) {
         let entries = &mut self.triangle[column];
         for (k, &[cosine, sine]) in self.rotations.iter().enumerate() {
@@ -122,7 +126,7 @@ impl Gmres {
         self.rhs.push(-rotation[1] * last);
     }
 
-    /// Room for a basis vector and all that belongs to it.
+    /// Allocates a basis vector and its associated data.
     fn vector(&mut self, number: usize, length: usize) -> &mut [f64] {
         if self.basis.len() == number {
             self.basis.push(Vec::new());
@@ -167,8 +171,8 @@ mod tests {
             }
         };
         let mut x = [0.0; 4];
-        let reached = Gmres::default().solve(&b, &mut x, Until::new(1e-12, 10), apply, diagonal);
-        assert_eq!(reached.iterations, 4);
+        let info = Gmres::default().solve(&b, &mut x, Until::new(1e-12, 10), apply, diagonal);
+        assert_eq!(info.iterations, 4);
         let mut image = [0.0; 4];
         apply(&x, &mut image);
         for k in 0..4 {
@@ -182,11 +186,11 @@ mod tests {
         let copy = |r: &[f64], z: &mut [f64]| z.copy_from_slice(r);
         let (mut x, mut solver) = ([0.0; 4], Gmres::default());
         for most in 1..4 {
-            let reached = solver.solve(&b, &mut x, Until::new(0.0, most), apply, copy);
+            let info = solver.solve(&b, &mut x, Until::new(0.0, most), apply, copy);
             let mut image = [0.0; 4];
             apply(&x, &mut image);
             let left: f64 = b.iter().zip(&image).map(|(b, y)| (b - y).powi(2)).sum();
-            assert!((left.sqrt() - reached.residual).abs() < 1e-12);
+            assert!((left.sqrt() - info.residual).abs() < 1e-12);
         }
     }
 
@@ -194,7 +198,7 @@ mod tests {
     fn nothing_is_done_where_nothing_is_wanted() {
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let mut x = [1.0];
-        let reached = Gmres::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
-        assert_eq!((reached.iterations, x), (0, [0.0]));
+        let info = Gmres::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
+        assert_eq!((info.iterations, x), (0, [0.0]));
     }
 }

@@ -1,6 +1,6 @@
 //! Work shared with an idle thread.
 
-/// Does both pieces of work, at once if they may be shared and a thread of this pool is idle.
+/// Executes both closures, in parallel if allowed and a thread of this pool is idle.
 pub(crate) fn join(share: bool, a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
     if share && rayon::current_thread_index().is_some() {
         rayon::join(a, b);
@@ -12,7 +12,7 @@ pub(crate) fn join(share: bool, a: impl FnOnce() + Send, b: impl FnOnce() + Send
 
 #[cfg(test)]
 pub(crate) mod tests {
-    /// Asserts that work whose pieces threads may share has the same result whoever does them.
+    /// Asserts that shared work has the same result for any number of threads.
     #[track_caller]
     pub(crate) fn assert_same_with_any_threads<R: PartialEq + Send>(work: impl Fn() -> R + Sync) {
         let alone = work();

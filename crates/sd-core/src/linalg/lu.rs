@@ -1,4 +1,4 @@
-//! Gaussian elimination with partial pivoting, for systems that are solved again and again.
+//! Gaussian elimination with partial pivoting, for repeated solves.
 
 use super::dense::Matrix;
 use super::error::BadPivot;
@@ -8,9 +8,10 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::{MatMut, Par, Spec};
 
-/// Dimension below which systems are eliminated here: calls of a library for small blocks cost more than the work.
+/// Dimension below which systems are eliminated here: library calls for small blocks cost more than
+/// the work.
 const SMALL: usize = 160;
-/// Columns eliminated at once in small systems.
+/// Columns eliminated together in small systems.
 const PANEL: usize = 4;
 
 /// Solver of general systems `A x = b`, with its workspace.
@@ -23,7 +24,7 @@ pub(crate) struct LuSolver {
     permutation: [Vec<usize>; 2],
     /// Scratch, sized for the largest matrix so far.
     scratch: MemBuffer,
-    /// Largest dimension the scratch serves.
+    /// Largest dimension of the scratch.
     capacity: usize,
 }
 
@@ -40,7 +41,7 @@ fn scratch(n: usize) -> MemBuffer {
 }
 
 impl LuSolver {
-    /// Workspace for systems up to `[n × n]`; larger ones make it grow.
+    /// Workspace for systems up to `[n × n]`; grows for larger ones.
     pub(crate) fn new(n: usize) -> Self {
         let mut matrix = Matrix::default();
         matrix.reserve(n * n);
@@ -103,8 +104,8 @@ impl LuSolver {
         Ok(())
     }
 
-    /// [`LuSolver::solve`] of a small system: four columns at a time, whose steps the other columns then take at once. The
-    /// right-hand side comes along as one more column.
+    /// [`LuSolver::solve`] of a small system: in panels of four columns, which are then applied
+    /// together to the other columns. The right-hand side is an additional column.
     fn solve_small(&mut self, x: &mut [f64]) -> Result<(), BadPivot> {
         let [work, _] = &mut self.permutation;
         let (matrix, rhs) = (&mut self.matrix, &mut self.rhs);
@@ -161,7 +162,7 @@ fn eliminate(
                 let (left, right) = two.split_at_mut(n);
                 take_four_steps(panel, first, exchanges, [left, right]);
             }
-            // With an odd number of columns the last one goes together with the right-hand side.
+            // With an odd number of columns the last one is paired with the right-hand side.
             let last = pairs.into_remainder();
             if last.is_empty() {
                 take_steps(panel, n, first, exchanges, b);
@@ -181,7 +182,7 @@ fn eliminate(
     Ok(())
 }
 
-/// The exchanges of rows and the steps of a panel's first columns, on another column.
+/// Applies the row exchanges and the steps of a panel's first columns to another column.
 #[inline(always)]
 fn take_steps(panel: &[f64], n: usize, first: usize, exchanges: &[usize], column: &mut [f64]) {
     for (step, &pivot) in exchanges.iter().enumerate() {
@@ -256,7 +257,7 @@ mod tests {
             solver.matrix_mut().reset(n, n);
             for j in 0..n {
                 for i in 0..n {
-                    // The largest entries stand off the diagonal: rows must be exchanged.
+                    // The largest entries are off the diagonal, so rows must be exchanged.
                     let entry = (0.3 + i as f64 * 1.7 + j as f64 * 0.9).sin();
                     solver.matrix_mut()[(i, j)] = if (i + 1) % n == j { 9.0 } else { entry };
                 }

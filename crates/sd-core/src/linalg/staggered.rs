@@ -1,8 +1,9 @@
-//! Solves and products of columns that begin at different rows.
+//! Solves and products of columns that start at different rows.
 //!
-//! The column of a contact is zero above the rows of its first sphere, before and after `L⁻¹`. With the columns ordered by
-//! where they begin, each block of rows concerns the leading ones only, and a product of two blocks of columns only the
-//! rows below both beginnings: half to a third of the dense cost.
+//! The column of a contact is zero above the rows of its first sphere, before and after `L⁻¹`. With
+//! the columns ordered by their starts, each block of rows involves only the leading columns, and a
+//! product of two blocks of columns only the rows below both starts: half to a third of the dense
+//! cost.
 
 use super::cholesky::skyline::{PANEL, SkylineCholesky};
 use super::dense::Matrix;
@@ -12,19 +13,19 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par};
 
-/// Columns multiplied at once.
+/// Columns multiplied together.
 const COLUMNS: usize = 24;
 
 /// Columns `[n × K]`, each zero above its start.
 #[derive(Debug, Clone, Default)]
 pub struct StaggeredColumns {
     matrix: Matrix,
-    /// First row of each column that may hold anything, ascending.
+    /// First row of each column that may be nonzero, ascending.
     starts: Vec<usize>,
 }
 
 impl StaggeredColumns {
-    /// Room for that many columns.
+    /// Allocates that many columns.
     pub fn reserve(&mut self, rows: usize, columns: usize) {
         self.starts.reserve(columns);
         self.matrix.reserve(rows * columns);
@@ -43,12 +44,12 @@ impl StaggeredColumns {
         self.starts.len()
     }
 
-    /// A whole column, to write below its start.
+    /// A column, mutable below its start.
     pub fn column_mut(&mut self, k: usize) -> &mut [f64] {
         self.matrix.column_mut(k)
     }
 
-    /// First row of a column that may hold anything, and the column from there on.
+    /// First row of a column that may be nonzero, and the column from there on.
     pub fn tail(&self, k: usize) -> (usize, &[f64]) {
         let start = self.starts[k];
         (start, &self.matrix.column(k)[start..])
@@ -60,7 +61,8 @@ impl StaggeredColumns {
             #[inline(always)]
             || {
                 let whole = self.count() - self.count() % 4;
-                // Four columns from where the first begins: the others are zero above their own.
+                // Four columns from the start of the first: the others are zero above their own
+                // starts.
                 for k in (0..whole).step_by(4) {
                     let start = self.starts[k];
                     let columns = [0, 1, 2, 3].map(|c| &self.matrix.column(k + c)[start..]);
@@ -159,7 +161,7 @@ impl StaggeredColumns {
         c.reshape(count, a.count());
         for first in (0..count).step_by(COLUMNS) {
             let width = COLUMNS.min(count - first);
-            // Columns of A that begin above the block at once, then the others piece by piece.
+            // Columns of A that start above the block together, then the others piece by piece.
             let above = a.starts.partition_point(|&s| s <= self.starts[first]);
             let mut column = 0;
             while column < a.count() {

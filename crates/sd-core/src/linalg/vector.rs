@@ -7,7 +7,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     vectorised(|| dot_inline(a, b))
 }
 
-/// [`dot`] for callers that are vectorised themselves: sixteen partial sums.
+/// [`dot`] for vectorised callers: sixteen partial sums.
 #[inline(always)]
 pub(super) fn dot_inline(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 16];
@@ -27,7 +27,7 @@ pub(super) fn dot_inline(a: &[f64], b: &[f64]) -> f64 {
     total
 }
 
-/// Dot products of four vectors with one, all of its length, for callers that are vectorised themselves.
+/// Dot products of four vectors with one, all of its length, for vectorised callers.
 #[inline(always)]
 pub(super) fn dot_four(a: [&[f64]; 4], b: &[f64]) -> [f64; 4] {
     let length = b.len();
@@ -58,7 +58,8 @@ pub(crate) fn add_scaled(y: &mut [f64], x: &[f64], s: f64) {
     vectorised(|| add_scaled_inline(y, x, s));
 }
 
-/// `y ← y + s x`, then the dot product of y with z, in one pass; the bits are those of [`add_scaled`] and [`dot`].
+/// `y ← y + s x`, then the dot product of y with z, in one pass; the bits are those of
+/// [`add_scaled`] and [`dot`].
 pub(crate) fn add_scaled_and_dot(y: &mut [f64], x: &[f64], s: f64, z: &[f64]) -> f64 {
     vectorised(
         #[inline(always)]
@@ -88,7 +89,7 @@ pub(crate) fn add_scaled_and_dot(y: &mut [f64], x: &[f64], s: f64, z: &[f64]) ->
     )
 }
 
-/// [`add_scaled`] for callers that are vectorised themselves.
+/// [`add_scaled`] for vectorised callers.
 #[inline(always)]
 pub(super) fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {
     for (yi, xi) in y.iter_mut().zip(x) {
@@ -96,7 +97,7 @@ pub(super) fn add_scaled_inline(y: &mut [f64], x: &[f64], s: f64) {
     }
 }
 
-/// `y ← y + Σ s_k x_k` for four vectors at least as long as y, for callers that are vectorised themselves.
+/// `y ← y + Σ s_k x_k` for four vectors at least as long as y, for vectorised callers.
 #[inline(always)]
 pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
     let length = y.len();
@@ -106,11 +107,12 @@ pub(super) fn add_four(y: &mut [f64], x: [&[f64]; 4], s: [f64; 4]) {
     }
 }
 
-/// `y_c ← y_c − Σ_k u_ck l_k` for two vectors y at once and four vectors l at least as long, for callers that are vectorised
-/// themselves.
+/// `y_c ← y_c − Σ_k u_ck l_k` for two vectors y at once and four vectors l at least as long, for
+/// vectorised callers.
 #[inline(always)]
 pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f64; 4]; 2]) {
-    /// Entries at a time. They are copied first, so that the compiler need not assume that the vectors overlap.
+    /// Block size. Entries are copied first, so that the compiler need not assume that the vectors
+    /// overlap.
     const LANES: usize = 8;
     let [y0, y1] = y;
     let length = y0.len();
@@ -142,7 +144,7 @@ pub(super) fn subtract_four_from_two(y: [&mut [f64]; 2], l: [&[f64]; 4], u: [[f6
     }
 }
 
-/// Largest magnitude, for callers that are vectorised themselves; entries that are not numbers do not count.
+/// Largest magnitude, for vectorised callers; NaN entries are ignored.
 #[inline(always)]
 pub(super) fn largest(x: &[f64]) -> f64 {
     let larger = |m: f64, x: f64| if x.abs() > m { x.abs() } else { m };

@@ -1,44 +1,46 @@
-//! Contact laws other than the rigid ones of the paper: what is chosen, in the units it is chosen in.
+//! Contact laws other than the rigid ones of the paper, in the units of their input.
 
 use super::parameters;
 use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite};
 use crate::error::Error;
-use crate::law::tangential::stick_slide::USUAL_STIFFNESS;
+use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
 use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
 use serde::{Deserialize, Serialize};
 
-/// Lubrication is held constant below this share of the roughness height unless said otherwise.
+/// Default gap below which lubrication is constant, over the roughness height.
 const LUBRICATION_SHARE: f64 = 0.1;
-/// Lubrication between smooth spheres is held constant below this gap, in a, unless said otherwise.
+/// Default gap below which lubrication between smooth spheres is constant, in a.
 const SMOOTH_LUBRICATION_GAP: f64 = 1e-3;
-/// Overlap of two surfaces, in a, at which a layer of soft spheres is given up: its springs do not carry the load.
+/// Overlap of two surfaces, in a, at which a run of soft spheres fails: its springs do not carry
+/// the load.
 pub const DEEPEST_OVERLAP: f64 = 0.2;
 
-/// A choice of laws. In units in which it is a property of the material while Γ varies.
+/// A choice of laws, in units in which they are material properties while Γ varies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactLaws {
-    /// What presses apart.
+    /// Normal law.
     pub normal: NormalLaw,
-    /// What resists sliding.
+    /// Tangential law.
     pub tangential: TangentialLaw,
-    /// How friction begins.
+    /// Onset of friction.
     pub onset: FrictionOnset,
-    /// What the stiffness is in units of.
+    /// Unit of the stiffness.
     #[serde(
         default = "by_critical_load",
         skip_serializing_if = "is_by_critical_load"
     )]
     pub stiffness_unit: StiffnessUnit,
-    /// k, in F/a (Hertz: F/a^(3/2)) with F the force of the unit, above 0; infinite exactly where the normal law has none.
+    /// k, in F/a (Hertz: F/a^(3/2)) with F the unit of force, above 0; infinite exactly for normal
+    /// laws without a stiffness.
     #[serde(with = "infinite")]
     pub stiffness: f64,
     /// Tangential stiffness over k, above 0, for [`TangentialLaw::StickSlide`]; 0 under other laws.
     pub tangential_stiffness: f64,
     /// Dashpot of a spring, in mu·a, from 0.
     pub dashpot: f64,
-    /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0 (nowhere) with rigid asperities alone,
-    /// and where lubrication has a regularisation of its own.
+    /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0
+    /// (nowhere) with rigid asperities alone, and with a regularised lubrication.
     pub lubrication_gap: f64,
     /// F0 of the repulsion, in F_crit, from 0.
     pub repulsion: f64,
@@ -47,7 +49,7 @@ pub struct ContactLaws {
     /// Coefficient μ_r of rolling friction, from 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rolling_friction: f64,
-    /// Attraction F_A of surfaces that touch, in F_crit, from 0.
+    /// Adhesion F_A of touching surfaces, in F_crit, from 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub adhesion: f64,
 }
@@ -57,19 +59,19 @@ fn by_critical_load() -> StiffnessUnit {
     StiffnessUnit::CriticalLoad
 }
 
-/// Whether the unit is the default, which is left out so that cases of before keep their keys.
+/// Whether the unit is the default, which is omitted so that older cases keep their keys.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
-    reason = "the signature serde asks for"
+    reason = "the signature that serde requires"
 )]
 fn is_by_critical_load(unit: &StiffnessUnit) -> bool {
     *unit == by_critical_load()
 }
 
-/// Whether a law that most cases are without is not there: it is left out, so that they keep their keys.
+/// Whether an optional law is absent, which is omitted so that older cases keep their keys.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
-    reason = "the signature serde asks for"
+    reason = "the signature that serde requires"
 )]
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
@@ -92,14 +94,14 @@ impl ContactLaws {
         adhesion: 0.0,
     };
 
-    /// Linear springs of a stiffness in F_crit/a, with all else at its default for a roughness height h.
+    /// Linear springs of a stiffness in F_crit/a, with defaults for a roughness height h.
     pub fn linear_spring(stiffness: f64, tangential: TangentialLaw, roughness: f64) -> Self {
         Self {
             normal: NormalLaw::LinearSpring,
             tangential,
             stiffness,
             tangential_stiffness: if tangential.has_spring() {
-                USUAL_STIFFNESS
+                DEFAULT_STIFFNESS
             } else {
                 0.0
             },
@@ -108,7 +110,7 @@ impl ContactLaws {
         }
     }
 
-    /// Gap below which lubrication is held constant at a roughness height unless said otherwise, in a.
+    /// Default gap below which lubrication is constant, in a, at a roughness height.
     pub fn usual_lubrication_gap(roughness: f64) -> f64 {
         if roughness > 0.0 {
             LUBRICATION_SHARE * roughness
@@ -117,18 +119,19 @@ impl ContactLaws {
         }
     }
 
-    /// Whether something is in units of the critical load, which must then be above 0 and finite.
+    /// Whether a parameter is in units of the critical load, which must then be above 0 and finite.
     pub fn needs_critical_load(&self) -> bool {
         let springs = self.normal.is_spring() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
         springs || self.repulsion > 0.0 || self.adhesion > 0.0
     }
 
-    /// Whether forces depend on the gaps, so that steps must resolve or outlast them.
+    /// Whether forces depend on the gaps, so that steps must resolve them or be implicit.
     pub fn is_soft(&self) -> bool {
         self.normal != NormalLaw::Rigid || self.repulsion > 0.0
     }
 
-    /// Checks ranges and which laws go together, for spheres with this surface under these hydrodynamics.
+    /// Checks ranges and combinations of laws, for spheres with this surface under these
+    /// hydrodynamics.
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
@@ -146,7 +149,7 @@ impl ContactLaws {
             }
             .into());
         }
-        // Only what concerns the contact is looked at; the rest of the layer is any.
+        // Only the contact is checked; the rest of the layer is arbitrary.
         parameters::check_contact(&Params {
             roughness: surface.roughness,
             friction: surface.friction,

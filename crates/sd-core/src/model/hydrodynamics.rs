@@ -1,10 +1,10 @@
-//! The choice of hydrodynamics, with the numbers that one of them has.
+//! The choice of hydrodynamics, with the parameters of leading-order lubrication.
 
 use crate::error::Refusal;
 use crate::law::{Quantity, Range, Word, Words};
 use serde::{Deserialize, Serialize};
 
-/// How the grand resistance matrix is made.
+/// Model of the grand resistance matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hydrodynamics {
@@ -16,26 +16,26 @@ pub enum Hydrodynamics {
     Lubrication(LeadingOrder),
 }
 
-/// Numbers of [`Hydrodynamics::Lubrication`].
+/// Parameters of [`Hydrodynamics::Lubrication`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeadingOrder {
     /// ξ below which a pair has a term, above 0; with δ at most 1, where the logarithm ends.
     #[serde(default = "usual_cutoff")]
     pub cutoff: f64,
-    /// δ, which is added to ξ in the terms, above 0.
+    /// δ, added to ξ in the terms, above 0.
     #[serde(default = "usual_regularisation")]
     pub regularisation: f64,
 }
 
 impl LeadingOrder {
-    /// What published simulations use.
-    pub const USUAL: Self = Self {
+    /// Values of published simulations.
+    pub const DEFAULT: Self = Self {
         cutoff: 0.5,
         regularisation: 1e-3,
     };
 
-    /// Checks that both numbers are in range, and go together.
+    /// Checks ranges and consistency of both numbers.
     pub(crate) fn check(&self) -> Result<(), Refusal> {
         let refuse = |quantity: &Quantity, value: f64, problem: &str, allowed, because| {
             Err(Refusal {
@@ -72,12 +72,12 @@ impl LeadingOrder {
 
 /// Default of [`LeadingOrder::cutoff`].
 fn usual_cutoff() -> f64 {
-    LeadingOrder::USUAL.cutoff
+    LeadingOrder::DEFAULT.cutoff
 }
 
 /// Default of [`LeadingOrder::regularisation`].
 fn usual_regularisation() -> f64 {
-    LeadingOrder::USUAL.regularisation
+    LeadingOrder::DEFAULT.regularisation
 }
 
 /// ξ of the farthest pairs that have a term.
@@ -105,11 +105,11 @@ pub(super) static REGULARISATION: Quantity = Quantity {
 };
 
 impl Words for Hydrodynamics {
-    /// With the numbers that are usual.
+    /// Leading-order lubrication with default parameters.
     const ALL: &'static [Self] = &[
         Self::StokesianDynamics,
         Self::BallMelrose,
-        Self::Lubrication(LeadingOrder::USUAL),
+        Self::Lubrication(LeadingOrder::DEFAULT),
     ];
     const WORDS: &'static [Word] = &[
         Word {
@@ -136,7 +136,7 @@ impl Words for Hydrodynamics {
 }
 
 impl Hydrodynamics {
-    /// The numbers of leading-order lubrication.
+    /// The parameters of leading-order lubrication.
     pub const fn leading_order(&self) -> Option<&LeadingOrder> {
         match self {
             Self::StokesianDynamics | Self::BallMelrose => None,
@@ -144,7 +144,7 @@ impl Hydrodynamics {
         }
     }
 
-    /// Changes the numbers of leading-order lubrication; nothing under other hydrodynamics.
+    /// Changes the parameters of leading-order lubrication; no effect under other hydrodynamics.
     pub(super) fn change(&mut self, change: impl FnOnce(&mut LeadingOrder)) {
         if let Self::Lubrication(numbers) = self {
             change(numbers);
@@ -190,7 +190,7 @@ mod tests {
     fn another_cutoff_is_the_same_word() {
         let other = Hydrodynamics::Lubrication(LeadingOrder {
             cutoff: 0.2,
-            ..LeadingOrder::USUAL
+            ..LeadingOrder::DEFAULT
         });
         assert_eq!(other.word(), "lubrication");
     }

@@ -1,4 +1,5 @@
-//! Parameters of a run: each declared once, by what people read of it, what it may be, and where it is in [`Params`].
+//! Parameters of a run, each declared once: description, allowed values, and accessor in
+//! [`Params`].
 
 mod choices;
 mod quantities;
@@ -13,67 +14,67 @@ use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
 use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
 
-/// A parameter of a run: what people read of it, what it may be, where it is in [`Params`].
+/// A parameter of a run: description, allowed values, and accessor in [`Params`].
 #[derive(Debug)]
 pub struct Parameter {
     /// Its key in files, tables and JSON.
     pub key: &'static str,
     /// Its symbol, the heading of a column.
     pub symbol: &'static str,
-    /// Its unit; `1` where there is none, nothing for words.
+    /// Its unit; `1` for pure numbers, empty for keywords.
     pub unit: &'static str,
-    /// What it is; up to a semicolon the label of an axis.
+    /// Its meaning; up to a semicolon the label of an axis.
     pub meaning: &'static str,
-    /// A value to show as an example, as a file has it.
+    /// An example value, in the format of files.
     pub example: &'static str,
-    /// Whether it says anything beside the other choices; its value there is of no account.
+    /// Whether it has an effect under the other choices, independent of its own value.
     pub has_meaning: fn(&Params) -> bool,
-    /// What to choose for it to have a meaning, where it is a mistake to write it without one.
+    /// The choice that gives it a meaning, where it is an error to give it without.
     pub needs: Option<fn() -> String>,
-    /// Whether tables name it even where all points have the same value of it.
+    /// Whether tables show it even if all points have the same value.
     pub is_shown: fn(&Params) -> bool,
-    /// What kind of value it has.
+    /// Kind of its value.
     pub form: Form,
 }
 
-/// What kind of value a parameter has.
+/// Kind of the value of a parameter.
 #[derive(Debug)]
 pub enum Form {
-    /// One of several words.
+    /// A keyword.
     Choice(Choice),
     /// A number.
     Number(Number),
 }
 
-/// A parameter that is one of several words.
+/// A parameter with keywords as values.
 #[derive(Debug)]
 pub struct Choice {
-    /// The words there are.
+    /// The keywords.
     pub words: fn() -> Vec<Word>,
-    /// The word that is meant where none is written.
+    /// The default keyword.
     pub default: &'static str,
-    /// Its word.
+    /// Its keyword.
     pub get: fn(&Params) -> &'static str,
-    /// Makes the choice with this word.
+    /// Sets the choice with this keyword.
     pub put: fn(&mut Params, &str) -> Result<(), Refusal>,
 }
 
 /// A parameter that is a number.
 #[derive(Debug)]
 pub struct Number {
-    /// Its range and what to say of it.
+    /// Its range and description.
     pub quantity: &'static Quantity,
     /// Whether it is a whole number.
     pub whole: bool,
-    /// The value that is meant where none is written; `None` where one must be.
+    /// The default value; `None` for required parameters.
     pub default: Option<fn(&Params) -> f64>,
     /// Its value.
     pub get: fn(&Params) -> f64,
-    /// Gives it a value.
+    /// Sets its value.
     pub put: fn(&mut Params, f64),
-    /// The value it has where it has no meaning.
+    /// Its value where it has no meaning.
     pub without: Option<f64>,
-    /// Whether it is one of the numbers of [`ContactLaws`].
+    /// Whether it belongs to [`ContactLaws`].
     pub is_of_laws: bool,
 }
 
@@ -110,12 +111,12 @@ impl Parameter {
     }
 }
 
-/// Checks every value, and that they go together.
+/// Checks every value and their consistency.
 pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     if !params.segments.is_empty() {
         segments::check(params)?;
         return params.flows().into_iter().try_for_each(|mut flow| {
-            // What has a meaning in one segment may have none in another.
+            // A value may have a meaning in one segment and none in another.
             settle(&mut flow);
             check(&flow)
         });
@@ -133,7 +134,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     check_step(params)
 }
 
-/// Checks what a suspension has in place of what a layer has.
+/// Checks the parameters specific to suspensions.
 fn check_suspension(params: &Params) -> Result<(), Refusal> {
     let Some(volume_fraction) = params.volume_fraction else {
         return Ok(());
@@ -187,20 +188,23 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Volume fractions that can be asked for; which of them can be packed depends on the sizes, the roughness and the seed.
+/// Allowed volume fractions; whether one can be packed depends on the sizes, the roughness and the
+/// seed.
 const LEAST_VOLUME_FRACTION: f64 = 0.01;
 const MOST_VOLUME_FRACTION: f64 = 0.64;
 
-/// Longest step under soft laws: from about twice as much on, stresslet viscosities came out negative.
+/// Longest step under soft laws: from about twice this value on, stresslet viscosities became
+/// negative.
 const LONGEST_SOFT_STEP: f64 = 0.025;
 
-/// Refuses a step over which contacts cannot be followed.
+/// Refuses a step that does not resolve contacts.
 ///
 /// ```text
-/// two spheres in contact that move straight on for a strain Δt, across their line of centres, part by about Δt²/4
+/// two spheres in contact that move straight for a strain Δt, across their line of centres, separate by about Δt²/4
 /// ```
 ///
-/// Under rigid laws that must be less than the roughness height, or contacts are made and lost by the step alone.
+/// Under rigid laws that must be less than the roughness height, or the step itself creates and
+/// breaks contacts.
 fn check_step(params: &Params) -> Result<(), Refusal> {
     let step = params.time_step;
     let refuse = |problem: &str, allowed, because| {
@@ -213,7 +217,7 @@ fn check_step(params: &Params) -> Result<(), Refusal> {
         })
     };
     if params.contact.laws().is_soft() {
-        // Springs push back whatever a step brings too close: what counts is how stiff they are.
+        // Springs correct overlaps of a step, so the limit depends on their stiffness.
         if step <= LONGEST_SOFT_STEP {
             return Ok(());
         }
@@ -234,10 +238,10 @@ fn check_step(params: &Params) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Checks the numbers of the contact laws, and that they go together.
+/// Checks the parameters of the contact laws and their consistency.
 pub(super) fn check_contact(params: &Params) -> Result<(), Refusal> {
     for parameter in &PARAMETERS {
-        // The numbers of the layer and of its flow are not written here.
+        // The parameters of the layer and of its flow are not set here.
         if matches!(&parameter.form, Form::Number(number) if number.is_of_laws) {
             parameter.check(params)?;
         }
@@ -245,7 +249,7 @@ pub(super) fn check_contact(params: &Params) -> Result<(), Refusal> {
     check_together(params)
 }
 
-/// Checks that values which are right by themselves go together.
+/// Checks the consistency of individually valid values.
 fn check_together(params: &Params) -> Result<(), Refusal> {
     let laws = params.contact.laws();
     let refuse = |key, value: String, problem: &str, allowed: String, because| {
@@ -298,7 +302,7 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
         return refuse(
             "tangential",
             format!("{:?}", laws.tangential.word()),
-            "does not go with a contact that is no spring",
+            "conflicts with a contact that is no spring",
             "\"coulomb\" there, which is its rigid limit".into(),
             "contact",
         );
@@ -324,10 +328,10 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Sets those of friction and shear rate to 0 that have no effect beside the other.
+/// Sets friction or shear rate to 0 where it has no effect because of the other.
 ///
-/// Friction never acts at the lower plateau. The shear rate says at which load friction begins, and is a unit of some laws: without
-/// friction and without such laws it says nothing.
+/// Friction never acts at the lower plateau. The shear rate sets the load of the onset of friction,
+/// and is a unit of some laws: without friction and such laws it has no effect.
 fn fold(params: &mut Params) {
     if params.shear_stress.is_some() || !params.segments.is_empty() {
         return;
@@ -341,7 +345,7 @@ fn fold(params: &mut Params) {
     }
 }
 
-/// Brings parameters into the form in which equal physics has equal numbers.
+/// Brings parameters to a canonical form, in which equal physics has equal numbers.
 pub(super) fn settle(params: &mut Params) {
     if let ContactScheme::Laws(laws) = &mut params.contact {
         if laws.normal.is_spring() && laws.stiffness.is_infinite() {
@@ -357,7 +361,7 @@ pub(super) fn settle(params: &mut Params) {
     } else {
         params.flows()
     };
-    // Friction first: whether tangential laws act depends on it, and they stand above it.
+    // Friction first: tangential laws depend on it, and precede it.
     let friction = PARAMETERS
         .iter()
         .filter(|parameter| parameter.key == FRICTION.key);
@@ -371,7 +375,7 @@ pub(super) fn settle(params: &mut Params) {
             Form::Choice(_) => {}
             Form::Number(number) => {
                 let value = number.without.filter(|_| meaningless);
-                // A zero loses its sign.
+                // Removes the sign of zero.
                 let value = value.unwrap_or_else(|| (number.get)(params)) + 0.0;
                 (number.put)(params, value);
             }

@@ -1,7 +1,8 @@
-//! Units and conventions of most published simulations of sheared layers, and the way there and back.
+//! Conversion from and to units and conventions of most published simulations of sheared layers.
 //!
-//! Theirs are the radius `a_s` of the small spheres, a layer one small radius thick, and a viscosity without the stresslets of isolated
-//! spheres. Ours are the mean radius a, a layer 2a thick, and everything:
+//! These use the radius `a_s` of the small spheres, a layer one small radius thick, and a viscosity
+//! without the stresslets of isolated spheres. We use the mean radius a, a layer 2a thick, and the
+//! full viscosity:
 //!
 //! ```text
 //! η' = 1 + 2r (η − 1 − s),   Γ' = Γ/r²,   σ' = η' Γ'/(6π),   r = a/a_s,   s = (5/3) c ⟨a³⟩/(⟨a⟩⟨a²⟩)
@@ -15,18 +16,18 @@ use std::f64::consts::PI;
 pub struct PublishedUnits {
     /// r: mean radius over that of the small spheres.
     pub mean_radius: f64,
-    /// s: what isolated spheres add to our viscosity.
+    /// s: contribution of isolated spheres to our viscosity.
     pub isolated: f64,
 }
 
 impl PublishedUnits {
-    /// That of the layers of a run.
+    /// The conversion for the layers of a run.
     pub fn of(params: &Params) -> Self {
         let isolated = |moment: &dyn Fn(i32) -> f64| {
             5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2))
         };
         if let Some(sizes) = params.sizes {
-            // There are no small spheres: their unit is the mean radius.
+            // Without small spheres their unit is the mean radius.
             let radii = sizes.radii(params.spheres);
             let sum = |power: i32| radii.iter().map(|a| a.powi(power)).sum::<f64>();
             return Self {
@@ -47,12 +48,12 @@ impl PublishedUnits {
         }
     }
 
-    /// Their viscosity.
+    /// Viscosity in published units.
     pub fn viscosity(&self, ours: f64) -> f64 {
         1.0 + self.difference(ours - 1.0 - self.isolated)
     }
 
-    /// Difference or error of their viscosities.
+    /// Difference or error of viscosities in published units.
     pub fn difference(&self, ours: f64) -> f64 {
         2.0 * self.mean_radius * ours
     }

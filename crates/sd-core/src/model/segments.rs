@@ -1,33 +1,34 @@
-//! Protocols in time: what is imposed in each segment of a run, and when it changes.
+//! Protocols in time: the imposed shear in each segment of a run.
 
 use super::{Params, StiffnessUnit};
 use crate::error::Refusal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A part of a run in which the same flow is imposed: a steady shear, or an oscillation.
+/// A part of a run with one imposed flow: a steady shear, or an oscillation.
 ///
-/// What it does not name is as in the [`Params`] that it belongs to.
+/// Values that are absent are those of the [`Params`] it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
-    /// Strain since the start of the run at which it begins, a whole number of time steps; what is sheared back counts as well.
+    /// Strain of the run at its start, a multiple of the time step; strain in the reverse direction
+    /// counts as positive.
     pub start: f64,
-    /// Sense of the shear, 1 or −1; of an oscillation that of its first quarter.
+    /// Sense of the shear, 1 or −1; in an oscillation that of its first quarter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
-    /// Imposed shear rate Γ; of an oscillation the largest of a cycle.
+    /// Imposed shear rate Γ; in an oscillation the largest of a cycle.
     #[serde(
         default,
         with = "super::infinite::optional",
         skip_serializing_if = "Option::is_none"
     )]
     pub shear_rate: Option<f64>,
-    /// Imposed shear stress σ*, which no oscillation has.
+    /// Imposed shear stress σ*; not in oscillations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
-    /// Amplitude γ0 of an oscillation γ0 sin ωt about the strain at which the segment begins, a whole number of time steps; `None`
-    /// for a steady shear.
+    /// Amplitude γ0 of an oscillation γ0 sin ωt about the strain at the start of the segment, a
+    /// multiple of the time step; `None` for a steady shear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<f64>,
     /// Oscillation across a steady shear of a suspension.
@@ -35,13 +36,15 @@ pub struct Segment {
     pub cross_shear: Option<CrossShear>,
 }
 
-/// An oscillation along the vorticity, across a steady shear that goes on (Lin, Ness, Cates, Sun & Cohen, PNAS 113, 10774, 2016).
+/// An oscillation along the vorticity, across a continuing steady shear (Lin, Ness, Cates, Sun &
+/// Cohen, PNAS 113, 10774, 2016).
 ///
 /// ```text
 /// u∞ = γ̇ y x̂ + γ̇_z y ẑ,   γ_z = amplitude sin(ratio γ)
 /// ```
-/// γ is the strain of the primary shear since the segment began. What is imposed is γ_z at the start of every step and linear between,
-/// so that the rate of strain is the same in all stages of a step, as it is in a steady shear.
+/// γ is the strain of the primary shear since the start of the segment. γ_z is imposed at the start
+/// of every step, with linear interpolation between, so that the rate of strain is the same in all
+/// stages of a step, as in a steady shear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CrossShear {
@@ -61,18 +64,18 @@ pub struct CrossStrain {
     pub(crate) rate: f64,
 }
 
-/// What is imposed in one step of a run.
+/// The imposed shear in one step of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Imposed {
     /// Number of the segment, from 0.
     pub segment: usize,
     /// Sense of the shear, 1 or −1.
     pub direction: f64,
-    /// Step of the run from which on it has been sheared in this sense, in this segment.
+    /// Step of the run at which shear in this sense started, in this segment.
     pub since: u64,
-    /// Steps that the cell was sheared forwards up to then, less those backwards.
+    /// Net number of forward steps up to then.
     pub net_steps: i64,
-    /// Mean shear rate over the step, over the largest of the segment: 1 but in an oscillation.
+    /// Mean shear rate over the step, over the largest of the segment: 1 except in an oscillation.
     pub rate_share: f64,
     /// Strain along the vorticity.
     pub cross: CrossStrain,
@@ -95,7 +98,7 @@ impl CrossShear {
     /// Largest cross strain of a step.
     const LARGEST_STRAIN: f64 = 0.1;
 
-    /// Cross strain after so much primary strain.
+    /// Cross strain at a primary strain.
     fn strain_after(&self, strain: f64) -> f64 {
         self.amplitude * (self.ratio * strain).sin()
     }
@@ -109,10 +112,11 @@ impl CrossStrain {
 }
 
 impl Segment {
-    /// Refuses a cross shear that cannot be.
+    /// Refuses an invalid cross shear.
     ///
     /// # Errors
-    /// [`Refusal`] of a cross shear in a layer, across an oscillation, with numbers out of range or not resolved by the time step.
+    /// [`Refusal`] of a cross shear in a layer, across an oscillation, with numbers out of range or
+    /// not resolved by the time step.
     pub fn check_cross_shear(&self, params: &Params) -> Result<(), Refusal> {
         let Some(CrossShear { amplitude, ratio }) = self.cross_shear else {
             return Ok(());
@@ -197,7 +201,7 @@ impl Segment {
         steps_in(self.start, time_step)
     }
 
-    /// Γ and σ* that are imposed in it; σ* is `None` where the rate is imposed.
+    /// Γ and σ* imposed in it; σ* is `None` under an imposed rate.
     fn shear(&self, run: &Params) -> (f64, Option<f64>) {
         match (self.shear_rate, self.shear_stress) {
             (None, None) => (run.shear_rate, run.shear_stress),
@@ -212,7 +216,7 @@ impl Segment {
         Some(steps_in(amplitude, time_step).max(1))
     }
 
-    /// Steps from where it began to where it is after so many of its steps, in its direction.
+    /// Net steps in its direction after a number of its steps.
     fn displacement(&self, steps: u64, time_step: f64) -> i64 {
         self.quarter(time_step).map_or_else(
             || steps.cast_signed(),
@@ -221,7 +225,8 @@ impl Segment {
     }
 }
 
-/// Phase ωt of an oscillation γ0 sin ωt that has sheared forwards and backwards by so many times its amplitude in all.
+/// Phase ωt of an oscillation γ0 sin ωt, from the total strain in both directions over its
+/// amplitude.
 ///
 /// ```
 /// use sd_core::model::phase;
@@ -242,7 +247,7 @@ pub fn phase(sheared: f64) -> f64 {
     2.0 * PI * cycles + within
 }
 
-/// Net steps of an oscillation with so many steps in a quarter of a cycle, after `steps` of them.
+/// Net steps of an oscillation after `steps`, from its number of steps in a quarter of a cycle.
 fn displacement(steps: u64, quarter: u64) -> i64 {
     let place = (steps % (4 * quarter)).cast_signed();
     let quarter = quarter.cast_signed();
@@ -256,7 +261,7 @@ fn displacement(steps: u64, quarter: u64) -> i64 {
 }
 
 impl Params {
-    /// What is imposed in a step of the run, counted from 0.
+    /// The imposed shear in a step of the run, counted from 0.
     pub fn imposed(&self, step: u64) -> Imposed {
         let steady = Imposed {
             segment: 0,
@@ -278,7 +283,7 @@ impl Params {
             return steady;
         };
         let following = self.segments[..begun].iter().skip(1);
-        // The segments that are over, and how many steps each of them took.
+        // The completed segments, and their numbers of steps.
         let over = || {
             let pairs = before.iter().zip(following.clone());
             pairs.map(|(one, next)| (one, first(next) - first(one)))
@@ -335,7 +340,8 @@ impl Params {
         }
     }
 
-    /// The run without its last segment, and the step at which that begins; `None` where it has one segment.
+    /// The run without its last segment, and the step at which that starts; `None` for a single
+    /// segment.
     pub fn before_last_segment(&self) -> Option<(Self, u64)> {
         let (last, before) = self.segments.split_last()?;
         if before.is_empty() {
@@ -347,7 +353,8 @@ impl Params {
         Some((shorter, last.first_step(self.time_step)))
     }
 
-    /// Γ and σ* that are imposed in the last segment, the rate being the largest of an oscillation; σ* is `None` where the rate is imposed.
+    /// Γ and σ* imposed in the last segment, in an oscillation the largest rate; σ* is `None` under
+    /// an imposed rate.
     pub fn last_shear(&self) -> (f64, Option<f64>) {
         match self.segments.last() {
             None => (self.shear_rate, self.shear_stress),
@@ -355,7 +362,7 @@ impl Params {
         }
     }
 
-    /// The parameters of steady shear in each segment; of itself where it has none.
+    /// The parameters of steady shear in each segment; without segments, its own.
     pub fn flows(&self) -> Vec<Self> {
         if self.segments.is_empty() {
             return vec![self.clone()];
@@ -386,7 +393,8 @@ impl Params {
         self.imposed(steps).cross.at(steps as f64 * self.time_step)
     }
 
-    /// Imposes segments in place of a steady shear; a single one that is steady is one, at the rate or stress and in the direction it has.
+    /// Imposes segments in place of a steady shear; a single steady segment becomes a steady shear
+    /// with its rate or stress and direction.
     pub fn impose(&mut self, segments: &[Segment]) {
         self.segments = segments.to_vec();
         if let [only] = segments
@@ -397,7 +405,8 @@ impl Params {
         }
     }
 
-    /// Parameters of a run that imposes for all time what this one imposes in one step, but for a cross shear: without segments.
+    /// Parameters of a run without segments that permanently imposes the shear of one step, without
+    /// cross shear.
     #[must_use]
     pub fn in_step(&self, imposed: &Imposed) -> Self {
         let mut params = Self {
@@ -408,7 +417,7 @@ impl Params {
         params
     }
 
-    /// Takes over what another run imposes in a step.
+    /// Copies the shear that another run imposes in a step.
     pub(crate) fn take(&mut self, run: &Self, imposed: &Imposed) {
         self.direction = imposed.direction;
         let Some(segment) = run.segments.get(imposed.segment) else {
@@ -419,7 +428,8 @@ impl Params {
         if let Some(laws) = self.contact.chosen_laws()
             && laws.stiffness_unit == StiffnessUnit::Flow
         {
-            // The unit is that of the largest rate of a cycle, in which a spring is always as stiff.
+            // The unit is the largest rate of a cycle, so that the stiffness of springs is
+            // constant.
             laws.stiffness = run.contact.laws().stiffness / imposed.rate_share;
         }
     }
@@ -438,7 +448,7 @@ impl Imposed {
     }
 }
 
-/// Refuses segments that are no protocol of a run.
+/// Refuses segments that are not a valid protocol.
 pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     let refuse = |key, value: f64, problem: &str, allowed: &str| {
         Err(Refusal {

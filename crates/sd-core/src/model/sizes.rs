@@ -5,8 +5,9 @@
 //! schulz      p(a) ∝ a^(k−1) exp(−k a), k = 1/s²
 //! uniform     a within √3 s of 1
 //! ```
-//! of mean 1 and standard deviation s, by number. Sphere k of N has the quantile (k + ½)/N, and all are divided by their mean, so that
-//! sizes depend on N alone and not on a seed; a seed decides where each sphere is.
+//! of mean 1 and standard deviation s, by number. Sphere k of N has the quantile (k + ½)/N, and all
+//! are divided by their mean, so that sizes depend only on N; the seed determines the position of
+//! each sphere.
 
 use crate::error::Refusal;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -14,35 +15,36 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Most species.
+/// Maximum number of species.
 const MOST_SPECIES: usize = 32;
-/// Radii that may occur, over their mean.
+/// Smallest radius allowed, over the mean.
 const LEAST: f64 = 0.2;
 /// The largest of them.
 const MOST: f64 = 5.0;
 /// Largest size ratio of two sizes, which are those of [`crate::Params::size_ratio`].
 pub(super) const MOST_SIZE_RATIO: f64 = 10.0;
-/// How far a sum of fractions may be from one.
+/// Tolerance of the sum of fractions.
 const ROUNDING: f64 = 1e-9;
 
-/// Sizes other than one or two. As text: `lognormal 0.2`, or species as `1:0.5 1.4:0.25 2:0.25`, each with its share of the number.
+/// Sizes other than one or two. As text: `lognormal 0.2`, or species as `1:0.5 1.4:0.25 2:0.25`,
+/// each with its number fraction.
 #[derive(Clone, Copy)]
 pub struct Sizes(&'static Known);
 
-/// What is known of sizes; kept for good, as there are as many as campaign files name.
+/// Data of sizes, never freed, since their number is limited by campaign files.
 struct Known {
     text: String,
     kind: Kind,
-    /// Radii of numbers of spheres that were asked for.
+    /// Cached radii by number of spheres.
     radii: Mutex<Vec<Arc<[f64]>>>,
 }
 
-/// How sizes are given.
+/// Definition of sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// A distribution, and its standard deviation over its mean.
     Distribution(Distribution, f64),
-    /// Radii in any one unit, increasing, each with its share of the number.
+    /// Radii in any one unit, increasing, each with its number fraction.
     Species(Vec<[f64; 2]>),
 }
 
@@ -55,7 +57,7 @@ crate::law::words! {
     }
 }
 
-/// All sizes that were ever named.
+/// All sizes used so far.
 static ALL: Mutex<Vec<&'static Known>> = Mutex::new(Vec::new());
 
 /// The refusal of sizes.
@@ -70,13 +72,15 @@ fn refuse(value: impl Into<String>, problem: &str, allowed: impl Into<String>) -
 }
 
 impl Kind {
-    /// Species in a form that does not depend on how they are written: in order, each radius once.
+    /// Species in canonical form: in order, each radius once.
     ///
     /// # Arguments
-    /// - `species`: radii in any one unit, with fractions of number (`power` 0), area (2) or volume (3).
+    /// - `species`: radii in any one unit, with fractions of number (`power` 0), area (2) or volume
+    ///   (3).
     ///
     /// # Errors
-    /// A radius or fraction that is not positive, fractions whose sum is not one, none or too many species, two sizes of too large a ratio.
+    /// A radius or fraction that is not positive, fractions whose sum is not one, none or too many
+    /// species, two sizes of too large a ratio.
     pub fn species(species: &[[f64; 2]], power: i32) -> Result<Self, Refusal> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         if species.is_empty() || species.len() > MOST_SPECIES {
@@ -152,7 +156,8 @@ impl Kind {
         ))
     }
 
-    /// Size ratio and share of large spheres of one or two sizes, which are no others than those of [`crate::Params::size_ratio`].
+    /// Size ratio and fraction of large spheres of one or two sizes, which are equivalent to
+    /// [`crate::Params::size_ratio`].
     pub fn as_two(&self) -> Option<[f64; 2]> {
         match self {
             Self::Species(species) => match species[..] {
@@ -201,7 +206,7 @@ impl Kind {
     }
 }
 
-/// The probabilities that spheres stand for.
+/// The probabilities assigned to spheres.
 fn probabilities(n: usize) -> impl Iterator<Item = f64> {
     (0..n).map(move |k| (k as f64 + 0.5) / n as f64)
 }
@@ -209,7 +214,8 @@ fn probabilities(n: usize) -> impl Iterator<Item = f64> {
 /// Quantiles of e^t, increasing, where t has this density.
 ///
 /// # Arguments
-/// - `logarithm`: of the density, up to a constant: concave, largest at 0 and 0 there; it falls off within some `width`s.
+/// - `logarithm`: of the density, up to a constant: concave, largest at 0 and 0 there; it falls off
+///   within some `width`s.
 fn quantiles(n: usize, logarithm: impl Fn(f64) -> f64, width: f64) -> Vec<f64> {
     const CELLS: usize = 4096;
     let end = |step: f64| {
@@ -246,7 +252,7 @@ fn quantiles(n: usize, logarithm: impl Fn(f64) -> f64, width: f64) -> Vec<f64> {
 }
 
 impl Sizes {
-    /// Sizes of this kind; the same ones are always the same.
+    /// Sizes of this kind; equal ones share their data.
     pub fn new(kind: &Kind) -> Self {
         let text = kind.to_string();
         let mut all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
@@ -392,7 +398,7 @@ mod tests {
 
     #[test]
     fn radii_have_the_mean_and_nearly_the_spread_of_their_distribution() {
-        // What is lost of the tails of N spheres; the share falls as 1/N.
+        // Truncated tails of N spheres, a fraction that falls as 1/N.
         for (kind, lost) in [("lognormal", 0.02), ("schulz", 0.02), ("uniform", 1e-5)] {
             for spread in [0.02, 0.1, 0.2, 0.4] {
                 let radii = radii(&format!("{kind} {spread}"), 400);
@@ -411,8 +417,8 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_their_distribution() {
-        // Standard normal quantiles of 0.5, 0.9 and 0.975, and those of gamma distributions, by published tables: χ² with 8 and 2 degrees
-        // of freedom over its mean.
+        // Standard normal quantiles of 0.5, 0.9 and 0.975, and those of gamma distributions, by
+        // published tables: χ² with 8 and 2 degrees of freedom over its mean.
         let lognormal = |z: f64| (z * 0.04_f64.ln_1p().sqrt()).exp();
         let variance = 0.04_f64.ln_1p();
         let found = |n: usize, k: usize, shape: f64| {

@@ -1,8 +1,8 @@
-//! A layer that a run begins with in place of the one its seed makes.
+//! A start layer given instead of the one made from the seed.
 
 use serde::{Deserialize, Serialize};
 
-/// A layer as another run, or another program, left it.
+/// A layer from another run or program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartLayer {
@@ -16,20 +16,22 @@ pub struct StartLayer {
     pub centres: Vec<[f64; 2]>,
     /// Orientations, in radians.
     pub orientations: Vec<f64>,
-    /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are unstretched.
+    /// Stretches of tangential springs, in a, of pairs (i, j) with i < j, ordered; others are
+    /// unstretched.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<(u32, u32, f64)>,
-    /// The same of the springs of rolling friction.
+    /// The same for the springs of rolling friction.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rolling_springs: Vec<(u32, u32, f64)>,
-    /// A number above 0 for all layers of the same origin, such as the ends of all runs of a point: runs that begin with them are runs of
-    /// one point as well. `None`: the layer stands for itself.
+    /// A positive number for all layers of the same origin, such as the ends of all runs of a
+    /// point: runs from them belong to one point too. `None`: a single layer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<u32>,
 }
 
 impl StartLayer {
-    /// A number that names it in tables, of 32 bits and above 0: that of its origin, or one that follows from all that it is.
+    /// A positive 32-bit number that identifies it in tables: that of its origin, or a hash of its
+    /// data.
     pub fn number(&self) -> u64 {
         if let Some(origin) = self.origin {
             return origin.into();

@@ -1,6 +1,6 @@
-//! What the contact laws need to know of the surfaces.
+//! Parameters of the surfaces for the contact laws.
 
-/// Surfaces: roughness and friction, as the contact laws need them.
+/// Surfaces: roughness and friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// Roughness height h, in a.
@@ -12,7 +12,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Whether friction can act at all.
+    /// Whether friction can act.
     pub fn has_friction(&self) -> bool {
         self.friction > 0.0 && self.critical_load.is_finite()
     }

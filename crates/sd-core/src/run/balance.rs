@@ -1,34 +1,35 @@
-//! The critical load at which a stage bears the stress that is imposed.
+//! The critical load at which a stage carries the imposed stress.
 //!
 //! ```text
 //! σ* = σ a²/F_crit  imposed;   in units of the flow σ = η and F_crit = φ = 6π/Γ:     h(φ) = η(φ)/σ* − φ = 0
 //! ```
 //!
-//! η falls as φ rises, since fewer contacts then have friction. Where friction begins with a jump η jumps as well, and h may change its
-//! sign without being 0. Springs and a repulsion are in units of F_crit: with them η grows with φ, and where it grows so fast that no φ is
-//! large enough the layer bears the stress at rest.
+//! η decreases with φ, since fewer contacts then have friction. If friction sets in with a jump, η
+//! jumps too, and h may change sign without a zero. Springs and a repulsion are in units of F_crit:
+//! with them η increases with φ, and if it grows so fast that no φ is large enough, the layer
+//! carries the stress at rest.
 
 use crate::stress::JAM_VISCOSITY;
 
-/// Largest share of φ by which h may differ from 0.
+/// Tolerance of h over φ.
 const CLOSE: f64 = 1e-10;
-/// Factor between two loads at most while only one side is known.
+/// Maximum ratio of successive loads while only one side is known.
 const STRIDE: f64 = 8.0;
-/// Viscosity, over that of a jammed layer, beyond which no balance is looked for.
+/// Viscosity, over that of a jammed layer, at which the search stops.
 const CEILING: f64 = 1e3;
 
-/// What to do after a load was tried.
+/// The next action after a trial load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Next {
-    /// It bears the stress.
+    /// The layer carries the stress at this load.
     Found,
-    /// Try this one.
+    /// Try this load.
     Try(f64),
-    /// The layer bears the stress at rest.
+    /// The layer carries the stress at rest.
     AtRest,
 }
 
-/// A search for the load, from one that is near.
+/// A search for the load, from an initial guess.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Balance {
     /// σ*.
@@ -36,7 +37,7 @@ pub(super) struct Balance {
     /// Largest load at which h > 0, and smallest at which h < 0.
     low: Option<f64>,
     high: Option<f64>,
-    /// The load tried before, and its h.
+    /// The previous load and its h.
     last: Option<[f64; 2]>,
 }
 
@@ -50,12 +51,12 @@ impl Balance {
         }
     }
 
-    /// The load that this viscosity would need.
+    /// The load in balance with a viscosity.
     pub(super) fn load_of(&self, viscosity: f64) -> f64 {
         viscosity / self.stress
     }
 
-    /// Takes the viscosity found at a load.
+    /// Adds the viscosity computed at a load.
     pub(super) fn after(&mut self, load: f64, viscosity: f64) -> Next {
         let excess = self.load_of(viscosity) - load;
         if excess.abs() <= CLOSE * load {
@@ -65,7 +66,7 @@ impl Balance {
             let slope = (excess - excess_before) / (load - before);
             (slope < 0.0).then(|| load - excess / slope)
         });
-        // Secants that do not bring h down wait for a narrower bracket.
+        // Secants that do not reduce h are postponed until the bracket is narrower.
         let slow = self
             .last
             .is_some_and(|[_, before]| excess.abs() > 0.5 * before.abs());
@@ -88,11 +89,11 @@ impl Balance {
                 if low >= self.load_of(CEILING * JAM_VISCOSITY) {
                     return Next::AtRest;
                 }
-                // The guess of an unbracketed search is often a little short.
+                // The guess of an unbracketed search is often slightly too small.
                 guess.clamp(low * (1.0 + 2.0 * CLOSE), STRIDE * low)
             }
             (None, Some(high)) => {
-                // The load that this viscosity needs is a fair guess from however far above.
+                // The load in balance with this viscosity is a good guess from any distance above.
                 let needed = self.load_of(viscosity);
                 let least = if needed > 0.0 {
                     needed.min(high / STRIDE)
@@ -110,7 +111,7 @@ impl Balance {
 mod tests {
     use super::*;
 
-    /// Load found, if there is one, and the number of viscosities asked for.
+    /// The resulting load, if any, and the number of viscosities evaluated.
     fn search(stress: f64, from: f64, viscosity: impl Fn(f64) -> f64) -> (Option<f64>, u32) {
         let mut balance = Balance::new(stress);
         let mut load = from;
@@ -149,8 +150,8 @@ mod tests {
     }
 
     #[test]
-    fn jump_over_the_balance_is_closed_in_on() {
-        // h leaps from above to below at φ = 4 without being 0.
+    fn jump_over_the_balance_is_bracketed() {
+        // h jumps from above to below 0 at φ = 4.
         let viscosity = |load: f64| if load < 4.0 { 10.0 } else { 6.0 };
         let mut balance = Balance::new(2.0);
         let mut load = 1.0;
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn viscosity_below_zero_asks_for_a_smaller_load() {
+    fn viscosity_below_zero_requires_a_smaller_load() {
         // Repulsion that pulls along the flow: η = 5 − 3 φ.
         let (load, _) = search(2.0, 10.0, |load| 5.0 - 3.0 * load);
         assert!((load.unwrap() - 1.0).abs() < 1e-9);

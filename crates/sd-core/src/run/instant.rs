@@ -16,7 +16,7 @@ use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::{Contact as StageContact, Method, StageSolver};
 use crate::stress::{Stress, StressWork};
 
-/// Spheres, where they are and what drives them.
+/// Spheres, their positions and external forces.
 #[derive(Debug, Clone)]
 pub struct Configuration<S: Space = Layer> {
     /// Centres, in a.
@@ -29,19 +29,20 @@ pub struct Configuration<S: Space = Layer> {
     pub hydrodynamics: Hydrodynamics,
     /// Imposed flow.
     pub background: S::Background,
-    /// External forces, in mu·a²·rate; one per centre. In a suspension's cell they move the spheres against a fluid whose mean flow with
-    /// them is zero.
+    /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of
+    /// spheres and fluid is zero.
     pub forces: Vec<S::Vector>,
     /// External torques, in mu·a³·rate; one per centre.
     pub torques: Vec<S::Spin>,
 }
 
-/// The contact problem that is to be solved.
+/// The contact problem to solve.
 #[derive(Debug, Clone)]
 pub enum ContactRequest<S: Space = Layer> {
     /// No contact.
     None,
-    /// These pairs are halted all at once by eqs. (12)-(13), without friction; negative forces are set to zero afterwards.
+    /// These pairs are stopped simultaneously by eqs. (12)-(13), without friction; negative forces
+    /// are then set to zero.
     Listed {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
@@ -51,23 +52,24 @@ pub enum ContactRequest<S: Space = Layer> {
         /// Roughness and friction.
         surface: Surface,
     },
-    /// Laws; springs are as long as the gaps say.
+    /// Laws; overlaps of springs follow from the gaps.
     Laws {
         /// The laws, in the units of the solver.
         laws: Laws,
-        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may not overlap unless the hydrodynamics admit it.
+        /// Gap below which lubrication is held constant, in a; 0: nowhere, and surfaces may overlap
+        /// only if the hydrodynamics allow it.
         lubrication_gap: f64,
-        /// How far contact forces look ahead, in strain.
+        /// Look-ahead time of contact forces, in strain.
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
         springs: PairForces<S>,
-        /// The same of rolling friction.
+        /// The same for rolling friction.
         rolling_springs: PairForces<S>,
     },
 }
 
 impl<S: Space> ContactRequest<S> {
-    /// The paper's rigid contacts, looking ahead by `time_span`, in strain.
+    /// The paper's rigid contacts with a look-ahead time, in strain.
     pub fn rigid(surface: Surface, time_span: f64) -> Self {
         Self::Laws {
             laws: Laws::rigid(surface),
@@ -78,7 +80,8 @@ impl<S: Space> ContactRequest<S> {
         }
     }
 
-    /// The contact problem of a single instant of a run with these parameters: forces look ahead by `time_span`, in strain.
+    /// The contact problem of a single instant of a run with these parameters: `time_span`:
+    /// look-ahead time of forces, in strain.
     pub fn of_run(params: &Params, time_span: f64) -> Self {
         let surface = params.surface();
         match &params.contact {
@@ -106,9 +109,9 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact<S>>,
-    /// Pairs that a repulsion keeps apart besides the contacts.
+    /// Pairs with a repulsion, in addition to the contacts.
     pub repelled: Vec<Contact<S>>,
-    /// Pairs that adhesion holds together besides the contacts; their normal force is below 0.
+    /// Pairs with adhesion, in addition to the contacts; their normal force is negative.
     pub adhering: Vec<Contact<S>>,
 }
 
@@ -120,8 +123,8 @@ impl SolvedConfiguration {
 }
 
 impl<S: Space> SolvedConfiguration<S> {
-    /// Power that contacts, repulsion and adhesion take, in mu·a³·rate²: what friction dissipates, and what goes into springs, dashpots and
-    /// the repulsion.
+    /// Power of contacts, repulsion and adhesion, in mu·a³·rate²: dissipated by friction and
+    /// dashpots, and stored in springs and the repulsion.
     ///
     /// ```text
     /// Σ F_t u_t + Σ F_r u_r − Σ f v_n
@@ -139,7 +142,7 @@ impl<S: Space> SolvedConfiguration<S> {
     }
 }
 
-/// Solves the motion under a contact problem, at the positions taken.
+/// Solves the motion under a contact problem, at the current positions.
 fn move_under<S: Fluid>(
     stage: &mut StageSolver<S>,
     background: &S::Background,
@@ -208,7 +211,7 @@ fn move_under<S: Fluid>(
     Ok(())
 }
 
-/// How [`solve`] computes this instant.
+/// The method by which [`solve`] computes this instant.
 pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactRequest<S>) -> Method {
     let is_soft = match request {
         ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => return Method::Dense,
@@ -236,7 +239,7 @@ pub fn solve<S: Started>(
     S::solve(configuration, request, tables)
 }
 
-/// The same, computed in a given way.
+/// The same, by a given method.
 pub(super) fn solve_with<S: Fluid>(
     method: Method,
     configuration: &Configuration<S>,
@@ -336,7 +339,7 @@ fn check<S: Space>(configuration: &Configuration<S>) -> Result<(), Error> {
     )
 }
 
-/// Refuses a configuration without spheres, or with a list that is not one entry for each of them.
+/// Refuses a configuration without spheres, or with a list without exactly one entry per sphere.
 fn check_lists(spheres: usize, lists: [(&'static str, usize); 3]) -> Result<(), Error> {
     if spheres == 0 {
         return Err(Error::NoSpheres);
@@ -464,7 +467,7 @@ mod tests {
         }
     }
 
-    /// Contacts at which friction slides and others at which it sticks, under each kind of law.
+    /// Sliding and sticking contacts, under each kind of law.
     fn requests() -> Vec<ContactRequest<Bulk>> {
         let surface = Surface {
             roughness: 0.2,
@@ -541,7 +544,7 @@ mod tests {
                     .sum();
                 let spent = stress.dissipation * volume + dense.contact_power();
                 let given = (stress.viscosity - 1.0) * volume + external;
-                // The couples of stick-rotate are left out: rigid contacts give way by 1e-10 of them.
+                // The couples of stick-rotate are left out: rigid contacts yield by 1e-10 of them.
                 let exact = if number == 5 { 1e-9 } else { 1e-10 };
                 assert!(
                     (spent / given - 1.0).abs() < exact,

@@ -1,4 +1,4 @@
-//! Two spheres driven past each other in unbounded fluid: the paper's Fig. 8.
+//! Two spheres moving past each other in unbounded fluid: the paper's Fig. 8.
 
 use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, Pass, Surface};
@@ -11,12 +11,13 @@ use crate::space::modes::{Background, Vec2};
 use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
-/// Steps after which spheres that have not passed are given up.
+/// Maximum number of steps for the spheres to pass.
 const MOST_STEPS: u64 = 10_000_000;
 
-/// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical load 0.
+/// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
+/// load 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passing {
+pub struct PairScenario {
     /// Radius L of the second sphere, in a, in [0.01, 100].
     pub size_ratio: f64,
     /// Roughness height h, in a, and friction coefficient ν; `None` without contact.
@@ -29,14 +30,14 @@ pub struct Passing {
     pub time_step: f64,
 }
 
-/// How they passed.
+/// The trajectories of the spheres.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Passed {
+pub struct PairTrajectory {
     /// y of the first sphere at the end, in a.
     pub final_offset: f64,
     /// Rotation of each sphere, in degrees, anticlockwise.
     pub rotation_degrees: [f64; 2],
-    /// Smallest gap met, in a.
+    /// Smallest gap, in a.
     pub minimum_gap: f64,
     /// Time taken, in mu·a²/force.
     pub time: f64,
@@ -44,37 +45,39 @@ pub struct Passed {
     pub path: Vec<[f64; 7]>,
 }
 
-/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is cut to end there.
+/// Moves the spheres by Stokesian Dynamics, exact for two, until x1 − x2 = 2X; the last step is
+/// shortened to end there.
 ///
-/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the angle of the line of
-/// centres: smooth spheres approach to gaps far smaller than the sagitta of a step around each other.
+/// The coordinates integrated are the centre of the first sphere and, for the second, ln g and the
+/// angle of the line of centres: smooth spheres approach to gaps much smaller than the sagitta of a
+/// step around each other.
 ///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
 #[expect(
     clippy::missing_panics_doc,
-    reason = "they go on for as long as it takes"
+    reason = "the computation never stops early"
 )]
-pub fn pass(passing: &Passing, tables: &NearFields) -> Result<Passed, Error> {
-    let passed = pass_while(passing, tables, || true)?;
-    Ok(passed.expect("they go on for as long as it takes"))
+pub fn pass(scenario: &PairScenario, tables: &NearFields) -> Result<PairTrajectory, Error> {
+    let passed = pass_while(scenario, tables, || true)?;
+    Ok(passed.expect("the computation never stops early"))
 }
 
-/// As [`pass`], for as long as `go_on`, which is asked before every step, says so; `None` once it does not.
+/// As [`pass`], while `go_on`, called before every step, returns true; `None` otherwise.
 ///
 /// # Errors
 /// As [`pass`].
 pub fn pass_while(
-    passing: &Passing,
+    scenario: &PairScenario,
     tables: &NearFields,
     mut go_on: impl FnMut() -> bool,
-) -> Result<Option<Passed>, Error> {
-    check(passing)?;
-    let radii = [1.0, passing.size_ratio];
+) -> Result<Option<PairTrajectory>, Error> {
+    check(scenario)?;
+    let radii = [1.0, scenario.size_ratio];
     let cell: Cell = Cell::Unbounded;
     let resistance = Resistance::new(Hydrodynamics::StokesianDynamics, &cell, &radii, tables)?;
     let mut motion = StageSolver::new(resistance);
-    let laws = passing.contact.map(|(roughness, friction)| {
+    let laws = scenario.contact.map(|(roughness, friction)| {
         Laws::rigid(Surface {
             roughness,
             friction,
@@ -84,9 +87,9 @@ pub fn pass_while(
     let mut memory = ContactMemory::default();
     let mut integrator = RungeKutta::default();
     let contact = radii[0] + radii[1];
-    let mut state = at_start(passing, contact)?;
+    let mut state = at_start(scenario, contact)?;
     let external = [1.0, 0.0, 0.0, -1.0, 0.0, 0.0];
-    let goal = 2.0 * passing.start;
+    let goal = 2.0 * scenario.start;
     let along = |state: &State| {
         let [first, second] = centres(&state.centres, contact);
         first.x - second.x
@@ -129,10 +132,11 @@ pub fn pass_while(
                     source: Box::new(source),
                 })
         };
-        let mut dt = passing.time_step;
+        let mut dt = scenario.time_step;
         let (mut next, mut next_memory) = advance(&state, dt)?;
         let last = along(&next) >= goal;
-        // The end lies within this step: shorten it by secants, each a whole RK4 step from the same start.
+        // The end lies within this step: shorten it by secants, each a whole RK4 step from the same
+        // start.
         for _ in 0..8 {
             if !last || (along(&next) - goal).abs() < 1e-12 * goal {
                 break;
@@ -145,7 +149,7 @@ pub fn pass_while(
         minimum_gap = minimum_gap.min(state.centres[1].x.exp());
         path.push(row(time, &state, contact));
         if last {
-            return Ok(Some(Passed {
+            return Ok(Some(PairTrajectory {
                 final_offset: state.centres[0].y,
                 rotation_degrees: [0, 1].map(|i| state.orientations[i].to_degrees()),
                 minimum_gap,
@@ -156,13 +160,13 @@ pub fn pass_while(
     }
     Err(Error::OutOfRange {
         field: "offset",
-        value: passing.offset,
+        value: scenario.offset,
         allowed: "one at which the spheres pass each other within ten million steps",
     })
 }
 
-fn at_start(passing: &Passing, contact: f64) -> Result<State, Error> {
-    let first = Vec2::new(-passing.start, passing.offset);
+fn at_start(scenario: &PairScenario, contact: f64) -> Result<State, Error> {
+    let first = Vec2::new(-scenario.start, scenario.offset);
     let line = -2.0 * first;
     let gap = line.norm() - contact;
     if gap <= 0.0 {
@@ -194,7 +198,7 @@ fn row(time: f64, state: &State, contact: f64) -> [f64; 7] {
 }
 
 /// Refuses a scenario with a value out of range.
-fn check(passing: &Passing) -> Result<(), Error> {
+fn check(scenario: &PairScenario) -> Result<(), Error> {
     let refuse = |field, value, allowed| {
         Err(Error::OutOfRange {
             field,
@@ -202,13 +206,13 @@ fn check(passing: &Passing) -> Result<(), Error> {
             allowed,
         })
     };
-    let Passing {
+    let PairScenario {
         size_ratio,
         contact,
         offset,
         start,
         time_step,
-    } = *passing;
+    } = *scenario;
     if !(0.01..=100.0).contains(&size_ratio) {
         return refuse("size_ratio", size_ratio, "0.01 to 100");
     }

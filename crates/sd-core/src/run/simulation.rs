@@ -1,9 +1,9 @@
 //! One run: a layer sheared step by step.
 
-mod drive;
 mod frame;
 mod sample;
 mod sampling;
+mod shear_control;
 mod snapshot;
 mod stage;
 mod step;
@@ -26,25 +26,26 @@ use crate::space::pair::PairKey;
 use crate::space::{ImposedFlow as _, Layer};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
-use drive::Drive;
 use serde::{Deserialize, Serialize};
+use shear_control::ShearControl;
 
 /// A layer that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
-/// Whether a run can go on.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flow {
     /// The layer flows.
     Flowing,
-    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that its contacts do not admit.
+    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that
+    /// its contacts do not allow.
     Jammed,
 }
 
 /// A layer or a suspension under shear.
 pub struct Simulation<S: Started = Layer> {
-    /// What is imposed in the step under way, or the last one.
+    /// Parameters of the current step, or of the last one.
     params: Params,
-    /// The run with all its segments, where it has several.
+    /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,
     imposed: Imposed,
     /// Steps done.
@@ -52,31 +53,31 @@ pub struct Simulation<S: Started = Layer> {
     /// Side of the square or cubic cell, in a.
     side: f64,
     state: State<S>,
-    /// Where the spheres were at the start of the step.
+    /// Positions at the start of the step.
     before: State<S>,
     /// Contact laws at the present critical load.
     laws: Laws,
     /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
     first: Vec<f64>,
-    drive: Drive,
+    shear_control: ShearControl,
     /// The background flow.
     background: S::Background,
     /// Offset of the cell at strain 0, in a.
     offset: f64,
-    /// What contacts remember.
+    /// Memory of contacts.
     memory: SchemeMemory<S>,
     counters: Counters,
     stage: StageSolver<S>,
     stepper: Stepper<S>,
     stress: StressWork<S>,
-    /// The frame of the step under way, while one is asked for.
+    /// The frame of the current step, if requested.
     frame: Option<Box<Frame<S>>>,
-    /// What soft contacts remembered before the step, and the procedure before the stage.
+    /// Memory of soft contacts before the step, and of the procedure before the stage.
     remembered: SchemeMemory<S>,
 }
 
 impl<S: Started> Simulation<S> {
-    /// Starts a run from the layer that the seed makes.
+    /// Starts a run from the layer of a seed.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
@@ -86,8 +87,8 @@ impl<S: Started> Simulation<S> {
         let start = S::start(params, seed)?;
         let mut memory = SchemeMemory::new(&params.contact);
         let first = params.in_step(&params.imposed(0));
-        let drive = Drive::new(&first, None);
-        memory.stretch(&start, drive.laws(&first).tangential_stiffness);
+        let shear_control = ShearControl::new(&first, None);
+        memory.stretch(&start, shear_control.laws(&first).tangential_stiffness);
         let snapshot = Snapshot {
             version: SNAPSHOT_VERSION,
             steps: 0,
@@ -116,7 +117,7 @@ impl<S: Started> Simulation<S> {
         S::continue_run(params, snapshot, tables)
     }
 
-    /// [`Simulation::from_snapshot`], compiled with its caller.
+    /// [`Simulation::from_snapshot`], inlined into its caller.
     pub(super) fn continued(
         params: &Params,
         mut snapshot: Snapshot<S>,
@@ -141,7 +142,7 @@ impl<S: Started> Simulation<S> {
         let imposed = params.imposed(snapshot.steps.saturating_sub(1));
         let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
         let params = params.in_step(&imposed);
-        let drive = Drive::new(&params, snapshot.critical_load);
+        let shear_control = ShearControl::new(&params, snapshot.critical_load);
         if params.contact != ContactScheme::Procedure {
             let choice = params.contact.laws();
             stepper = if choice.is_soft() {
@@ -165,9 +166,9 @@ impl<S: Started> Simulation<S> {
                 orientations: snapshot.orientations,
             },
             before: State::default(),
-            laws: drive.laws(&params),
+            laws: shear_control.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
-            drive,
+            shear_control,
             background: S::Background::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
             offset: S::offset(&params),
@@ -182,7 +183,8 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// The cell at a strain of the step under way; of a run in segments as long as what is imposed in the last step goes on.
+    /// The cell at a strain of the current step; with segments, valid while the shear of the last
+    /// step continues.
     ///
     /// # Errors
     /// Those of [`Cell::periodic`] for a strain that is not finite.
@@ -193,7 +195,8 @@ impl<S: Started> Simulation<S> {
             .with_cross_offset(self.imposed.cross.at(strain) * self.side)
     }
 
-    /// Offset of the upper image cell at a strain, wrapped; of a run in segments as long as what is imposed in the last step goes on.
+    /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
+    /// the last step continues.
     pub fn offset_at(&self, strain: f64) -> f64 {
         match self.cell_at(strain) {
             Ok(Cell::Periodic { offset, .. }) => offset,
@@ -201,7 +204,7 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Whether the layer still flows after the steps done.
+    /// Whether the layer still flows.
     pub fn flow(&self) -> Flow {
         if self.counters.jammed_steps_running >= self.jam_steps() {
             Flow::Jammed
@@ -256,7 +259,7 @@ impl<S: Started> Simulation<S> {
         &self.counters
     }
 
-    /// The pairs of the near part's pattern, where the resistance is held pair by pair.
+    /// The pairs of the near part's pattern, if the resistance is stored pair by pair.
     fn near_pairs(&self) -> Vec<PairKey> {
         let pairwise = self.stage.resistance.pairwise();
         pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())
@@ -274,7 +277,7 @@ impl<S: Started> Simulation<S> {
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
             far_field: self.stage.far_field(),
-            critical_load: self.drive.critical_load(),
+            critical_load: self.shear_control.critical_load(),
             counters: self.counters,
         }
     }

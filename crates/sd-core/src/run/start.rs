@@ -16,7 +16,7 @@ use crate::stage::Method;
 use packing::{Density, Packing};
 use std::f64::consts::PI;
 
-/// What is known of packing discs.
+/// Packing limits of discs.
 const DISCS: Density = Density {
     easy: 0.80,
     closest: 0.906_899_682_117_108_9, // π/√12
@@ -41,7 +41,7 @@ pub struct Start<S: Space = Layer> {
     pub side: f64,
 }
 
-/// Refuses layers that cannot be started or held, by what is known without making one.
+/// Refuses impossible layers without making one.
 ///
 /// Layers that pass may still fail to pack: see [`layer`].
 ///
@@ -73,7 +73,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
             "contact",
         );
     }
-    // Spheres that, with the roughness around them, cover more than discs can.
+    // Spheres that, with their roughness, exceed the packing limit of discs.
     let growth = (1.0 + 0.5 * params.roughness).powi(2);
     if params.start.is_none() && params.area_fraction * growth > DISCS.closest {
         return refuse(
@@ -120,7 +120,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
         "spheres",
         params.spheres.to_string(),
         format!(
-            "at `area_fraction` = {} make a cell {side:.3} wide, less than {needed:.3}, twice the distance up to which pairs are looked for",
+            "at `area_fraction` = {} make a cell {side:.3} wide, less than {needed:.3}, twice the cutoff distance of pairs",
             params.area_fraction
         ),
         format!(
@@ -145,7 +145,7 @@ fn number_of_large(params: &Params) -> usize {
     }
 }
 
-/// Radii and cell side: what is known without packing.
+/// Radii and cell side, without packing.
 ///
 /// # Errors
 /// [`Error::CellTooSmall`].
@@ -171,7 +171,7 @@ fn radii(spheres: usize, size_ratio: f64, large: usize) -> Vec<f64> {
     radii
 }
 
-/// The layer a run begins with: the one that is given, or else the one that the seed makes.
+/// The start layer of a run: a given one, or else that of the seed.
 ///
 /// # Errors
 /// Those of [`fit`] and [`layer`].
@@ -198,7 +198,7 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
     })
 }
 
-/// Makes the layer, which depends on the parameters and the seed alone (`ChaCha8`).
+/// Makes the layer, which depends only on the parameters and the seed (`ChaCha8`).
 ///
 /// # Errors
 /// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the area fraction reached.
@@ -304,7 +304,7 @@ mod tests {
         let (radii, _) = radii_and_side(&params).unwrap();
         assert_eq!(start.radii, radii);
         assert!(smallest_gap(&start) >= params.roughness);
-        // Of numbers next to each other all but a few, at the ends of rows, are of spheres nearby.
+        // Spheres with consecutive numbers are neighbours, except at the ends of rows.
         let next = start.centres.windows(2);
         let far = next.filter(|pair| (pair[1] - pair[0]).norm() > 4.0 * packing::ROW);
         assert!(far.count() < params.spheres / 10);
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_packed_is_refused() {
+    fn unpackable_spheres_are_refused() {
         // Grown by h = 0.4 these discs would cover more than the plane.
         let params = Params {
             roughness: 0.4,

@@ -1,4 +1,4 @@
-//! A space in which runs can be made and stepped.
+//! Spaces in which runs can be made and stepped.
 
 use super::instant::{self, Configuration, ContactRequest, SolvedConfiguration};
 use super::simulation::{Sample, Simulation, Snapshot};
@@ -17,13 +17,13 @@ pub trait Started: Fluid {
     /// [`Error::Refused`].
     fn check(params: &Params) -> Result<(), Error>;
 
-    /// Radii and cell side: what is known without packing.
+    /// Radii and cell side, without packing.
     ///
     /// # Errors
     /// [`Error::CellTooSmall`].
     fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error>;
 
-    /// What a run begins with.
+    /// The start of a run.
     ///
     /// # Errors
     /// As [`Started::radii_and_side`], and [`Error::CannotPack`].
@@ -59,8 +59,9 @@ pub trait Started: Fluid {
     ) -> Result<SolvedConfiguration<Self>, Error>;
 }
 
-/// The last three, which compute, for the space that they stand in. What is generic is compiled in the crate that uses it, and optimised
-/// as that crate is: a program that is optimised for size would take three times as long for its steps. So it is compiled here.
+/// Implements the last three methods for a space. Generic code is compiled in the crate that uses
+/// it, with the optimisation of that crate: a program optimised for size would take three times as
+/// long per step. So it is instantiated here.
 macro_rules! compile {
     () => {
         #[inline(never)]

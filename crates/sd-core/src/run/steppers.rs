@@ -1,4 +1,5 @@
-//! Methods in time: Runge-Kutta of order four, and two stages per step for rigid contacts and for forces that depend on the gaps.
+//! Methods in time: Runge-Kutta of order four, and two stages per step for rigid contacts and for
+//! forces that depend on the gaps.
 
 mod midpoint;
 pub mod rosenbrock;
@@ -9,17 +10,16 @@ use crate::space::Space;
 pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
-pub(crate) use state::Bearing;
 pub use state::{Stage, State};
 
 /// The method of a run, with its workspace.
 #[derive(Debug)]
 pub(crate) enum Stepper<S: Space> {
-    /// For contacts whose gaps are held by no law.
+    /// For contacts without constrained gaps.
     RungeKutta(RungeKutta<S>),
     /// For rigid contacts.
     Midpoint(Midpoint<S>),
-    /// For forces that depend on gaps, however stiffly.
+    /// For gap-dependent forces of any stiffness.
     Rosenbrock(Rosenbrock<S>),
 }
 
@@ -30,17 +30,17 @@ impl<S: Space> Default for Stepper<S> {
 }
 
 impl<S: Space> Stepper<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
-    /// there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres,
+    /// and returns whether contacts have forces there.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
         state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
     ) -> Result<(), E> {
         match self {
             Self::RungeKutta(method) => {

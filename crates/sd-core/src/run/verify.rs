@@ -1,4 +1,4 @@
-//! Known results, computed again: what a user checks before trusting a machine and a build. It takes seconds.
+//! Recomputation of known results, to verify a machine and a build within seconds.
 
 mod layers;
 mod spheres;
@@ -7,18 +7,18 @@ mod suspensions;
 use crate::error::Error;
 use serde::Serialize;
 
-/// One known result beside our value.
+/// One known result and our value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
-    /// What is compared.
+    /// The quantity.
     pub quantity: String,
     /// Our value.
     pub value: f64,
-    /// Least value that passes.
+    /// Smallest value that passes.
     pub least: f64,
     /// Largest value that passes.
     pub most: f64,
-    /// Where the known value comes from.
+    /// Source of the known value.
     pub source: &'static str,
 }
 
@@ -57,7 +57,7 @@ impl Check {
         }
     }
 
-    /// Whether our value lies within its range; what is not a number does not.
+    /// Whether our value lies within its range; NaN does not.
     pub fn passes(&self) -> bool {
         self.value >= self.least && self.value <= self.most
     }
@@ -66,7 +66,7 @@ impl Check {
 /// All checks, in the order of the chain from two spheres to layers and suspensions.
 ///
 /// # Errors
-/// A computation that could not be finished at all.
+/// A failed computation.
 pub fn checks() -> Result<Vec<Check>, Error> {
     let mut all = Vec::new();
     spheres::resistance_functions(&mut all)?;
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_none_does_not_pass() {
+    fn nan_does_not_pass() {
         assert!(!Check::near("x", f64::NAN, 1.0, 1.0, "").passes());
         assert!(!Check::near("x", 2.1, 1.0, 1.0, "").passes());
     }

@@ -1,4 +1,4 @@
-//! Spheres that fill a fluid.
+//! Suspensions: spheres in a volume.
 //!
 //! A tensor is held as its components in the orthonormal basis
 //!
@@ -11,7 +11,7 @@ use super::{ImposedFlow, Space};
 use nalgebra::{Matrix3, SVector, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-/// Spheres that fill a fluid.
+/// Suspensions: spheres in a volume.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bulk;
 
@@ -139,7 +139,7 @@ impl ImposedFlow<Bulk> for Background {
     }
 }
 
-/// A unit quaternion `[w, x, y, z]`: how a sphere lies.
+/// A unit quaternion `[w, x, y, z]`: an orientation.
 pub type Quaternion = [f64; 4];
 
 impl Space for Bulk {
@@ -147,7 +147,7 @@ impl Space for Bulk {
     const MODES: usize = 6;
     const STRAINS: usize = 5;
     const TANGENTS: usize = 2;
-    /// Equal spheres on a face-centred lattice have 42 before the next shell comes in.
+    /// Equal spheres on a face-centred lattice have 42 before the next shell.
     const MOST_NEIGHBOURS: usize = 54;
     /// Equal spheres have twelve at most.
     const MOST_CONTACTS: usize = 12;
@@ -314,7 +314,7 @@ impl Space for Bulk {
     fn turned(&[w, x, y, z]: &Quaternion, rotation: &Self::Spin) -> Quaternion {
         let (angle, v) = (rotation.norm(), Vector3::new(x, y, z));
         let (sin, cos) = (0.5 * angle).sin_cos();
-        // sin(φ/2) of the unit axis, without a division by an angle that may be 0.
+        // sin(φ/2) times the unit axis, without division by an angle that may be 0.
         let share = if angle > 1e-6 {
             sin / angle
         } else {
@@ -439,7 +439,8 @@ mod tests {
         for (found, expected) in turned.into_iter().zip(expected) {
             assert!((found - expected).abs() < 1e-14);
         }
-        // About z, and then about x: the order counts, and the later rotation is in the frame of the flow.
+        // About z, and then about x: the order matters, and the later rotation is in the frame of
+        // the flow.
         let quarter = std::f64::consts::FRAC_PI_2;
         let z = Bulk::turned(&Bulk::UPRIGHT, &(Vector3::z() * quarter));
         let both = Bulk::turned(&z, &(Vector3::x() * quarter));

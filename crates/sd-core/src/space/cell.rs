@@ -10,7 +10,7 @@ pub const LUBRICATION_RANGE: f64 = 4.0;
 /// Names of the sides in errors.
 const SIDES: [&str; 3] = ["cell[0]", "cell[1]", "cell[2]"];
 
-/// Where the spheres are: a periodic cell, or unbounded fluid.
+/// Domain of the spheres: a periodic cell, or unbounded fluid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cell<S: Space = Layer> {
     /// No images.
@@ -57,7 +57,7 @@ impl<S: Space> Cell<S> {
         })
     }
 
-    /// The same cell with its images above shifted along z besides; any offset is wrapped.
+    /// The same cell with its images above also shifted along z; any offset is wrapped.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the offset is finite, and 0 in a layer and in unbounded fluid.
@@ -75,14 +75,14 @@ impl<S: Space> Cell<S> {
                 return Err(Error::OutOfRange {
                     field: "cross_offset",
                     value: offset,
-                    allowed: "finite, and 0 but in periodic suspensions",
+                    allowed: "finite, and 0 except in periodic suspensions",
                 });
             }
         }
         Ok(self)
     }
 
-    /// As [`Cell::periodic`], with sides that are all the same.
+    /// As [`Cell::periodic`], with equal sides.
     ///
     /// # Errors
     /// As [`Cell::periodic`].
@@ -122,7 +122,8 @@ impl<S: Space> Cell<S> {
         vector
     }
 
-    /// Moves a separation to the image whose components are at most half the sides, and says which it is.
+    /// Moves a separation to the image whose components are at most half the sides, and returns
+    /// that image.
     ///
     /// Every vector shorter than half of every side is found this way.
     #[inline(always)]
@@ -178,7 +179,8 @@ impl<S: Space> Cell<S> {
         wrapped
     }
 
-    /// Refuses a cell in which a sphere could meet two images of one neighbour within the lubrication range.
+    /// Refuses a cell in which a sphere could have two images of one neighbour within the
+    /// lubrication range.
     ///
     /// # Errors
     /// [`Error::CellTooSmall`] names the side that is too short.

@@ -8,8 +8,9 @@
 //! e1 = (E_xx − E_yy)/√2,   e2 = √2 E_xy,   e3 = √(3/2) (E_xx + E_yy);   S:E = s·e,  S_xy = s2/√2
 //! ```
 //!
-//! A mode vector is ordered `(U_x, U_y, Ω, e1, e2, e3)`, a force vector `(F_x, F_y, T, s1, s2, s3)`.
-//! Under a rotation by θ, U turns by θ, `(e1, e2)` by 2θ; Ω and e3 are unchanged.
+//! A mode vector is ordered `(U_x, U_y, Ω, e1, e2, e3)`, a force vector
+//! `(F_x, F_y, T, s1, s2, s3)`. Under a rotation by θ, U turns by θ, `(e1, e2)` by 2θ; Ω and e3 are
+//! unchanged.
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -42,9 +43,9 @@ pub fn strain_tensor(e: &Vector3<f64>) -> (f64, f64, f64) {
     )
 }
 
-/// The matrix that takes lab-frame modes to the frame whose x axis is the unit vector `n`.
+/// The matrix that transforms lab-frame modes to the frame whose x axis is the unit vector `n`.
 ///
-/// Its transpose takes pair-frame modes back.
+/// Its transpose is the inverse.
 pub fn rotation_to_frame(n: Vec2) -> ModeBlock {
     let (c, s) = (n.x, n.y);
     let (c2, s2) = (c * c - s * s, 2.0 * c * s);
@@ -81,7 +82,7 @@ impl Background {
         xy: 0.5,
         angular_velocity: -0.5,
     };
-    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 the other way.
+    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 reversed.
     pub fn shear(direction: f64) -> Self {
         Self {
             xx: 0.0,
@@ -107,7 +108,8 @@ impl Background {
         )
     }
 
-    /// Where a point that the flow has carried to `x` over `time` at its first velocity was before: `x = (1 + time ∇u∞) x₀`.
+    /// Earlier position of a point advected to `x` over `time` at its initial velocity:
+    /// `x = (1 + time ∇u∞) x₀`.
     pub fn carried_back(&self, x: Vec2, time: f64) -> Vec2 {
         let (a, b) = (
             1.0 + time * self.xx,

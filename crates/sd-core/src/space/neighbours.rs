@@ -1,4 +1,4 @@
-//! All pairs within a range: found by a list of bins in O(N), and kept while the spheres have not
+//! All pairs within a range: found by a cell list in O(N), and reused while the spheres have not
 //! moved far.
 
 use super::cell::Cell;
@@ -18,9 +18,9 @@ pub struct NeighbourList<S: Space = Layer> {
     starts: Vec<usize>,
     /// Bin of each sphere: column, row, plane.
     bins: Vec<[usize; 3]>,
-    /// Neighbours of the sphere that is being searched for.
+    /// Neighbours of the current sphere.
     found: Vec<Neighbours<S>>,
-    /// Pairs that may come within range for a while.
+    /// Verlet list of pairs that may come within range.
     kept: VerletList<S>,
     /// The overlap of two surfaces, in a, from which on [`NeighbourList::update`] refuses them.
     deepest: f64,
@@ -33,10 +33,10 @@ impl<S: Space> Default for NeighbourList<S> {
 }
 
 impl<S: Space> NeighbourList<S> {
-    /// Most bins along a side: 2^24 in all.
+    /// Maximum number of bins along a side: 2^24 in all.
     const MOST_BINS: f64 = (1_u32 << (24 / S::DIMENSIONS)) as f64;
 
-    /// Makes room for all pairs within range that so many equal spheres can have.
+    /// Reserves memory for all pairs within range of a number of equal spheres.
     pub fn new(spheres: usize) -> Self {
         let pairs = S::MOST_NEIGHBOURS * spheres / 2;
         Self {
@@ -50,7 +50,7 @@ impl<S: Space> NeighbourList<S> {
         }
     }
 
-    /// Lets surfaces overlap by less than `deepest`, in a.
+    /// Allows overlaps up to `deepest`, in a.
     pub(crate) fn allow_overlap(&mut self, deepest: f64) {
         self.deepest = deepest;
     }
@@ -92,8 +92,7 @@ impl<S: Space> NeighbourList<S> {
         }
     }
 
-    /// Checks that the pairs found last do not overlap at other positions either, to which the
-    /// spheres moved by little.
+    /// Checks that the pairs found last do not overlap at nearby positions.
     ///
     /// # Errors
     /// As [`NeighbourList::update`].
@@ -112,8 +111,7 @@ impl<S: Space> NeighbourList<S> {
         })
     }
 
-    /// The nearest of the pairs found last, at other positions, to which the spheres moved by
-    /// little.
+    /// The closest of the pairs found last, at nearby positions.
     pub(crate) fn closest_at(
         &self,
         cell: &Cell<S>,
@@ -135,7 +133,7 @@ impl<S: Space> NeighbourList<S> {
         }
     }
 
-    /// [`NeighbourList::find_all`] by way of pairs kept from an earlier search; `false` if the cell is
+    /// [`NeighbourList::find_all`] from the pairs of an earlier search; `false` if the cell is
     /// too small for a skin, or unbounded.
     fn find_by_kept_pairs(
         &mut self,
@@ -309,8 +307,8 @@ fn number([column, row, plane]: [usize; 3], counts: [usize; 3]) -> usize {
     (plane * counts[1] + row) * counts[0] + column
 }
 
-/// Bins along an axis that hold the neighbours of one in another row, shifted by so many bins: the first,
-/// and how many follow from it around the cell. `None`: any shift is possible.
+/// Bins along an axis that hold the neighbours of one in another row, shifted by a number of bins:
+/// the first, and their number around the cell. `None`: any shift is possible.
 #[inline(always)]
 fn across(bin: usize, count: usize, shift: Option<f64>) -> (usize, usize) {
     match shift {
@@ -329,7 +327,7 @@ fn across(bin: usize, count: usize, shift: Option<f64>) -> (usize, usize) {
     }
 }
 
-/// The bins before, at and after one along a periodic axis; where there are fewer than three, each once.
+/// The bins before, at and after one along a periodic axis; with fewer than three bins, each once.
 #[inline(always)]
 fn around(bin: usize, count: usize) -> impl Iterator<Item = usize> {
     (0..count.min(3)).map(move |k| {
@@ -351,7 +349,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Points that drift, at random and with the flow, and are wrapped now and then.
+    /// Points that drift, at random and with the flow, and are occasionally wrapped.
     fn drift<S: Space>(side: f64, n: usize, amplitude: f64) {
         let mut sides = S::Vector::default();
         for k in 0..S::DIMENSIONS {

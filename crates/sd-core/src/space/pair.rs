@@ -1,10 +1,10 @@
-//! Two spheres that are near each other.
+//! Pairs of neighbouring spheres.
 
 use super::cell::Cell;
 use super::{Layer, Space};
 use crate::error::Error;
 
-/// The numbers of the two spheres of a pair, the lower one first: what a pair is looked up and stored by.
+/// The indices of the two spheres of a pair, the lower one first: its key.
 pub type PairKey = (u32, u32);
 
 /// Two spheres within range of each other.
@@ -14,7 +14,7 @@ pub struct Neighbours<S: Space = Layer> {
     pub i: usize,
     /// Second sphere.
     pub j: usize,
-    /// The image of j that is meant.
+    /// The image of j.
     pub image: S::Image,
     /// Distance of the centres r, in a.
     pub distance: f64,

@@ -1,11 +1,12 @@
-//! Pairs that may come within range before the spheres have moved far, kept from one search to the next (Verlet 1967).
+//! Verlet list (1967): pairs that may come within range before the spheres have moved far, kept
+//! between searches.
 //!
-//! A search with a range longer by a skin is good until a pair can have crossed the skin. Displacements count beyond those of the
-//! shear that the cell's offset tells:
+//! A search with a range extended by a skin is valid until a pair can have crossed the skin.
+//! Displacements are relative to the shear given by the cell's offset:
 //!
 //! ```text
 //! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/sides[1]:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
-//! good while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
+//! valid while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
 //! Under cross shear Δγ x̂ is the vector of both strains, along x and along z.
 
@@ -16,21 +17,21 @@ use super::pair::Neighbours;
 /// Skin s, over the range.
 const SKIN: f64 = 0.1;
 
-/// Pairs within the longer range, and the positions at which they were found.
+/// Pairs within the extended range, and the positions of the search.
 #[derive(Debug)]
 pub(super) struct VerletList<S: Space> {
     /// The pairs, ordered by (i, j).
     pairs: Vec<[usize; 2]>,
-    /// Centres at the search; none if there was none.
+    /// Centres at the search; empty before the first.
     centres: Vec<S::Vector>,
     radii: Vec<f64>,
-    /// Range asked for at the search, without skin.
+    /// Range of the search, without skin.
     range: f64,
     cell: Option<Cell<S>>,
 }
 
 impl<S: Space> VerletList<S> {
-    /// Room for that many spheres and pairs.
+    /// Allocates memory for that many spheres and pairs.
     pub(super) fn new(spheres: usize, pairs: usize) -> Self {
         Self {
             pairs: Vec::with_capacity(pairs),
@@ -51,7 +52,7 @@ impl<S: Space> VerletList<S> {
         &self.pairs
     }
 
-    /// Keeps the pairs that a search with the longer range has found.
+    /// Stores the pairs of a search with the extended range.
     pub(super) fn keep(
         &mut self,
         found: &[Neighbours<S>],

@@ -62,7 +62,7 @@ fn external(spheres: usize) -> Vec<f64> {
     forces
 }
 
-/// What a far field is iterated on, at given positions, and the forces that drive it.
+/// The sparse resistance below an iterated far field, at given positions, and its forces.
 fn driven(
     mut near: Resistance,
     cell: &Cell,
@@ -88,13 +88,13 @@ fn near_factored(
     driven(near, cell, centres, external)
 }
 
-/// Held pair by pair; under Stokesian Dynamics with the far field of near pairs.
+/// Stored pair by pair; under Stokesian Dynamics with the far field of near pairs.
 fn near_by_pairs(hydrodynamics: Hydrodynamics, cell: &Cell, radii: &[f64]) -> Resistance {
     let tables = NearFields::default();
     Resistance::new_pairwise(hydrodynamics, cell, radii, &tables, &[]).unwrap()
 }
 
-/// Full Stokesian Dynamics with periodic sums closer than usual.
+/// Full Stokesian Dynamics with more accurate periodic sums than default.
 fn dense_resistance(cell: &Cell, radii: &[f64]) -> Resistance {
     Resistance::new_dense(cell, radii, &NearFields::default(), 1e-13).unwrap()
 }
@@ -125,7 +125,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let factored = near_factored(&cell, &centres, &radii, &external);
         let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
         let by_pairs = driven(near, &cell, &centres, &external);
-        // Held pair by pair the sparse part is solved to 1e-10 of the largest force.
+        // In pairwise storage the sparse part is solved to 1e-10 of the largest force.
         let size = (dot(&by_pairs.1, &by_pairs.1) / dot(&external, &external)).sqrt();
         let held = [(factored, 1e-12), (by_pairs, 1e-9 * size)];
         let residuals = [1e-4, 1e-6, 1e-7];
@@ -146,7 +146,8 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             far.correct(&mut counter, &mut stresslets);
             let error = relative_difference(&flat(&expected.stresslets), &flat(&stresslets));
             assert!(error < residual, "{size_ratio}: {error:e}");
-            // The balance of forces is exact, so the forces do what the fluid dissipates.
+            // The balance of forces is exact, so the power of the forces is the dissipation of the
+            // fluid.
             let total = dot(&v, &counter) + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
             assert!(
                 (total / power - 1.0).abs() < 0.5 * residual,
@@ -154,7 +155,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             );
             let error = relative_difference(&external, &counter);
             assert!(error < *exact, "{error:e}");
-            // Started again from its own end there is nothing left to do.
+            // Restarted from its own solution, it needs no iteration.
             let again = far.solve(near, &strain, forces, &mut v).unwrap();
             assert!(again.iterations <= 1);
         }
@@ -259,7 +260,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
     }
 }
 
-/// A map that gives another answer at every call: its velocities are off by `size` to either side in turn.
+/// A map with alternating results: its velocities are off by `±size` in turn.
 struct Flipping<'a> {
     near: &'a Resistance,
     size: f64,
@@ -287,7 +288,7 @@ impl FixedPointMap for Flipping<'_> {
 }
 
 #[test]
-fn contacts_that_do_not_settle_leave_the_best_motion_and_say_so() {
+fn unconverged_contacts_give_the_best_motion_with_a_flag() {
     let (cell, centres, radii) = sheared(&params(40, 1.0));
     let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
     let strain = Background::SHEAR.strain();
@@ -330,7 +331,7 @@ fn motion_without_contacts_held_pair_by_pair_is_that_of_the_factor() {
         .unwrap();
     assert_eq!(first.iterations, second.iterations);
     assert!(relative_difference(&by_factor, &by_pairs) < 1e-8);
-    // Beginning with the far field of near pairs there is less to iterate.
+    // Starting with the far field of near pairs needs fewer iterations.
     let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
     let (near, forces) = driven(near, &cell, &centres, &none);
     far.forget();
@@ -399,7 +400,7 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
 
 #[test]
 fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
-    // k/Γ = 100: forces among contacts are large beside what drives the layer, and spheres overlap.
+    // k/Γ = 100: contact forces are large compared with the driving forces, and spheres overlap.
     let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
     let (cell, centres, radii) = sheared(&Params {
         area_fraction: 0.76,
@@ -447,8 +448,9 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
 }
 
 #[test]
-fn a_dense_layer_of_soft_spheres_goes_on() {
-    // Contact problems solved too roughly mislead the iteration, by forces that differ by no more than their error.
+fn a_dense_layer_of_soft_spheres_continues() {
+    // Contact problems solved too inaccurately disturb the iteration, by force differences within
+    // their error.
     let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
     let params = Params {
         area_fraction: 0.76,

@@ -1,11 +1,11 @@
-//! Asperities that are cones, which grow stiffer as they are pressed flat.
+//! Conical asperities, which become stiffer under compression.
 //!
 //! ```text
 //! F = k d² − c v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·rate, c in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47 (1965), of a cone pressed into a
-//! half-space.
+//! k in mu·rate, c in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47
+//! (1965), of a cone pressed into a half-space.
 
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
@@ -29,7 +29,7 @@ pub fn slope(overlap: f64, stiffness: f64) -> f64 {
     2.0 * stiffness * overlap.max(0.0)
 }
 
-/// Overlap at which the asperities bear a force.
+/// Overlap at which the force has a given value.
 pub fn overlap(force: f64, stiffness: f64) -> f64 {
     (force / stiffness).sqrt()
 }

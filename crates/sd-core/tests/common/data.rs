@@ -1,4 +1,4 @@
-//! Numbers computed independently of this program, and how far ours are from them.
+//! Numbers computed independently of this program, and their difference from ours.
 
 use nalgebra::SVector;
 use serde_json::Value;

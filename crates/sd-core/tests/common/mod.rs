@@ -1,10 +1,10 @@
-//! A layer that tests of several programs shear.
+//! A layer shared by several tests.
 
 use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 
 /// A small dense layer of two sizes under these contacts, where friction acts on most of them.
 pub(crate) fn small_layer(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
-    // Spheres that weld together jam far earlier than others.
+    // Spheres under stick-rotate jam much earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
     Params {
         spheres: 40,

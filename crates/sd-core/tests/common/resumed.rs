@@ -1,8 +1,8 @@
-//! Runs that go on from their snapshots.
+//! Runs resumed from their snapshots.
 
 use sd_core::{NearFields, Params, Simulation, Started};
 
-/// Makes sure that a run of so many steps has the same bits where it goes on from its snapshot every few steps.
+/// Checks that a run has the same bits if it is resumed from its snapshot every few steps.
 pub(crate) fn check<S: Started>(params: &Params, steps: u64, every: u64) {
     let tables = NearFields::default();
     let mut whole = Simulation::<S>::new(params, 2, &tables).unwrap();

@@ -1,4 +1,4 @@
-//! Contact laws of every kind but the paper's.
+//! Contact laws of every kind except the paper's.
 
 use sd_core::{ContactLaws, ContactScheme, FrictionOnset, NormalLaw, TangentialLaw};
 

@@ -32,7 +32,7 @@ fn pulled_pair_holds_until_the_pull_is_the_adhesion() {
     for (a, b) in motions.flat_map(|(a, b)| a.iter().zip(b)) {
         assert!((a - b).abs() < 1e-12, "{a} {b}");
     }
-    // Apart, there is nothing left of it.
+    // After separation there is no attraction.
     let apart = |adhesion| solved(&pair(0.0102, -6.0, 0.0), &adhesive(RIGID, adhesion), 0.01);
     assert!(apart(4.0).adhering.is_empty());
     assert_eq!(apart(4.0).disturbances, apart(0.0).disturbances);
@@ -40,7 +40,7 @@ fn pulled_pair_holds_until_the_pull_is_the_adhesion() {
 
 #[test]
 fn adhesion_presses_and_friction_knows_it() {
-    // Nothing else presses: the load is F_A, and friction bears up to ν F_A.
+    // Without other forces the load is F_A, and friction is at most ν F_A.
     let at = |shear| solved(&pair(0.01, 0.0, shear), &adhesive(RIGID, 4.0), 0.01).contacts[0];
     let stuck = at(1.0);
     assert!(stuck.slip_velocity.abs() < 1e-8 && stuck.normal_force > 3.0);

@@ -59,7 +59,7 @@ fn layers_keep_their_laws_under_every_choice() {
         let counters = simulation.counters();
         assert_eq!(counters.unconverged_stages, 0, "{contact:?}");
         assert!(counters.worst_residual < 1e-8, "{contact:?}");
-        // Two a step, or four where rigid contacts bear nothing.
+        // Two per step, or four without loaded rigid contacts.
         let most = if laws.is_soft() { 280 } else { 560 };
         assert!((280..=most).contains(&counters.stages), "{contact:?}");
         assert_eq!(rolling > 0, laws.rolling_friction > 0.0, "{contact:?}");
@@ -115,10 +115,10 @@ fn soft_becomes_rigid_as_stiffness_grows() {
             rigid(TangentialLaw::StickRotate),
         ),
     ] {
-        // Short: neighbouring paths part in time, whatever parts them.
+        // Short, since neighbouring trajectories diverge in time.
         let viscosity = |contact| {
             let at = Params {
-                // Dense enough for contacts so soon, where spheres weld as well.
+                // Dense enough for early contacts, also under stick-rotate.
                 area_fraction: params(contact).area_fraction.max(0.6),
                 shear_rate: 50.0,
                 time_step: 0.001,
@@ -139,7 +139,7 @@ fn soft_becomes_rigid_as_stiffness_grows() {
     }
 }
 
-/// Equal spheres with steep friction, which begins with a jump.
+/// Equal spheres with high friction, which sets in with a jump.
 fn steep(contact: ContactScheme, spheres: usize, area_fraction: f64) -> Params {
     Params {
         spheres,
@@ -154,7 +154,7 @@ fn steep(contact: ContactScheme, spheres: usize, area_fraction: f64) -> Params {
 
 #[test]
 fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
-    // Springs are crushed where ν = 10 lets nothing slide: spheres overlap more than is admitted.
+    // At ν = 10 nothing slides and springs fail: spheres overlap more than allowed.
     let held = steep(spring(1e4, TangentialLaw::Coulomb), 50, 0.76);
     let mut simulation =
         Simulation::<sd_core::Layer>::new(&held, 1, &NearFields::default()).unwrap();
@@ -168,7 +168,8 @@ fn soft_layer_that_its_contacts_hold_ends_as_jammed() {
 
 #[test]
 fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
-    // High friction near jamming: here Newton's method often fails. Of six layers at 0.76 three jam within a strain.
+    // High friction near jamming: here Newton's method often fails. Of six layers at 0.76 three jam
+    // within a strain.
     for area_fraction in [0.76, 0.80] {
         let held = steep(rigid(TangentialLaw::Coulomb), 50, area_fraction);
         let mut simulation =
@@ -186,7 +187,7 @@ fn rigid_layer_that_friction_holds_is_found_to_be_jammed() {
 
 #[test]
 fn gaps_hold_in_a_large_layer_with_high_friction() {
-    // Friction need not settle here, in a layer that jams: gaps hold all the same in every step that is accepted.
+    // Friction need not converge here, in a layer that jams, but gaps hold in every accepted step.
     let layer = steep(rigid(TangentialLaw::Coulomb), 200, 0.76);
     let mut simulation =
         Simulation::<sd_core::Layer>::new(&layer, 1, &NearFields::default()).unwrap();
@@ -208,7 +209,7 @@ fn gaps_hold_in_a_large_layer_with_high_friction() {
     );
 }
 
-/// A layer of rigid contacts under Coulomb friction with rolling friction and adhesion besides.
+/// A layer of rigid contacts under Coulomb friction with rolling friction and adhesion.
 fn besides(rolling_friction: f64, adhesion: f64) -> Params {
     params(ContactScheme::Laws(ContactLaws {
         tangential: TangentialLaw::Coulomb,
@@ -257,7 +258,8 @@ fn resistance_to_rolling_thickens_a_layer() {
 
 #[test]
 fn adhering_asperities_hold_through_the_steps_of_a_layer() {
-    // Between two steps a contact that bears a force must not drift out of the range in which it counts as touching.
+    // Between two steps a loaded contact must not drift out of the range in which it counts as
+    // touching.
     let params = Params {
         time_step: 0.01,
         area_fraction: 0.6,

@@ -36,7 +36,7 @@ const HERTZ: NormalForce = NormalForce {
     dashpot: 0.0,
 };
 
-/// Overlap at which a law bears a force.
+/// Overlap at which a law has a given force.
 fn overlap(normal: NormalForce, force: f64) -> f64 {
     normal.law.overlap(force, normal.stiffness)
 }
@@ -66,7 +66,8 @@ fn stick_slide(normal: NormalForce, stiffness: f64, friction: f64) -> Laws {
     }
 }
 
-/// Two spheres of radii 1 and 1.4 alone, along a slanted line of centres, pushed by `push` each towards the other and by `shear` across.
+/// Two spheres of radii 1 and 1.4 alone, along a slanted line of centres, pushed by `push` each
+/// towards the other and by `shear` across.
 fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
     let n = Vec2::new(0.8, 0.6);
     let force = n * push + Vec2::new(-n.y, n.x) * shear;

@@ -112,7 +112,7 @@ fn stick_rotate_turns_a_pressed_pair_as_one_body() {
         let across = Vec2::new(second[0] - first[0], second[1] - first[1])
             .dot(&Vec2::new(-c.pair.normal.y, c.pair.normal.x));
         assert!((across - first[2] * c.pair.distance).abs() < 1e-7);
-        // Pulled apart, they part and turn freely.
+        // Under tension they separate and rotate freely.
         let parting = solved(
             &pair(gap, -5.0, 3.0),
             &laws(normal, TangentialLaw::StickRotate, 1.0),
@@ -146,7 +146,7 @@ fn onset_takes_the_load_off_or_jumps() {
 
 #[test]
 fn friction_at_every_contact_needs_no_load() {
-    // A contact below the critical load: with friction only where none is asked for.
+    // A contact below the critical load has friction only under laws without an onset.
     let light = |onset| {
         let choice = ContactLaws {
             onset,

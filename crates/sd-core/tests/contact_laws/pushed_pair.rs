@@ -16,13 +16,15 @@ use sd_core::{
 pub(super) struct Pushed {
     state: State,
     pub(super) memory: ContactMemory,
-    /// Work done by the forces, energy dissipated in the fluid and by friction: by the trapezoidal rule of the stages.
+    /// Work done by the forces, energy dissipated in the fluid and by friction: by the trapezoidal
+    /// rule of the stages.
     pub(super) work: f64,
     pub(super) dissipated: f64,
     pub(super) last: Contact,
 }
 
-/// Pushes a pair for some time in steps, from a gap; the forces turn with the frame only if `turn` does.
+/// Pushes a pair for some time in steps, from a gap; the forces turn with the frame only if `turn`
+/// does.
 pub(super) fn pushed(
     laws: &Laws,
     gap: f64,
@@ -97,7 +99,7 @@ pub(super) fn pushed_by(
                         .sum::<f64>()
                 };
                 power += 0.5 * of(&external);
-                // What the fluid takes: all forces on the spheres times their velocities.
+                // Dissipation in the fluid: all forces on the spheres times their velocities.
                 let others = motion.repelled.pairs.iter().chain(&motion.adhering.pairs);
                 let contacts = motion.contacts.list.iter().chain(others);
                 let contact: f64 = contacts
@@ -225,7 +227,7 @@ fn stick_slide_does_not_know_its_frame() {
         "{a:?} {b:?}"
     );
     assert!((gap(&still) - gap(&turned)).abs() < 1e-12);
-    // Nor does it stretch where a pair turns as one body: the slip is what stretches it, and a rigid turn has none.
+    // It does not stretch under a rigid rotation of the pair either, which has no slip.
     let mut whole = pair(0.0075, 5.0, 0.0);
     whole.background = Background {
         angular_velocity: 0.7,
@@ -258,7 +260,8 @@ fn order_in_time_is_two_and_stiffness_costs_no_steps() {
             p.memory.warm_start.forces[0].2,
             p.memory.springs.forces.0[0].2,
         );
-        // Where the pair is and how far the spring is stretched; the normal force is that of a stage, and so of first order.
+        // Where the pair is and how far the spring is stretched; the normal force is that of a
+        // stage, and so of first order.
         ([gap(&p), spring / stiffness], f)
     };
     let distance = |(a, _): ([f64; 2], f64), (b, _): ([f64; 2], f64)| {
@@ -267,7 +270,8 @@ fn order_in_time_is_two_and_stiffness_costs_no_steps() {
     let exact = end(500.0, 3200);
     let order = (distance(end(500.0, 100), exact) / distance(end(500.0, 200), exact)).log2();
     assert!((order - 2.0).abs() < 0.2, "order {order}");
-    // Steps 1e7 times as long as the time in which the spring relaxes: no worse than the turning of the pair makes them.
+    // Steps 1e7 times as long as the relaxation time of the spring: the error is that of the
+    // rotation of the pair.
     let stiff = |steps| {
         let at = end(1e12, steps);
         ((at.0[0] - 0.01).abs(), (at.1 - 5.0).abs())
@@ -281,8 +285,8 @@ fn order_in_time_is_two_and_stiffness_costs_no_steps() {
 
 #[test]
 fn free_approach_meets_the_spring_without_overshoot() {
-    // The contact closes within a step: the error is of second order in the step all the same, and the pair comes to rest where
-    // spring and push balance.
+    // The contact closes within a step: the error is still of second order in the step, and the
+    // pair comes to rest where spring and push balance.
     for normal in [SPRING, HERTZ] {
         let laws = laws(normal, TangentialLaw::Coulomb, 0.0);
         let rest = overlap(normal, 20.0);

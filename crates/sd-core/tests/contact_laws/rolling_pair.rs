@@ -1,4 +1,4 @@
-//! Two spheres pressed together that are turned against each other.
+//! Two spheres pressed together in relative rotation.
 
 use super::pushed_pair::{pushed_by, stretched};
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved, stick_slide};
@@ -34,7 +34,8 @@ fn pair_rolls_once_the_torque_is_the_bound_and_exactly_by_the_excess() {
         for sign in [1.0, -1.0] {
             let held = turned(&rolling(normal, 0.1), sign * 0.999 * bound);
             let c = held.contacts[0];
-            // The compliance of rigid contacts, 1e-10, costs 1e-7 of a force. Opposite torques on a body that does not turn in itself move it nowhere, and the couple bears them alone.
+            // The compliance of rigid contacts, 1e-10, costs 1e-7 of a force. Opposite torques on a
+            // rigid pair do not move it, and the couple balances them.
             assert!((c.normal_force - 5.0).abs() < 1e-6, "{normal:?}: {c:?}");
             assert!((c.rolling_force * RADIUS + sign * 0.999 * bound).abs() < 1e-6);
             assert!(c.rolling_velocity.abs() < 1e-8 && c.tangential_force.abs() < 1e-6);
@@ -57,7 +58,8 @@ fn pair_rolls_once_the_torque_is_the_bound_and_exactly_by_the_excess() {
 
 #[test]
 fn couple_turns_no_pair_and_moves_none() {
-    // A pair that a torque on one sphere turns as a whole: what the spheres exert on each other adds up to nothing.
+    // A pair rotated rigidly by a torque on one sphere: the interactions of the spheres sum to
+    // zero.
     let mut configuration = pair(0.01, 5.0, 0.0);
     configuration.torques = vec![3.0, 0.0];
     let instant = solved(&configuration, &rolling(RIGID, 10.0), 0.001);
@@ -103,7 +105,7 @@ fn spring_of_rolling_follows_to_second_order_and_stores_what_work_leaves_over() 
     let exact = force(1600);
     let order = ((force(50) - exact) / (force(100) - exact)).abs().log2();
     assert!((order - 2.0).abs() < 0.3, "order {order}");
-    // In the end the spring bears the torque.
+    // Finally the spring balances the torque.
     let rest = pushed_by(&springs(1.0), start, [5.0, 0.0, 2.0], 5.0, 500, 0.0);
     let end = rest.memory.rolling_springs.forces.0[0].2;
     assert!((end * RADIUS + 2.0).abs() < 1e-3, "{end}");

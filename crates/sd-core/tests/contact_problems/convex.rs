@@ -1,12 +1,12 @@
-//! The motion under contacts whose bounds of friction are given is the minimum of a convex function of the velocities. It is found here
-//! by an interior-point method of another library, with the bounds that the solution itself has:
+//! For given friction bounds, the motion minimizes a convex function of the velocities. Here an
+//! interior-point method of another library computes it, with the bounds of the solution itself:
 //!
 //! ```text
 //! minimise   vᵀ R v/2 − Fᵀ v + Σ ρ_k s_k          over v and s
 //! subject to C v + b ≥ 0,   |D_k v + d_k| ≤ s_k
 //! ```
 //!
-//! The two methods share the resistance, and nothing of the contact problem.
+//! The two methods share only the resistance, not the contact problem.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
@@ -21,7 +21,7 @@ use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Resistance, Sim
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
 
-/// What a contact reads off the velocities of all spheres.
+/// Kinematics of a contact from the velocities of all spheres.
 struct Rows {
     normal: Weights,
     /// Slip, along orthonormal directions, and that of the background.
@@ -88,7 +88,7 @@ impl Read for Bulk {
     }
 }
 
-/// Solves the instant that a run has reached by both methods; the number of contacts that slide.
+/// Solves the present instant of a run by both methods; returns the number of sliding contacts.
 fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
     let tables = NearFields::default();
     let n = params.spheres;

@@ -74,7 +74,8 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                 &NearFields::default(),
             )
             .unwrap();
-            // Friction without a load: no solution was found, and what was depends on the way there.
+            // Friction without a load: no solution was found, and what was depends on the way
+            // there.
             if layer
                 .contacts
                 .iter()
@@ -137,7 +138,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
     );
 }
 
-/// Clusters of a suspension under shear, as they are, in unbounded fluid.
+/// Clusters of a sheared suspension in unbounded fluid.
 fn cluster(laws: ContactLaws) -> (Configuration<Bulk>, PairForces<Bulk>) {
     let suspension = sheared(&params(laws, LUBRICATION), 60);
     let snapshot = suspension.snapshot();
@@ -232,16 +233,17 @@ fn reflections_and_rotations_that_keep_the_shear_keep_the_motion_and_the_contact
     ] {
         let (configuration, stretched) = periodic(hydrodynamics);
         for (name, choice) in laws() {
-            // Spheres that weld together are jammed at this density.
+            // Spheres under stick-rotate are jammed at this density.
             if choice.tangential == TangentialLaw::StickRotate {
                 continue;
             }
-            // Contacts that halt three motions bear forces that are not unique, and an iteration ends at some of them.
+            // Contacts with three constraints have non-unique forces, and an iteration converges to
+            // some of them.
             let halts_all = !choice.is_soft() && choice.rolling_friction > 0.0;
             if halts_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
                 continue;
             }
-            // Stretched springs are of the law under which the suspension was sheared.
+            // Stretched springs belong to the law under which the suspension was sheared.
             let has_spring = choice.tangential == TangentialLaw::StickSlide;
             let springs = |image: &Matrix3<f64>| {
                 let list = stretched.0.iter().filter(|_| has_spring);
@@ -399,8 +401,8 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
         assert!(quality.converged(), "{quality:?}");
         systems += quality.systems;
     }
-    // 584 of them if contacts that close were to stick at once and the steps of Newton's method were whole: many of
-    // these stages would be left to the proximal point method.
+    // 584 of them if contacts that close were to stick at once and the steps of Newton's method
+    // were whole: many of these stages would need the proximal point method.
     assert!(sliding > 200, "{sliding} slides are no test");
     assert!(systems < 200, "{systems} systems");
 }

@@ -1,5 +1,5 @@
-//! Contacts and runs in three dimensions: agreement with layers, symmetries, laws of friction on a disc, and runs that go on where they
-//! were left.
+//! Contacts and runs in three dimensions: agreement with layers, symmetries, laws of friction on a
+//! disc, and resumed runs.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,8 +12,8 @@ use sd_core::{
     NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw,
 };
 
-/// Leading-order lubrication as usual.
-const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::USUAL);
+/// Leading-order lubrication with default parameters.
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
 /// Rigid contacts with another tangential law than the paper's.
 fn rigid(tangential: TangentialLaw) -> ContactLaws {

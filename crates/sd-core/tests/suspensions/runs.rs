@@ -6,7 +6,7 @@ use sd_core::{
     StiffnessUnit, TangentialLaw,
 };
 
-/// A suspension continued from what its snapshot is as text.
+/// A suspension resumed from the text form of its snapshot.
 fn resumed(params: &Params, suspension: &Simulation<Bulk>) -> Simulation<Bulk> {
     let text = serde_json::to_string(&suspension.snapshot()).unwrap();
     let snapshot: Snapshot<Bulk> = serde_json::from_str(&text).unwrap();
@@ -75,7 +75,8 @@ fn interrupted_runs_have_the_same_bits_before_any_pair_is_near() {
 
 #[test]
 fn soft_steps_are_of_order_two() {
-    // Leading-order lubrication ends at its cutoff, and velocities jump where a pair crosses it: of that model no step is of order two.
+    // Leading-order lubrication ends at its cutoff, and velocities jump where a pair crosses it:
+    // with that model no step is of order two.
     let laws = ContactLaws {
         stiffness_unit: StiffnessUnit::Flow,
         ..ContactLaws::linear_spring(100.0, TangentialLaw::StickSlide, 0.01)

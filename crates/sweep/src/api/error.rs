@@ -31,7 +31,7 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scheduler(#[from] SchedulerError),
-    /// The computing of a campaign.
+    /// Computing a campaign.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Runner(#[from] RunnerError),
@@ -59,7 +59,7 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
-    /// JSON input that does not say what it should.
+    /// Malformed JSON input.
     #[error("{}:{line}:{column}: {message}", path.display())]
     Json {
         /// The file.
@@ -71,7 +71,7 @@ pub enum Error {
         /// What is wrong, and what is allowed.
         message: String,
     },
-    /// A value in JSON input that cannot be meant.
+    /// An invalid value in JSON input.
     #[error("{}: {field}: {message}", path.display())]
     Value {
         /// The file.
@@ -132,7 +132,7 @@ impl Error {
         }
     }
 
-    /// Whether the reader of standard output went away, which is no fault of ours (`sweep report | head`).
+    /// Whether the reader closed standard output, which is not an error (`sweep report | head`).
     pub fn is_closed_pipe(&self) -> bool {
         matches!(
             self,
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn trouble_with_the_store_or_the_output_has_one_exit_code_whoever_met_it() {
+    fn errors_of_the_store_and_the_output_have_one_exit_code() {
         let met: [Error; 8] = [
             lost().into(),
             full().into(),
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_who_went_away_is_known_in_every_room() {
+    fn a_closed_reader_is_detected_in_every_module() {
         let gone = || io::Error::from(io::ErrorKind::BrokenPipe);
         for error in [
             gone().into(),

@@ -1,20 +1,20 @@
-//! Errors as they may be shown: nothing in their texts is obeyed by a terminal, and their colours are ours.
+//! Errors prepared for display: their texts hold no control sequences but the colours added here.
 
 use super::Error;
 use crate::text::visible::visible;
 use miette::{Diagnostic, LabeledSpan, Severity, SourceCode};
 use std::fmt;
 
-/// Renders errors as the user wants them.
+/// Renders errors, with or without colours.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorRenderer {
     pub(crate) coloured: bool,
-    /// Columns it may take.
+    /// Maximum width in columns.
     pub(crate) width: usize,
 }
 
 impl ErrorRenderer {
-    /// One without colours that leaves lines as long as they are.
+    /// A renderer without colours that does not wrap lines.
     pub fn plain() -> Self {
         Self {
             coloured: false,
@@ -22,7 +22,7 @@ impl ErrorRenderer {
         }
     }
 
-    /// An error as a person reads it on standard error: what, where, and what is allowed.
+    /// An error as text for standard error: what is wrong, where, and what is allowed.
     pub fn explain(self, error: &Error) -> String {
         let theme = if self.coloured {
             miette::GraphicalTheme::unicode()
@@ -33,7 +33,8 @@ impl ErrorRenderer {
             .with_width(self.width)
             .without_cause_chain();
         let mut text = String::new();
-        // One after the other: the handler itself puts a heading without a word over each of the others.
+        // One after the other: the handler itself prints an empty heading above every further
+        // error.
         let others = error.related().into_iter().flatten();
         for one in std::iter::once(error as &dyn Diagnostic).chain(others) {
             if !text.is_empty() {
@@ -47,7 +48,8 @@ impl ErrorRenderer {
     }
 }
 
-/// An error whose texts are [`visible`]. Excerpts are made so where they are cut out of their files.
+/// An error whose texts are [`visible`]. Excerpts become visible where they are cut from their
+/// files.
 #[derive(Debug)]
 struct Shown<'e>(&'e dyn Diagnostic);
 

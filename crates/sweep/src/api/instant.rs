@@ -1,4 +1,4 @@
-//! One instant of one configuration: what `sweep solve` and Python read, and what they answer.
+//! One instant of one configuration: input and output of `sweep solve` and of Python.
 
 mod components;
 mod contact;
@@ -22,10 +22,11 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Most different radii: every pair of them needs a table, which takes a second.
+/// Maximum number of different radii: each pair needs a table, which takes a second.
 const RADIUS_LIMIT: usize = 10;
 
-/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces in mu·a²·rate.
+/// A configuration as it is written, in JSON or by another program. Lengths in sphere radii, forces
+/// in mu·a²·rate.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct Input<S: Written = Layer> {
@@ -42,7 +43,7 @@ pub struct Input<S: Written = Layer> {
     /// Hydrodynamics, by its word.
     #[serde(deserialize_with = "by_word")]
     hydrodynamics: Hydrodynamics,
-    /// Numbers of leading-order lubrication, default the usual ones.
+    /// Parameters of leading-order lubrication; the defaults where absent.
     lubrication: Option<LeadingOrder>,
     /// Imposed flow, default simple shear.
     background: Option<Flow<S>>,
@@ -69,11 +70,11 @@ fn by_word<'de, D: Deserializer<'de>, T: Words>(deserializer: D) -> Result<T, D:
     })
 }
 
-/// Why an [`Input`] is no configuration.
+/// Why an [`Input`] was rejected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum InputError {
-    /// A value that cannot be meant.
+    /// An invalid value.
     #[error("{field}: {message}")]
     Value {
         /// Name of the value.
@@ -81,12 +82,12 @@ pub enum InputError {
         /// What is wrong, and what is allowed.
         message: String,
     },
-    /// What the solver refuses.
+    /// An error of the solver.
     #[error(transparent)]
     Physics(#[from] sd_core::Error),
 }
 
-/// Imposed flow as it is written.
+/// Imposed flow in JSON.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 struct Flow<S: Written> {
@@ -99,7 +100,7 @@ struct Flow<S: Written> {
 /// A configuration and its contact problem.
 type Problem<S> = (Configuration<S>, ContactRequest<S>);
 
-/// The same of a layer or a suspension.
+/// A configuration of a layer or of a suspension.
 pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
 
 /// Reads the input strictly; the first of its centres says whether it is a layer or a suspension.
@@ -107,7 +108,7 @@ pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
 /// # Errors
 /// What is wrong with it, and where.
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<AnyProblem, Error> {
-    // What cannot be read here is refused below.
+    // Input that cannot be read here is refused below.
     let first = serde_json::from_slice::<FirstCentre>(bytes);
     Ok(if first.is_ok_and(|first| first.is_suspended()) {
         InSpace::Suspension(read_in(path, bytes)?)
@@ -119,7 +120,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<AnyProblem, Error> {
 /// Reads the input of one space.
 fn read_in<S: Written>(path: &Path, bytes: &[u8]) -> Result<Problem<S>, Error> {
     let input: Input<S> = serde_json::from_slice(bytes).map_err(|error| {
-        // The message of serde ends with the place, which we put in front.
+        // The message of serde ends with the place; we move it to the front.
         let text = error.to_string();
         let message = text
             .rsplit_once(" at line ")
@@ -141,10 +142,11 @@ fn read_in<S: Written>(path: &Path, bytes: &[u8]) -> Result<Problem<S>, Error> {
     })
 }
 
-/// The configuration and the contact problem that an input means.
+/// The configuration and the contact problem of an input.
 ///
 /// # Errors
-/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or out of range.
+/// Lists of other lengths, more spheres or radii than can be computed, values without meaning or
+/// out of range.
 pub fn configuration<S: Written>(
     input: Input<S>,
 ) -> Result<(Configuration<S>, ContactRequest<S>), InputError> {
@@ -237,7 +239,7 @@ pub fn configuration<S: Written>(
     Ok((configuration, contact))
 }
 
-/// Solves an instant; near-field tables that it needs are made.
+/// Solves an instant, computing the near-field tables that it needs.
 pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, Error> {
     of_either!(problem, problem => answer_in(problem))
 }
@@ -255,7 +257,7 @@ fn answer_in<S: Written + Kept>((configuration, contact): &Problem<S>) -> Result
     Ok(Answer::of(&solve(configuration, contact, &tables)?))
 }
 
-/// The answer as it is written; its names are a promise.
+/// The result in JSON; its keys are a stable interface.
 #[derive(Serialize)]
 pub(crate) struct Answer {
     /// Velocities minus the background at the own centre.
@@ -280,17 +282,18 @@ pub(crate) struct Answer {
     pub(crate) viscosity_stresslet: Option<f64>,
     /// v'Rv over volume and rate.
     pub(crate) dissipation: Option<f64>,
-    /// First and second normal stress difference, and the particle pressure of contacts and repulsion.
+    /// First and second normal stress difference, and the particle pressure of contacts and
+    /// repulsion.
     pub(crate) n1: Option<f64>,
     pub(crate) n2: Option<f64>,
     pub(crate) particle_pressure: Option<f64>,
-    /// The same and the shear stress, each by its causes.
+    /// The same and the shear stress, split by cause.
     pub(crate) stress: Option<StressComponents>,
     /// All candidate pairs.
     pub(crate) contacts: Vec<Pair>,
 }
 
-/// One candidate pair as it is written.
+/// One candidate pair in JSON.
 #[derive(Serialize)]
 pub(crate) struct Pair {
     /// First sphere.
@@ -315,7 +318,7 @@ pub(crate) struct Pair {
     pub(crate) rolling_force: Amount,
     /// Rolling velocity in the final motion.
     pub(crate) rolling_velocity: Amount,
-    /// What the contact does.
+    /// State of the contact.
     pub(crate) state: ContactState,
 }
 
@@ -365,7 +368,8 @@ impl Answer {
     }
 }
 
-/// Resistance functions of two spheres by their published names: of a sphere's own motion, and of the other's.
+/// Resistance functions of two spheres by their published names, for a sphere's own motion and for
+/// that of the other.
 ///
 /// # Errors
 /// [`sd_core::Error::OutOfRange`] about the size ratio or the separation.

@@ -1,4 +1,4 @@
-//! The jobs of a campaign that were submitted: how far their tasks are, and ending them.
+//! The submitted jobs of a campaign: progress of their tasks, and cancelling them.
 
 use super::Error;
 use crate::cluster::{ActiveTask, Scheduler, shard};
@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Time from one look at tasks that are ending to the next.
+/// Interval between checks of tasks that are ending.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// A job and its tasks.
@@ -15,7 +15,7 @@ const LOOK: Duration = Duration::from_secs(1);
 pub(crate) struct Jobs {
     #[serde(flatten)]
     pub(crate) submission: Submission,
-    /// What the scheduler says of it, in a few words, if it can be asked.
+    /// The scheduler's state of the job, in a few words, if it is reachable.
     pub(crate) trouble: Option<String>,
     pub(crate) tasks: Vec<Task>,
 }
@@ -25,15 +25,15 @@ pub(crate) struct Jobs {
 pub(crate) struct Task {
     #[serde(rename = "task")]
     pub(crate) number: usize,
-    /// What the scheduler says, or `ended`.
+    /// State by the scheduler, or `ended`.
     pub(crate) state: String,
     /// The node it is on, or was last.
     pub(crate) node: String,
-    /// Times it was started again, as far as its shards tell.
+    /// Number of restarts, as recorded in its shards.
     pub(crate) restarts: u32,
     /// Seconds since it last published.
     pub(crate) published_s: Option<f64>,
-    /// How far its slice is.
+    /// Progress of its slice.
     #[serde(flatten)]
     pub(crate) slice: SliceState,
 }
@@ -71,7 +71,7 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
             let at_work = active
                 .iter()
                 .find(|task| task.task == Some(number) || task.task.is_none());
-            // What is published counts, merged or not.
+            // Published results count, merged or not.
             let slice = last
                 .and_then(|shard| Store::slice_of_shard(&shard.path).ok())
                 .filter(|found| found.work_done > slice.work_done)
@@ -112,7 +112,7 @@ fn state(at_work: Option<&ActiveTask>, unknown: bool, slice: SliceState) -> Stri
     }
 }
 
-/// What was cancelled.
+/// The jobs that were cancelled.
 #[derive(Serialize)]
 pub(crate) struct Cancelled {
     pub(crate) cancelled: Vec<String>,
@@ -120,7 +120,8 @@ pub(crate) struct Cancelled {
     pub(crate) ending: usize,
 }
 
-/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have ended.
+/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have
+/// ended.
 pub(crate) fn cancel(path: &Path, job: Option<&str>, wait: Duration) -> Result<Cancelled, Error> {
     let mut store = Store::open(path)?;
     let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
@@ -141,12 +142,13 @@ pub(crate) fn cancel(path: &Path, job: Option<&str>, wait: Duration) -> Result<C
         if scheduler.active(job)?.is_empty() {
             continue;
         }
-        // Before they are told: a task that finds the mark does not ask to be started again.
+        // Written before the tasks are signalled: a task that finds the mark does not request a
+        // restart.
         let mark = shard::cancel_mark(&submission.folder, &submission.plan, job);
         if let Some(folder) = mark.parent() {
             let _ = std::fs::create_dir_all(folder);
         }
-        // Without it the tasks ask Slurm, and find out as well.
+        // Without the mark the tasks query Slurm, with the same result.
         let _ = std::fs::write(&mark, "");
         scheduler.cancel(job)?;
         store.cancelled(submission.id)?;

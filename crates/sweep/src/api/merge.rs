@@ -7,20 +7,21 @@ use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource}
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What came of it.
+/// The outcome of a merge.
 #[derive(Serialize)]
 pub(crate) struct Joined {
     #[serde(flatten)]
     pub(crate) merged: Merged,
     /// Cases of the store by state.
     pub(crate) cases: Counts,
-    /// Results that do not agree.
+    /// Results that disagree.
     pub(crate) disagreements: Vec<Disagreement>,
     /// Shards of other builds in the store.
     pub(crate) mixed_shards: u64,
 }
 
-/// The shards given, and all in the folders given; of none given those in the folder beside the store.
+/// The shards given, and all shards in the folders given; without arguments, those in the folder
+/// beside the store.
 pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>, ShardError> {
     if given.is_empty() {
         return in_folder(&shard::folder_of(store));
@@ -66,7 +67,8 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
         .collect())
 }
 
-/// Opens the store; a new one gets the campaign of the file given, or else that of the first shard that can be read.
+/// Opens the store. A new one gets the campaign of the file given, or else that of the first
+/// readable shard.
 pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
     let path = source.path();
     if path.exists() {

@@ -1,4 +1,4 @@
-//! What a campaign would do: its runs, how long they take here, how much they store.
+//! The plan of a campaign: runs, estimated time on this machine, and size on disk.
 
 mod memory;
 mod scatter;
@@ -22,23 +22,23 @@ use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 use work::Work;
 
-/// Seconds of processor of a run of the program besides its cases: its start, the store, the report; measured.
+/// CPU seconds of the program apart from its cases: start, store and report; measured.
 const PROGRAM_S: f64 = 0.15;
-/// What a campaign would do.
+/// The plan of a campaign.
 #[derive(Debug, Serialize)]
 pub struct Plan {
     /// Name of the campaign.
     pub(crate) campaign: String,
-    /// Number of runs; where a precision is asked for, as many as are expected.
+    /// Number of runs; where a precision is requested, the expected number.
     pub(crate) cases: usize,
     /// Of these, runs that have ended.
     pub(crate) ended: usize,
-    /// Runs that the file names besides and that are the same as one of these: they have another friction at Γ = 0, or another shear
-    /// rate without friction, which have no effect.
+    /// Further runs of the file that are identical to one of these: they differ in the friction at
+    /// Γ = 0, or in the shear rate without friction, which have no effect.
     pub(crate) folded: usize,
     /// Points: runs that differ only in their seed are one.
     pub(crate) points: usize,
-    /// Points at which a precision is asked for.
+    /// Points with a requested precision.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) precision: Option<work::Expected>,
     /// Axes and their values.
@@ -47,19 +47,19 @@ pub struct Plan {
     /// Segments of a run, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) segments: Vec<String>,
-    /// Runs computed at a time.
+    /// Runs computed in parallel.
     pub(crate) workers: usize,
     /// Kinds of runs.
     pub(crate) kinds: Vec<Kind>,
-    /// Seconds of processor that what is left to do takes.
+    /// Estimated CPU seconds of the remaining work.
     pub(crate) computing_time_s: f64,
-    /// Time from start to end with that many workers.
+    /// Estimated wall time with that many workers.
     pub(crate) elapsed_s: f64,
     /// Size of the finished store.
     pub(crate) disk_bytes: f64,
     /// Memory with that many workers at the largest kind, in bytes.
     pub(crate) memory_bytes: f64,
-    /// What will go wrong, or may: start layers that could not be made.
+    /// Warnings: start layers that could not be made.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -71,15 +71,15 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
     s.collect_map(axes.iter().map(|(name, values)| (name, values)))
 }
 
-/// Where the cost of a kind of runs is known from.
+/// The source of the cost of a kind of runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Source {
-    /// From runs measured on this machine.
+    /// Runs measured on this machine.
     Runs,
-    /// From a short run just now.
+    /// A short run made now.
     Trial,
-    /// From runs that are not near.
+    /// Runs of other parameters.
     Rough,
 }
 
@@ -100,25 +100,25 @@ pub(crate) struct Kind {
     pub(crate) steps: u64,
     /// Number of runs to compute.
     pub(crate) cases: usize,
-    /// Seconds of processor of a step, mean over its points.
+    /// CPU seconds per step, mean over its points.
     pub(crate) step_s: f64,
-    /// Half the 95 % interval of that, by the scatter of runs measured near.
+    /// Half width of its 95 % interval, from the scatter of similar measured runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) step_ci95_s: Option<f64>,
-    /// Seconds of processor of all its runs.
+    /// CPU seconds of all its runs.
     pub(crate) computing_time_s: f64,
     /// Memory of one of its runs, in bytes.
     pub(crate) memory_bytes: f64,
     /// Whether the time was measured here.
     pub(crate) measured: bool,
-    /// Where it is known from: of the point of it that is known least.
+    /// Source of the estimate, for its least certain point.
     pub(crate) source: Source,
-    /// Why no short run could be made where one was needed.
+    /// Why a short run that was needed could not be made.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) reason: Option<String>,
 }
 
-/// Bytes of memory of a program that computes so many of the cases of a campaign at a time.
+/// Memory in bytes of a program that computes this many cases of a campaign in parallel.
 pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
     let runs = campaign
         .cases
@@ -127,7 +127,7 @@ pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
     memory::resident_bytes() + workers as f64 * runs.fold(0.0, f64::max)
 }
 
-/// Makes the plan of a campaign of which nothing is computed yet. Writes nothing.
+/// Plans a campaign with an empty store. Writes nothing.
 ///
 /// # Errors
 /// None where there is no store.
@@ -135,7 +135,8 @@ pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, Error> {
     make(campaign, workers, false, None)
 }
 
-/// Makes the plan of what a store lacks of a campaign; with frames of every run where a `trajectory` is kept.
+/// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`
+/// is kept.
 pub(crate) fn make(
     campaign: &Campaign,
     workers: usize,
@@ -154,7 +155,7 @@ pub(crate) fn make(
     let starts = starts::tried(open.map(|point| (&point.case.params, point.case.seed)));
     let cannot_start = |params: &Params| {
         let of = starts.iter().find(|tried| tried.is_of(params));
-        of.is_some_and(starts::Tried::has_failed)
+        of.is_some_and(starts::StartTrial::has_failed)
     };
     let points: Vec<(&Case, f64)> = work
         .points
@@ -216,19 +217,19 @@ pub(crate) fn make(
         memory_bytes: resident + workers as f64 * largest,
         warnings: starts
             .iter()
-            .filter_map(starts::Tried::warning)
+            .filter_map(starts::StartTrial::warning)
             .chain(measured_early(&trials))
             .collect(),
         kinds,
     })
 }
 
-/// That a step was measured where contacts are still few, which it may be long before it costs what it does later.
+/// A warning that steps were measured before contacts form, when they cost less than later.
 fn measured_early(trials: &[Trial]) -> Option<String> {
     let measured = trials.iter().filter(|(_, outcome, _)| outcome.is_ok());
     let strain = measured.filter_map(|trial| trial.2).reduce(f64::min)?;
     Some(format!(
-        "there was time to measure steps at a strain of {} only, where contacts are still few: dense runs may take several times as long",
+        "steps were measured at a strain of {} only, where contacts are still few: dense runs may take several times as long",
         significant(strain, 2)
     ))
 }
@@ -316,7 +317,8 @@ fn kinds(
     kinds
 }
 
-/// Axes with all their values in the order of their first use, without those that say nothing of these cases.
+/// Axes with all their values in the order of first use, without those that have no effect on these
+/// cases.
 fn axes(campaign: &Campaign) -> Vec<Values> {
     let params = || campaign.cases.iter().map(|(_, case)| &case.params);
     let mut seen = HashSet::new();

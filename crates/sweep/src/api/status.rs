@@ -1,4 +1,4 @@
-//! How far a campaign is.
+//! Progress of a campaign.
 
 use super::Error;
 use super::jobs::{Jobs, jobs};
@@ -8,20 +8,21 @@ use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, S
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Serialize)]
 pub(crate) struct Status {
     pub(crate) campaign: String,
-    /// The file the store was last run with, if that is another version of the one asked about.
+    /// The file the store was last run with, if it is another version of the file given.
     pub(crate) last_run_with: Option<PathBuf>,
-    /// Runs in the store that are not asked for.
+    /// Runs in the store that the campaign no longer contains.
     pub(crate) orphans: u64,
     pub(crate) cases: Counts,
     /// Share of the estimated work that is done, 0 to 1.
     pub(crate) work_done: f64,
-    /// Seconds of processor that the open cases still take on this machine, estimated.
+    /// Estimated CPU seconds of the open cases on this machine.
     pub(crate) remaining_cpu_s: f64,
-    /// Points at which a precision is asked for, and how many of them still take seeds that are not known yet.
+    /// Points with a requested precision, and how many of them still need an unknown number of
+    /// seeds.
     pub(crate) precision: Option<PrecisionStatus>,
     pub(crate) processes: Vec<ProcessLine>,
     pub(crate) failures: Vec<FailureLine>,
@@ -29,19 +30,19 @@ pub(crate) struct Status {
     pub(crate) jobs: Vec<Jobs>,
     /// Published shards that were not merged, or have changed since.
     pub(crate) unmerged_shards: u64,
-    /// Results of one case that do not agree bit for bit.
+    /// Results of one case that differ in some bit.
     pub(crate) disagreements: Vec<Disagreement>,
-    /// Shards of another build that were let in.
+    /// Shards of another build that were accepted.
     pub(crate) mixed_shards: u64,
 }
 
-/// How points stand at which a precision is requested.
+/// Points with a requested precision, by outcome.
 #[derive(Serialize)]
 pub(crate) struct PrecisionStatus {
     pub(crate) points: usize,
-    /// Those that have it.
+    /// Points that have reached it.
     pub(crate) reached: usize,
-    /// Those that still take seeds.
+    /// Points that still need seeds.
     pub(crate) open: usize,
 }
 
@@ -61,7 +62,7 @@ impl PrecisionStatus {
 }
 
 impl Status {
-    /// As an open store shows it, with so many failures at most.
+    /// The status of an open store, with a maximum number of failures.
     pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, Error> {
         let work = store.work()?;
         let shards: Vec<PathBuf> = shard::published(&shard::folder_of(store.path()))

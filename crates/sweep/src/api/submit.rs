@@ -1,4 +1,4 @@
-//! Handing what a campaign lacks to a scheduler, as one array of tasks.
+//! Submits the open cases of a campaign to a scheduler, as one array of tasks.
 
 mod folder;
 
@@ -11,49 +11,49 @@ use folder::{Draft, write_plan};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// Seconds of a task aimed at where no time limit is given.
-const USUAL_TIME_S: f64 = 3600.0;
+/// Target duration of a task where no time limit is given, in seconds.
+const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
-pub(crate) struct Wanted {
+pub(crate) struct SubmitOptions {
     pub(crate) scheduler: Scheduler,
-    /// Number of tasks; without one, so many that each needs about half of its time.
+    /// Number of tasks; by default so many that each needs about half of its time.
     pub(crate) tasks: Option<usize>,
-    /// Cases that each task computes at a time.
+    /// Cases that each task computes in parallel.
     pub(crate) workers: usize,
-    /// Tasks at work at a time, at most.
+    /// Maximum number of tasks that run at the same time.
     pub(crate) throttle: Option<usize>,
     /// Further arguments of `sweep run`.
     pub(crate) run_arguments: Vec<String>,
     /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
-    /// Whether another build of the program may have computed what is stored.
+    /// Whether stored results of another build are accepted.
     pub(crate) mixed: bool,
-    /// Whether cases of tasks that may still be at work are submitted too.
+    /// Whether cases of tasks that may still be running are submitted too.
     pub(crate) again: bool,
 }
 
-/// What was submitted, or would be.
+/// The job that was submitted, or would be.
 pub(crate) struct Submitted {
-    /// The command that hands the script over: a program and its arguments.
+    /// The command that submits the script: a program and its arguments.
     pub(crate) command: Vec<String>,
-    /// Its name for the scheduler, unless nothing was submitted.
+    /// Its name at the scheduler, unless nothing was submitted.
     pub(crate) name: Option<String>,
     pub(crate) cases: usize,
     /// Hash of the slices.
     pub(crate) plan: String,
     pub(crate) job: Job,
     pub(crate) script: String,
-    /// Estimated seconds of CPU of all of it.
+    /// Estimated CPU seconds of the whole job.
     pub(crate) cpu_s: f64,
     /// Memory of a task, in bytes.
     pub(crate) memory_bytes: f64,
 }
 
-/// Merges the shards there are and submits the open cases of a campaign; `None` if there are none. A dry run writes
-/// nothing. What the user should know is given to `note`.
+/// Merges the published shards and submits the open cases of a campaign; `None` if there are none.
+/// A dry run writes nothing. Notes for the user go to `note`.
 pub(crate) fn submit(
-    wanted: Wanted,
+    wanted: SubmitOptions,
     campaign: &Campaign,
     path: &Path,
     dry_run: bool,
@@ -61,7 +61,7 @@ pub(crate) fn submit(
 ) -> Result<Option<Submitted>, Error> {
     let scheduler = &wanted.scheduler;
     let limit = match scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::USUAL_ARRAY,
+        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::DEFAULT_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
@@ -95,7 +95,7 @@ pub(crate) fn submit(
             ("slices", &slices.text(&plan)),
         ];
         write_plan(&job, &store, campaign, &open, tasks_read, &script)?;
-        Some(hand_over(scheduler, &job, &plan, &slices, &mut store)?)
+        Some(submit_job(scheduler, &job, &plan, &slices, &mut store)?)
     };
     Ok(Some(Submitted {
         name,
@@ -109,9 +109,9 @@ pub(crate) fn submit(
     }))
 }
 
-/// Number of tasks: as many as asked for, if so many may be and have anything to do.
-fn tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
-    let usual = || usual_tasks(wanted, open, limit);
+/// Number of tasks: as requested, if that is allowed and each has a case.
+fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
+    let usual = || default_tasks(wanted, open, limit);
     let asked = wanted.tasks.unwrap_or_else(usual);
     if asked > limit {
         return Err(SchedulerError::TooManyTasks { asked, limit });
@@ -119,8 +119,8 @@ fn tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> Result<usize, Sche
     Ok(asked.min(open.len()))
 }
 
-/// Records the job and hands it to the scheduler; gives its name.
-fn hand_over(
+/// Records the job and submits it to the scheduler; returns its name.
+fn submit_job(
     scheduler: &Scheduler,
     job: &Job,
     plan: &str,
@@ -146,7 +146,7 @@ fn hand_over(
             Ok(name)
         }
         Err(error) => {
-            // After an answer nobody understands the job may be there all the same.
+            // The job may exist although the answer could not be parsed.
             if !matches!(error, SchedulerError::Answer { .. }) {
                 store.not_submitted(id)?;
             }
@@ -155,9 +155,9 @@ fn hand_over(
     }
 }
 
-/// Brings the store up to date: shards there are, failed cases to be tried again; refuses to mix builds.
+/// Updates the store: merges shards, marks failed cases to be retried; refuses to mix builds.
 fn gather(
-    wanted: &Wanted,
+    wanted: &SubmitOptions,
     store: &mut Store,
     folder: &Path,
     note: &dyn Fn(&str),
@@ -191,7 +191,7 @@ fn gather(
     Ok(())
 }
 
-/// Open cases that no task has.
+/// Open cases that are assigned to no task.
 fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>, Error> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {
@@ -215,7 +215,7 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
         let active = scheduler.active(job).map_err(|error| Error::Argument {
             argument: "--again",
             message: format!(
-                "whether job {job}, submitted before, still runs is not known ({error}): give the same command again in a \
+                "whether job {job}, submitted before, still runs is unknown ({error}): repeat the command in a \
                  while, or with --again to submit its open cases once more"
             ),
         })?;
@@ -236,13 +236,13 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
     Ok(open)
 }
 
-/// So many tasks that each needs about half of its time by the estimate, which is no promise.
-fn usual_tasks(wanted: &Wanted, open: &[OpenCase], limit: usize) -> usize {
+/// So many tasks that each needs about half of its time by the estimate, which may be wrong.
+fn default_tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> usize {
     let time = match &wanted.scheduler {
         Scheduler::Slurm(slurm) => slurm.time.as_ref(),
         Scheduler::Local => None,
     };
-    let time = time.map_or(USUAL_TIME_S, |limit| limit.time.as_secs_f64());
+    let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
     let cost: f64 = open.iter().map(|case| case.cost).sum();
     let tasks = crate::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
     tasks.clamp(1, limit.min(open.len().div_ceil(wanted.workers)).max(1))

@@ -27,16 +27,16 @@ pub(crate) struct TaskOptions {
     pub(crate) scratch: PathBuf,
     /// Time between publications.
     pub(crate) publish_every: Duration,
-    /// Whether it goes on from what another build of the program computed.
+    /// Whether it continues from results of another build of the program.
     pub(crate) mixed: bool,
     /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
 }
 
-/// A task at work.
+/// A running task.
 pub(crate) struct Task {
     pub(crate) publisher: Publisher,
-    /// What started it, unless somebody did by hand, and its name there.
+    /// The scheduler that started it, and its name there; `None` for a manual start.
     started_by: Option<(Scheduler, TaskName)>,
     /// Marks that it was cancelled.
     cancelled: PathBuf,
@@ -47,8 +47,8 @@ impl RunObserver for Task {
         if self.publisher.is_due()
             && let Err(error) = self.publisher.publish()
         {
-            // Computing goes on: there may be room again at the next attempt.
-            progress.note(&format!("{error}; tried again in a while"));
+            // Computing continues: the disk may have space again at the next attempt.
+            progress.note(&format!("{error}; will be retried"));
         }
     }
 
@@ -61,10 +61,11 @@ impl RunObserver for Task {
 }
 
 impl Task {
-    /// Has the task started again, after a signal with work left. Says what becomes of it.
+    /// Requests a restart of the task after a signal with work left. Returns a message about the
+    /// outcome.
     pub(crate) fn again(&self, signal: i32) -> String {
         let Some((scheduler, name)) = &self.started_by else {
-            return "work is left: give the same command again to go on".to_owned();
+            return "work is left: repeat the same command to continue".to_owned();
         };
         let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
             Requeue::Cancelled
@@ -72,15 +73,16 @@ impl Task {
             scheduler.start_again(name, signal == Signal::USR1.as_raw())
         };
         match again {
-            Requeue::Yes => format!("work is left: {} starts the task again", scheduler.name()),
-            Requeue::Cancelled => "cancelled: `sweep submit` goes on from here".to_owned(),
+            Requeue::Yes => format!("work is left: {} restarts the task", scheduler.name()),
+            Requeue::Cancelled => "cancelled: `sweep submit` continues from here".to_owned(),
             Requeue::No(why) => format!(
-                "work is left, and the task could not be started again ({why}): `sweep submit` goes on from here"
+                "work is left, and the task could not be restarted ({why}): `sweep submit` continues from here"
             ),
         }
     }
 
-    /// Makes the store of a task, with all that is known of its slice, and publishes it for the first time.
+    /// Creates the store of a task from all known results of its slice, and publishes it for the
+    /// first time.
     pub(crate) fn begin(
         options: &TaskOptions,
         task: usize,
@@ -108,11 +110,11 @@ impl Task {
         }
         let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
         let before = Before::of(folder, plan, &name);
-        if go_on_from(&mut store, &before.others, options.mixed, note)? > 0 {
-            // What failed in another job is in this slice because it is to be computed again.
+        if reuse_shards(&mut store, &before.others, options.mixed, note)? > 0 {
+            // Failures of another job are in this slice in order to be retried.
             store.retry_failed()?;
         }
-        go_on_from(&mut store, &before.own, options.mixed, note)?;
+        reuse_shards(&mut store, &before.own, options.mixed, note)?;
         if options.retry_failed {
             store.retry_failed()?;
         }
@@ -122,7 +124,7 @@ impl Task {
             started_by,
         };
         store.work_for(name);
-        // Whoever cannot publish should know before hours are computed, not after.
+        // A failure to publish should show before hours of computing, not after.
         task.publisher.publish()?;
         Ok((store, task))
     }
@@ -138,7 +140,8 @@ fn by_hand(task: usize) -> TaskName {
     }
 }
 
-/// Leaves only the cases of the slice of a task in a campaign, as a file of slices has it or else cut here. Gives the name of the plan.
+/// Reduces a campaign to the cases of the slice of a task, from a file of slices or else cut here.
+/// Returns the name of the plan.
 pub(crate) fn restrict(
     slices: Option<&Path>,
     part: Part,
@@ -162,7 +165,8 @@ pub(crate) fn restrict(
         )
     };
     let keys: HashSet<String> = keys.into_iter().collect();
-    // A task computes what it was given; which seeds count is decided where all results meet.
+    // A task computes the cases it was given; which seeds count is decided when all results are
+    // merged.
     campaign.rules.clear();
     campaign
         .cases
@@ -180,11 +184,12 @@ pub(crate) fn restrict(
     Ok(plan)
 }
 
-/// Where the slice may have been begun.
+/// Shards that may hold parts of the slice.
 struct Before {
-    /// What was known when it was planned, and what other jobs with the same slices published.
+    /// The results known when it was planned, and those published by other jobs with the same
+    /// slices.
     others: Vec<PathBuf>,
-    /// What the task published itself before it was started again.
+    /// The shards that the task itself published before a restart.
     own: Vec<PathBuf>,
 }
 
@@ -207,9 +212,9 @@ impl Before {
     }
 }
 
-/// Takes over what shards hold of the slice; gives the number of failures among it. A shard that cannot be used is no reason
-/// to stop: the slice is computed anew.
-fn go_on_from(
+/// Reuses the parts of the slice that shards hold; returns the number of failures among them. An
+/// unusable shard does not stop the task: the slice is recomputed.
+fn reuse_shards(
     store: &mut Store,
     sources: &[PathBuf],
     mixed: bool,

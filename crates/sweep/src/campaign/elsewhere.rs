@@ -1,4 +1,4 @@
-//! A campaign file for a copy in another folder: what it names by paths is named in full.
+//! A campaign file for a copy in another folder: its relative paths become absolute.
 
 use super::Campaign;
 use std::ops::Range;
@@ -7,8 +7,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 impl Campaign {
-    /// Its text for a copy in another folder: relative paths of start layers begin at the root there. Nothing else changes, and nothing at
-    /// all where there are none.
+    /// Its text for a copy in another folder: relative paths of start layers become absolute;
+    /// nothing else changes.
     pub fn text_elsewhere(&self) -> String {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let mut text = self.text.clone();
@@ -32,7 +32,7 @@ impl Campaign {
                 Some((path.span(), basic_string(full.to_str()?)))
             })
             .collect();
-        // From the end, so that the places before stay what they are.
+        // From the end, so that earlier positions stay valid.
         paths.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
         for (span, full) in paths {
             text.replace_range(span, &full);
@@ -93,7 +93,7 @@ mod tests {
                     [[grid]]\nstart = \"/elsewhere/layer.xyz\"\n";
         let given = campaign("/odd \" folder/small.toml", text);
         assert_eq!(given.text_elsewhere(), full);
-        // A copy of the copy says the same.
+        // Copying the copy changes nothing.
         assert_eq!(campaign("/plan/small.toml", full).text_elsewhere(), full);
         let plain = "name = \"small\"\n[[grid]]\nseeds = 1\n";
         assert_eq!(campaign("/a/small.toml", plain).text_elsewhere(), plain);

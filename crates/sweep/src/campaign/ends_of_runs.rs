@@ -1,4 +1,4 @@
-//! Layers that runs begin with, taken from the ends of the runs of a point of another store.
+//! Start layers taken from the ends of the runs of a point of another store.
 
 use crate::axes::{AXES, Axis, Tag, Value, identity};
 use crate::model::checkpoint::Checkpoint;
@@ -8,7 +8,8 @@ use sd_core::Params;
 use sd_core::model::StartLayer;
 use std::path::Path;
 
-/// Whether a run is of the point with these values. Points that share their runs are one: see [`Params::settle`].
+/// Whether a run belongs to the point with these values. Points that share their runs count as one:
+/// see [`Params::settle`].
 fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     let mut meant = run.params.clone();
     for (axis, value) in wanted {
@@ -25,11 +26,12 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     identity(&meant) == identity(&run.params)
 }
 
-/// The layers that the finished runs of a point of a store ended with, by their seeds. `folder`: that of the campaign file. `wanted`: values
-/// that tell the point.
+/// The layers that the finished runs of a point of a store ended with, by their seeds. `folder`:
+/// that of the campaign file. `wanted`: values that select the point.
 ///
 /// # Errors
-/// What is wrong, and what there is: a file that is no store, no such point, several of them, a state that cannot be read.
+/// The fault and the available values: a file that is no store, no such point, several of them, an
+/// unreadable state.
 pub(super) fn layers(
     store: &Path,
     folder: &Path,
@@ -44,7 +46,7 @@ pub(super) fn layers(
         [message, allowed()]
     };
     if !store.is_file() {
-        // Stores stand beside the folder of the campaign files.
+        // Stores are beside the folder of the campaign files.
         let beside = Path::new("..").join(store.strip_prefix(folder).unwrap_or(store));
         let hint = if folder.join(&beside).is_file() {
             format!("; did you mean \"{}\"?", beside.display())
@@ -77,7 +79,7 @@ pub(super) fn layers(
         return Err([
             format!("{} has several such points", store.display()),
             format!(
-                "say in `point` which one: they differ in {}",
+                "select one in `point`: they differ in {}",
                 differing.join(", ")
             ),
         ]);
@@ -109,7 +111,7 @@ pub(super) fn layers(
         .collect()
 }
 
-/// What runs have on the axes that a point is told by, the values of each in the order of the runs.
+/// The values of the runs on the axes that select a point, in the order of the runs.
 fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
     let values = wanted.iter().map(|(axis, _)| {
         let params = runs.iter().map(|run| &run.params);
@@ -125,7 +127,7 @@ fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
     format!("finished runs there have {}", values.join("; "))
 }
 
-/// A number for the ends of all runs of a point, whatever their seeds.
+/// A hash for the ends of all runs of a point, independent of their seeds.
 fn origin(params: &Params, steps: u64) -> u32 {
     let before = params.start.as_ref().map_or(0, |start| start.number());
     let point = Params {

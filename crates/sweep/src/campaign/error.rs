@@ -7,17 +7,17 @@ use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Longest line an excerpt is made of; a longer one would fill the screen.
+/// Longest line that is shown in an excerpt; a longer one would fill the screen.
 const LONGEST_LINE: usize = 240;
 /// Most lines between two places shown in one excerpt.
 const FARTHEST: usize = 15;
 
 /// Most faults of one file that are shown.
 const MOST_SHOWN: usize = 20;
-/// Longest sentence about a fault, in characters: values of any length stand in some.
+/// Longest message about a fault, in characters: values in it may have any length.
 const LONGEST_SENTENCE: usize = 1000;
 
-/// Why there is no campaign.
+/// Why a campaign could not be read.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum CampaignError {
@@ -29,13 +29,14 @@ pub enum CampaignError {
         /// What the system said.
         source: io::Error,
     },
-    /// A file that does not say what it should.
+    /// An invalid file.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Faulty(#[from] Box<Fault>),
 }
 
-/// What is wrong with a campaign file, where, and what is allowed there. The other faults of the file come with the first.
+/// A fault of a campaign file: what, where, and what is allowed. The first fault carries the others
+/// of the file.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {message}")]
 pub struct Fault {
@@ -45,11 +46,11 @@ pub struct Fault {
     message: String,
     /// What is allowed.
     allowed: String,
-    /// What it is about.
+    /// Its subject.
     about: About,
-    /// Places to point at, the first one first.
+    /// Places in the text, the main one first.
     labels: Vec<LabeledSpan>,
-    /// The text, if its lines can be shown.
+    /// The text, if its lines are short enough to show.
     source_code: Option<NamedSource<String>>,
     /// The other faults of the file.
     others: Vec<Fault>,
@@ -76,17 +77,18 @@ impl Diagnostic for Fault {
     }
 }
 
-/// The key and the value that a fault is about, for programs.
+/// The key and the value of a fault, for programs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct About {
     pub(super) key: Option<String>,
     pub(super) value: Option<String>,
-    /// What may be meant instead.
+    /// The suggested replacement.
     pub(super) suggestion: Option<String>,
 }
 
 impl Fault {
-    /// What is wrong, and what is allowed, without a place: for a campaign that was not read from a file.
+    /// The fault and what is allowed, without a place: for a campaign that was not read from a
+    /// file.
     pub fn words(&self) -> String {
         let mut words = format!("{}: {}", self.message, self.allowed);
         for other in &self.others {
@@ -100,23 +102,23 @@ impl Fault {
         &self.allowed
     }
 
-    /// The key it is about, if it is about one.
+    /// The key concerned, if any.
     pub fn key(&self) -> Option<&str> {
         self.about.key.as_deref()
     }
 
-    /// The value that cannot be, as it was written.
+    /// The invalid value, as written.
     pub fn value(&self) -> Option<&str> {
         self.about.value.as_deref()
     }
 
-    /// The key or the word that may be meant.
+    /// The suggested key or word.
     pub fn suggestion(&self) -> Option<&str> {
         self.about.suggestion.as_deref()
     }
 }
 
-/// The faults of a file as one error, in the order of their places; `None` if there are none.
+/// The faults of a file as one error, in the order of their places; `None` without faults.
 pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Option<Box<Fault>> {
     problems.sort_by_key(|problem| problem.labels.first().map_or(0, |(span, _)| span.start));
     let more = problems.len().saturating_sub(MOST_SHOWN);
@@ -132,7 +134,7 @@ pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Opt
     Some(Box::new(first))
 }
 
-/// A [`Fault`] before it knows its file.
+/// A [`Fault`] without its file.
 #[derive(Debug, PartialEq)]
 pub(super) struct Problem {
     /// What is wrong, with the value.
@@ -140,7 +142,7 @@ pub(super) struct Problem {
     /// What is allowed.
     pub(super) allowed: String,
     pub(super) about: Box<About>,
-    /// Places in the text and what to write there.
+    /// Places in the text, each with its label.
     pub(super) labels: Vec<(Range<usize>, String)>,
 }
 
@@ -171,7 +173,7 @@ impl Problem {
         self.of_key(key)
     }
 
-    /// The same problem with the key or the word that may be meant, if there is one.
+    /// The same problem with the suggested key or word, if there is one.
     pub(super) fn suggesting(mut self, meant: Option<&str>) -> Self {
         if let Some(meant) = meant {
             self.allowed = format!("did you mean {meant}? {}", self.allowed);
@@ -186,7 +188,7 @@ impl Problem {
         self
     }
 
-    /// The same problem with other words at its first place.
+    /// The same problem with another label at its first place.
     pub(super) fn labelled(mut self, label: impl Into<String>) -> Self {
         if let Some(first) = self.labels.first_mut() {
             first.1 = label.into();
@@ -202,7 +204,7 @@ impl Problem {
         };
         let first = self.labels.first().map_or(0, |(span, _)| line_of(span));
         let mut allowed = self.allowed;
-        // All lines between two places are shown: far ones are named instead.
+        // An excerpt shows all lines between two places, so distant ones are named instead.
         self.labels.retain(|(span, label)| {
             let line = line_of(span);
             let near = line.abs_diff(first) <= FARTHEST;
@@ -227,7 +229,7 @@ impl Problem {
             .iter()
             .all(|label| neighbourhood_is_short(text, label.offset()));
         if !shown {
-            // Without a text of its own it would be drawn into that of the first fault.
+            // Without its own text it would appear in the excerpt of the first fault.
             labels.clear();
         }
         Fault {
@@ -243,7 +245,7 @@ impl Problem {
     }
 }
 
-/// A sentence up to its longest length.
+/// A message, cut at the maximum length.
 fn shortened(mut sentence: String) -> String {
     if let Some((end, _)) = sentence.char_indices().nth(LONGEST_SENTENCE) {
         sentence.truncate(end);

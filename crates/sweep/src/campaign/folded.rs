@@ -1,7 +1,8 @@
-//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without
+//! friction.
 //!
-//! Such points are one case, by [`sd_core::Params::settle`]. A file may name several of them, and whoever asked for three shear rates
-//! looks for three points.
+//! Such points are one case, by [`sd_core::Params::settle`]. A file may name several of them, and a
+//! user who requested three shear rates expects three points.
 
 use super::grid::Grid;
 use super::reader::Table;
@@ -11,17 +12,17 @@ use sd_core::Params;
 use std::collections::HashMap;
 use toml::de::DeTable;
 
-/// The points of a file as it writes them.
+/// The points of a file as written.
 #[derive(Debug, Default)]
 pub(crate) struct WrittenPoints {
-    /// Place of each in the file, without its start layer.
+    /// Position of each in the file, without its start layer.
     places: HashMap<Identity, usize>,
-    /// Points that share their runs with others, by what these runs are.
+    /// Points that share their runs with others, by the parameters of these runs.
     folded: HashMap<Identity, Vec<Params>>,
 }
 
 impl WrittenPoints {
-    /// Of the text of a campaign file that was read before.
+    /// The points of the text of a campaign file that was read before.
     pub(crate) fn of(text: &str) -> Self {
         let mut points = Self::default();
         let Ok(document) = DeTable::parse(text) else {
@@ -34,7 +35,7 @@ impl WrittenPoints {
         let grids: Vec<Grid> = tables
             .map(|(span, entries)| Grid::read(entries, span, &protocol, None, &mut problems))
             .collect();
-        // Laying out a large campaign takes time, and most have no such point.
+        // Expanding a large campaign takes time, and most have no such point.
         if !grids.iter().any(Grid::may_fold) {
             return points;
         }
@@ -59,7 +60,8 @@ impl WrittenPoints {
         self.folded.is_empty()
     }
 
-    /// The points that the runs of these parameters belong to: at least these parameters themselves.
+    /// The points that the runs of these parameters belong to: at least these parameters
+    /// themselves.
     pub(crate) fn of_run(&self, params: &Params) -> Vec<Params> {
         let Some(all) = self.folded.get(&identity(&without_start(params))) else {
             return vec![params.clone()];
@@ -71,14 +73,14 @@ impl WrittenPoints {
         begun.collect()
     }
 
-    /// Place of a point in the file.
+    /// Position of a point in the file.
     pub(crate) fn place(&self, params: &Params) -> usize {
         let place = self.places.get(&identity(&without_start(params)));
         place.copied().unwrap_or(usize::MAX)
     }
 }
 
-/// The same parameters, as a grid has them before its start layers are read.
+/// The same parameters, as in a grid before its start layers are read.
 fn without_start(params: &Params) -> Params {
     Params {
         start: None,

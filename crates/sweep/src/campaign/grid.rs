@@ -7,7 +7,7 @@ use super::protocol::Written;
 use super::reader::{Located, Table, Values, nearest, of_axis, values};
 use super::seeds::{SEEDS, Seeds};
 use super::sizes::SIZES;
-use crate::axes::{AXES, Axis, Unmade, Value, folded_params_of, params_of};
+use crate::axes::{AXES, Axis, InvalidCombination, Value, folded_params_of, params_of};
 use crate::case::Case;
 use crate::spaces::check_start;
 use begins::{Start, start_layer};
@@ -18,32 +18,32 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// The key of the layer that runs begin with.
+/// The key of the start layer.
 const START: &str = "start";
 
 /// The values of one grid.
 #[derive(Debug)]
 pub(super) struct Grid {
-    /// Where its table begins.
+    /// Start of its table.
     pub(super) span: ops::Range<usize>,
-    /// Values of each axis; `None` where nothing is written.
+    /// Values of each axis; `None` where it is absent.
     axes: Vec<Option<Values>>,
     pub(super) seeds: Seeds,
-    /// The layer that all its runs begin with, if one is given.
+    /// The start layer of all its runs, if one is given.
     start: Option<Located<Start>>,
-    /// Whether all that is written could be read.
+    /// Whether all its values could be read.
     pub(super) is_whole: bool,
 }
 
-/// Problems of one grid after which no more are looked for.
-const ENOUGH: usize = 200;
+/// Number of problems of one grid after which the check stops.
+const MAX_PROBLEMS: usize = 200;
 
-/// One value of each axis that is written.
+/// One value of each axis of the file.
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 
 impl Grid {
-    /// Reads a grid and checks the range of every value in it. The protocol's values count where the grid has none. Start layers are
-    /// read if the folder is given that their names are relative to.
+    /// Reads a grid and checks the range of every value in it. The protocol's values count where
+    /// the grid has none. Start layers are read if the folder of their relative paths is given.
     pub(super) fn read(
         entries: &DeTable<'_>,
         span: ops::Range<usize>,
@@ -77,7 +77,7 @@ impl Grid {
                     problems.push(
                         Problem::at(
                             &other.span(),
-                            format!("`{key}` and `sizes` both say how large the spheres are"),
+                            format!("`{key}` and `sizes` both set the sizes of the spheres"),
                             "one of them in a grid",
                         )
                         .also(&sizes.span(), "and here")
@@ -116,7 +116,7 @@ impl Grid {
         }
     }
 
-    /// Notes the axes that a grid must have and has not, where what is written cannot be laid out.
+    /// Records missing axes of a grid whose values cannot be expanded.
     pub(super) fn note_missing(&self, entries: &DeTable<'_>, problems: &mut Vec<Problem>) {
         let values: Vec<Option<Value>> = AXES
             .iter()
@@ -124,7 +124,8 @@ impl Grid {
             .map(|(axis, values)| match (values, &axis.form) {
                 (Some(values), _) => Some(values.all[0].value),
                 (None, _) if !entries.contains_key(axis.key) => None,
-                // What is written here is noted already, and any value stands for it: of numbers one that is not "none".
+                // Faults of this key are recorded already, so any value serves; of numbers, one
+                // that is not "none".
                 (None, Form::Choice(choice)) => Some(Value::Word(choice.default)),
                 (None, Form::Number(_)) => Some(Value::Number(1.0)),
             })
@@ -135,7 +136,7 @@ impl Grid {
             keys.filter(|key| !axes().any(|known| known == key.as_ref()))
                 .any(|key| nearest(key, axes()) == Some(axis.key))
         };
-        if let Err(Unmade::Missing(axes)) = params_of(&values) {
+        if let Err(InvalidCombination::Missing(axes)) = params_of(&values) {
             problems.extend(
                 axes.into_iter()
                     .filter(|axis| !meant(axis))
@@ -144,7 +145,7 @@ impl Grid {
         }
     }
 
-    /// The values of the axis that is wanted, if it is written.
+    /// The values of an axis, if the file has it.
     fn written(&self, is_wanted: impl Fn(&Axis) -> bool) -> Option<&Values> {
         let place = AXES.iter().position(is_wanted)?;
         self.axes[place].as_ref()
@@ -167,9 +168,9 @@ impl Grid {
             .fold(1, u64::saturating_mul)
     }
 
-    /// Hands out the cases, seeds innermost and the first axis outermost, and notes what does not go together. Where values have
-    /// no meaning, several cases can be the same; whether that is so because friction or shear rate have no effect beside the other
-    /// is said of each.
+    /// Passes on the cases, seeds innermost and the first axis outermost, and records conflicting
+    /// values. Where values have no effect, several cases can be identical; each comes with a flag
+    /// that says whether the cause is friction without rate or rate without friction.
     pub(super) fn lay_out(
         &self,
         protocol: &Written,
@@ -181,7 +182,7 @@ impl Grid {
         let mut any = false;
         let segments = protocol.protocol.imposed();
         self.each(|combination| {
-            if new.len() > ENOUGH {
+            if new.len() > MAX_PROBLEMS {
                 return;
             }
             let values = values_of(combination);
@@ -227,13 +228,13 @@ impl Grid {
                     Some(stress) => Problem::at(
                         &values.span,
                         "`shear_rate` and `shear_stress` are both imposed",
-                        "one of them in a grid: the other follows from the viscosity",
+                        "one of them per grid: the other follows from the viscosity",
                     )
                     .also(&stress.span, "and here"),
                     None => Problem::at(
                         &values.span,
                         format!("`{}` has no meaning in this grid", axis.key),
-                        format!("take it out, or choose {}", needs()),
+                        format!("remove it, or choose {}", needs()),
                     ),
                 });
             }
@@ -241,7 +242,7 @@ impl Grid {
         problems.append(&mut new);
     }
 
-    /// Whether points may share their runs: there is a value without friction, or the lower plateau.
+    /// Whether points may share their runs: some value has no friction or is the lower plateau.
     pub(super) fn may_fold(&self) -> bool {
         let without = |axis: &Axis, value: Value| match axis.key {
             "friction" | "shear_rate" => value == Value::Number(0.0),
@@ -253,7 +254,8 @@ impl Grid {
         written.any(|(axis, values)| values.all.iter().any(|value| without(axis, value.value)))
     }
 
-    /// Calls for every point, without its start layer: its parameters as they are written, and settled.
+    /// Calls a function for every point, without its start layer: its parameters as written, and
+    /// settled.
     pub(super) fn each_point(&self, protocol: &Written, mut take: impl FnMut(&Params, &Params)) {
         let segments = protocol.protocol.imposed();
         self.each(|combination| {
@@ -264,7 +266,7 @@ impl Grid {
         });
     }
 
-    /// The parameters of the run with that seed: with the layer it begins with, if one is given.
+    /// The parameters of the run with that seed, with its start layer if one is given.
     fn begun(&self, params: &Params, seed: u64) -> Result<Params, Problem> {
         let layer = match &self.start {
             None => None,
@@ -290,7 +292,7 @@ impl Grid {
         })
     }
 
-    /// Calls for every combination of values, the last axis changing first.
+    /// Calls a function for every combination of values, the last axis changing first.
     fn each<'g>(&'g self, mut take: impl FnMut(&Combination<'g>)) {
         let mut places = vec![0; self.axes.len()];
         loop {
@@ -313,9 +315,9 @@ impl Grid {
         }
     }
 
-    /// Notes a problem unless it is known: the same values meet in many combinations.
+    /// Records a problem unless it is known: the same values meet in many combinations.
     pub(super) fn note(&self, problem: Problem, known: &mut Vec<Problem>) {
-        // Places tell problems apart, but for those of the grid as a whole.
+        // Problems differ in their places, except those of the whole grid.
         let same = |other: &Problem| {
             let places = other.labels.iter().map(|label| &label.0);
             let of_the_grid = other.labels.iter().all(|label| label.0 == self.span);
@@ -327,7 +329,7 @@ impl Grid {
         }
     }
 
-    /// Checks the values of one combination, and the layer they make.
+    /// Checks the values of one combination and their start layer.
     fn check(
         &self,
         combination: &Combination<'_>,
@@ -357,11 +359,11 @@ impl Grid {
         protocol.check_lengths(params.time_step, place(combination, "time_step"))
     }
 
-    /// The problems of values that make no parameters.
-    fn unmade(&self, combination: &Combination<'_>, unmade: Unmade) -> Vec<Problem> {
+    /// The problems of an invalid combination of values.
+    fn unmade(&self, combination: &Combination<'_>, unmade: InvalidCombination) -> Vec<Problem> {
         match unmade {
-            Unmade::Refused(refusal) => vec![self.refused(combination, &refusal)],
-            Unmade::Missing(axes) => axes
+            InvalidCombination::Refused(refusal) => vec![self.refused(combination, &refusal)],
+            InvalidCombination::Missing(axes) => axes
                 .into_iter()
                 .map(|axis| {
                     let problem = self.missing(axis);
@@ -374,7 +376,7 @@ impl Grid {
         }
     }
 
-    /// The problem of a value that does not go with the others.
+    /// The problem of a value that conflicts with others.
     fn refused(&self, combination: &Combination<'_>, refusal: &Refusal) -> Problem {
         let Refusal {
             key,
@@ -399,7 +401,7 @@ impl Grid {
     }
 }
 
-/// The choice without which an axis need not have a value: its key and its place.
+/// The choice that makes an axis required: its key and its place.
 fn choice_that_needs<'g>(
     combination: &Combination<'g>,
     axis: &Axis,
@@ -416,8 +418,10 @@ fn choice_that_needs<'g>(
         .find_map(|(at, (choice, written))| {
             let written = (*written)?;
             let needed = match params_of(&values(at)) {
-                Err(Unmade::Missing(axes)) => axes.iter().any(|missing| missing.key == axis.key),
-                Err(Unmade::Refused(_)) => true,
+                Err(InvalidCombination::Missing(axes)) => {
+                    axes.iter().any(|missing| missing.key == axis.key)
+                }
+                Err(InvalidCombination::Refused(_)) => true,
                 Ok(_) => false,
             };
             (!needed).then_some((choice.key, &written.span))
@@ -430,13 +434,13 @@ fn values_of(combination: &Combination<'_>) -> Vec<Option<Value>> {
     written.map(|written| Some((*written)?.value)).collect()
 }
 
-/// Where the value of an axis is written, if it is.
+/// Place of the value of an axis, if it is in the file.
 fn place<'g>(combination: &Combination<'g>, key: &str) -> Option<&'g ops::Range<usize>> {
     let at = AXES.iter().position(|axis| axis.key == key)?;
     Some(&combination[at]?.span)
 }
 
-/// What to write for an axis, with a word about its unit.
+/// An example for an axis, with a note about its unit.
 fn example(axis: &Axis) -> String {
     let note = match &axis.form {
         Form::Number(number) => number.quantity.note,

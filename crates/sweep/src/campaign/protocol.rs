@@ -17,19 +17,19 @@ const TIME_STEP: &str = "time_step";
 const STEP_LIMIT: f64 = 1e8;
 /// Most samples of one run.
 const SAMPLE_LIMIT: u64 = 1_000_000;
-/// Least samples of a run from which the strain to discard is picked.
+/// Fewest samples of a run from which MSER-5 chooses the strain to discard.
 const LEAST_SAMPLES: f64 = 40.0;
-/// Lengths there are, as strains.
+/// Allowed lengths, as strains.
 pub(super) const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
 pub(super) const DISCARDED: Range = Range::from_to(0.0, 1e7);
 
-/// What samples look at besides.
+/// Key of further quantities that samples record.
 const OBSERVE: &str = "observe";
-/// What there is to look at.
+/// Its only value.
 const NETWORK: &str = "network";
 
-/// Whether samples look at the network of contacts.
+/// Whether samples record the contact network.
 fn observes_network(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>) -> bool {
     let DeValue::Array(words) = written.get_ref() else {
         let allowed = format!("`{OBSERVE}` is a list: `{OBSERVE} = [\"{NETWORK}\"]`");
@@ -44,7 +44,7 @@ fn observes_network(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>)
     !known.is_empty()
 }
 
-/// A protocol and the places its values were written at.
+/// A protocol and the places of its values.
 pub(super) struct Written {
     pub(super) protocol: Protocol,
     time_step: Option<Values>,
@@ -52,7 +52,7 @@ pub(super) struct Written {
     table: ops::Range<usize>,
     places: HashMap<&'static str, ops::Range<usize>>,
     segments: Vec<WrittenSegment>,
-    /// The rate or the stress of grids that impose none, with its axis.
+    /// The rate or stress of grids that impose none, with its axis.
     shear: Option<(&'static str, Values)>,
 }
 
@@ -130,7 +130,7 @@ impl Written {
                     problems.push(
                         Problem::at(
                             place,
-                            format!("`{key}` of the whole run beside its segments"),
+                            format!("`{key}` of the whole run together with segments"),
                             format!("`{key}` in each [[protocol.segment]]"),
                         )
                         .of_key(key)
@@ -142,7 +142,7 @@ impl Written {
         });
         let shear = segments::shear(&segments);
         if problems.len() > before_segments {
-            // What is wrong with them is said once, and not of every grid again.
+            // Their faults are reported once, not for every grid.
             segments.clear();
         }
         let planned: Vec<PlannedSegment> = segments.iter().map(|one| one.segment).collect();
@@ -171,12 +171,13 @@ impl Written {
         written
     }
 
-    /// Where a value is written, or the table.
+    /// Place of a value, or of the table.
     fn place(&self, key: &str) -> &ops::Range<usize> {
         self.places.get(key).unwrap_or(&self.table)
     }
 
-    /// Values of an axis for grids that have none of their own; `imposes` says whether they impose a rate or a stress.
+    /// Values of an axis for grids without their own; `imposes`: whether they impose a rate or a
+    /// stress.
     pub(super) fn value_of(&self, axis: &Axis, imposes: bool) -> Option<Values> {
         if axis.key == TIME_STEP {
             return self.time_step.clone();
@@ -187,7 +188,8 @@ impl Written {
             .map(|(_, values)| values.clone())
     }
 
-    /// Refuses a time step at which runs are too long, or of which lengths are not whole numbers; `place` is where it is written.
+    /// Refuses a time step at which runs are too long, or of which lengths are no multiples;
+    /// `place` is that of the step.
     pub(super) fn check_lengths(
         &self,
         time_step: f64,
@@ -249,7 +251,7 @@ impl Written {
         Ok(())
     }
 
-    /// A problem of parameters in one of the segments: where this segment names the value, it is there.
+    /// A problem of parameters in one of the segments, at the value in that segment if it has one.
     pub(super) fn of_segment(&self, number: usize, problem: Problem) -> Problem {
         match self.segments.get(number) {
             Some(segment) => segment.problem(problem),
@@ -257,7 +259,7 @@ impl Written {
         }
     }
 
-    /// Refuses runs of which nothing is left to average.
+    /// Refuses runs without samples to average.
     fn check_averages(&self, problems: &mut Vec<Problem>) {
         if !self.segments.is_empty() {
             let every = self.protocol.sample_every;
@@ -266,8 +268,8 @@ impl Written {
                 let kept = one.segment.strain - one.segment.discard;
                 Problem::at(
                     self.place("sample_every"),
-                    format!("`sample_every` = {every} may leave no sample of a segment"),
-                    format!("at most {kept}, what is averaged of the segment"),
+                    format!("`sample_every` = {every} may give a segment no sample"),
+                    format!("at most {kept}, the strain of the segment that is averaged"),
                 )
                 .also(&one.place, "this segment")
             }));
@@ -279,13 +281,13 @@ impl Written {
             problems.push(
                 Problem::at(
                     self.place("discard"),
-                    format!("`discard` = \"auto\" cannot judge {samples:.0} samples of a run"),
+                    format!("`discard` = \"auto\" needs more than {samples:.0} samples of a run"),
                     format!("at least {LEAST_SAMPLES}: sample more often, or write a strain"),
                 )
-                .also(self.place("sample_every"), "how often is sampled"),
+                .also(self.place("sample_every"), "the strain between samples"),
             );
         }
-        // At most half is picked.
+        // MSER-5 discards at most half.
         let discard = match p.discard {
             Discard::Strain(strain) => strain,
             Discard::Auto => 0.5 * p.strain,
@@ -295,7 +297,7 @@ impl Written {
                 Problem::at(
                     self.place("discard"),
                     format!(
-                        "`discard` = {discard} leaves nothing of a run of strain {}",
+                        "`discard` = {discard} leaves nothing to average of a run of strain {}",
                         p.strain
                     ),
                     format!("`discard` is from 0 to below {}, or \"auto\"", p.strain),
@@ -306,7 +308,7 @@ impl Written {
             problems.push(Problem::at(
                 self.place("sample_every"),
                 format!(
-                    "`sample_every` = {} may leave no sample after the strain discarded",
+                    "`sample_every` = {} may give no sample after the discarded strain",
                     p.sample_every
                 ),
                 format!("at most {}", p.strain - discard),

@@ -1,6 +1,7 @@
-//! Values of a TOML document, each with the place it was written at.
+//! Values of a TOML document with their places.
 //!
-//! A fault does not end the reading: it is noted, and the next value is read, so that a person sees all faults at once.
+//! A fault does not end the reading: it is recorded and the next value is read, so that all faults
+//! are shown at once.
 
 use super::error::Problem;
 use super::sizes;
@@ -40,7 +41,7 @@ pub(super) struct Table<'t> {
 }
 
 impl<'t> Table<'t> {
-    /// A table; each of its keys that is not known is noted.
+    /// A table; its unknown keys are recorded as faults.
     pub(super) fn new(
         entries: &'t DeTable<'t>,
         span: ops::Range<usize>,
@@ -64,12 +65,12 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// The value of a key, if it is there.
+    /// The value of a key, if present.
     pub(super) fn get(&self, key: &str) -> Option<&'t Spanned<DeValue<'t>>> {
         self.entries.get(key)
     }
 
-    /// The fault of a key that must be there and is not; nothing where an unknown key is meant to be it.
+    /// The fault of a missing key; none where an unknown key looks like a misspelling of it.
     pub(super) fn missing(&self, key: &str, example: &str) -> Option<Problem> {
         let known = || self.known.iter().copied();
         let unknown = self.entries.keys().map(|key| key.get_ref().as_ref());
@@ -87,7 +88,7 @@ impl<'t> Table<'t> {
     }
 }
 
-/// The fault of a key that is not known, with the one that may be meant.
+/// The fault of an unknown key, with a suggestion.
 fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&str]) -> Problem {
     let written = shortened(written);
     let mut allowed = format!("keys of {name}: {}", known.join(", "));
@@ -103,17 +104,17 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
         .suggesting(meant.as_deref())
 }
 
-/// The key that may be meant by another.
+/// The key suggested for an unknown one.
 pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
     let known: Vec<&str> = known.collect();
-    // By another name that it has elsewhere: short ones are near to many keys.
+    // Names used elsewhere match exactly only: short ones resemble many keys.
     if let Some(axis) = Axis::named(written)
         && let Some(place) = known.iter().position(|name| *name == axis.key)
     {
         return Some(known[place]);
     }
     let written = shortened(written);
-    // By a word of it that no other has.
+    // By a word that no other key has.
     let mut with_it = known
         .iter()
         .filter(|name| name.split(['_', '-']).any(|part| part == written));
@@ -128,7 +129,7 @@ pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
         .map(|(_, name)| name)
 }
 
-/// All values of a key: each that cannot be one is noted. `None` if nothing is left.
+/// All valid values of a key; invalid ones are recorded. `None` if none is valid.
 pub(super) fn values(
     written: &Spanned<DeValue<'_>>,
     key: &str,
@@ -164,7 +165,7 @@ pub(super) fn values(
                         Problem::at(
                             &span,
                             format!("`{key}` has the value {value} twice"),
-                            "each value once: the same case is never run twice",
+                            "each value may occur once: a case is never run twice",
                         )
                         .labelled("again here")
                         .also(&first, "first here"),
@@ -229,7 +230,7 @@ pub(super) fn word(
         })
 }
 
-/// A number in a range; `allowed` says which in words.
+/// A number in a range; `allowed` describes the range.
 pub(super) fn number(
     written: &Spanned<DeValue<'_>>,
     key: &str,
@@ -248,7 +249,7 @@ pub(super) fn number(
         DeValue::String(text) if text.as_ref() == "inf" => {
             return Err(Problem::at(
                 &written.span(),
-                format!("`{key}` is text, not a number"),
+                format!("`{key}` is a string, not a number"),
                 format!("write inf without quotes; {allowed}"),
             )
             .of_value(key, text));
@@ -264,7 +265,7 @@ pub(super) fn number(
     }
 }
 
-/// A whole number in a range; `allowed` says which in words.
+/// A whole number in a range; `allowed` describes the range.
 pub(super) fn whole(
     written: &Spanned<DeValue<'_>>,
     key: &str,

@@ -1,4 +1,4 @@
-//! The seeds of a grid: a count, a list, or as many as a precision takes.
+//! The seeds of a grid: a count, a list, or as many as a precision needs.
 
 use super::CASE_LIMIT;
 use super::error::Problem;
@@ -9,28 +9,28 @@ use sd_core::model::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The key of the seeds: what a grid has besides the axes.
+/// The key of the seeds.
 pub(super) const SEEDS: &str = "seeds";
-/// Precisions that can be asked for.
+/// Allowed precisions.
 const PRECISION: Range = Range::above_to(0.0, 1.0);
-/// Least seeds of a first batch: two have no scatter to speak of.
+/// Fewest seeds of a first batch: two are too few to estimate a scatter.
 const LEAST: u64 = 3;
-/// Seeds of the first batch where nothing is written.
-const USUAL_AT_LEAST: u64 = 4;
-/// Most seeds where nothing is written.
-const USUAL_AT_MOST: u64 = 64;
+/// Default number of seeds of the first batch.
+const DEFAULT_AT_LEAST: u64 = 4;
+/// Default maximum number of seeds.
+const DEFAULT_AT_MOST: u64 = 64;
 
 /// The seeds of every point of a grid.
 #[derive(Debug)]
 pub(super) enum Seeds {
-    /// These.
+    /// A fixed list.
     List(Vec<u64>),
     /// 1, 2, … until the precision is reached.
     Until(Precision),
 }
 
 impl Seeds {
-    /// Reads what is written: a count n stands for 1, 2, … n; a list for itself; a table for a precision.
+    /// Reads a count n (seeds 1, 2, … n), a list of seeds, or a table with a precision.
     pub(super) fn read(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>) -> Self {
         let count = |written: &Spanned<DeValue<'_>>, low, high| {
             let range = Range::from_to(low, high);
@@ -121,8 +121,8 @@ impl Seeds {
                 least
             })
         };
-        let at_least = seeds("at_least", LEAST, USUAL_AT_LEAST);
-        let at_most = seeds("at_most", at_least, USUAL_AT_MOST);
+        let at_least = seeds("at_least", LEAST, DEFAULT_AT_LEAST);
+        let at_most = seeds("at_most", at_least, DEFAULT_AT_MOST);
         let places = |seeds: u64| usize::try_from(seeds).unwrap_or(usize::MAX);
         Self::Until(Precision {
             precision,
@@ -132,7 +132,7 @@ impl Seeds {
         })
     }
 
-    /// The most seeds a point may get.
+    /// The maximum number of seeds of a point.
     pub(super) fn most(&self) -> u64 {
         match self {
             Self::List(seeds) => seeds.len() as u64,
@@ -140,7 +140,7 @@ impl Seeds {
         }
     }
 
-    /// All seeds a point may get, in their order.
+    /// All possible seeds of a point, in order.
     pub(super) fn all(&self) -> Box<dyn Iterator<Item = u64> + '_> {
         match self {
             Self::List(seeds) => Box::new(seeds.iter().copied()),
@@ -148,7 +148,7 @@ impl Seeds {
         }
     }
 
-    /// The precision asked for.
+    /// The requested precision.
     pub(super) fn rule(&self) -> Option<Precision> {
         match self {
             Self::List(_) => None,

@@ -12,14 +12,14 @@ use toml::de::{DeTable, DeValue};
 
 /// The key of the segments.
 pub(super) const SEGMENT: &str = "segment";
-/// Segments that a run may have.
+/// Allowed numbers of segments.
 const SEGMENT_LIMIT: usize = 1000;
 /// Angular frequencies of a cross shear, over the rate of the primary shear.
 const RATIO: Range = Range::above_to(0.0, 1e7);
-/// Cycles that an oscillation may have.
+/// Allowed numbers of cycles.
 const CYCLES: Range = Range::from_to(1.0, 1e6);
 
-/// A segment and the places its values were written at.
+/// A segment and the places of its values.
 pub(super) struct WrittenSegment {
     pub(super) segment: PlannedSegment,
     /// Its table.
@@ -28,13 +28,13 @@ pub(super) struct WrittenSegment {
 }
 
 impl WrittenSegment {
-    /// Where a value is written, or its table.
+    /// Place of a value, or of its table.
     fn place_of(&self, key: &str) -> &ops::Range<usize> {
         let found = self.places.iter().find(|(name, _)| *name == key);
         found.map_or(&self.place, |(_, place)| place)
     }
 
-    /// The rate or the stress that it imposes, if it names one, with its axis.
+    /// The rate or stress that it imposes, if any, with its axis.
     fn shear(&self) -> Option<(&'static str, Values)> {
         let imposed = &self.segment.imposed;
         let named = [
@@ -52,7 +52,7 @@ impl WrittenSegment {
         Some((key, Values { all, span }))
     }
 
-    /// Makes it the oscillation that is written in it.
+    /// Sets the oscillation of the table.
     fn oscillate(&mut self, oscillation: Oscillation, problems: &mut Vec<Problem>) {
         for (key, instead) in [
             (
@@ -79,7 +79,7 @@ impl WrittenSegment {
         self.places.push(("amplitude", oscillation.place));
     }
 
-    /// The problem of a segment of which nothing is averaged.
+    /// The problem of a segment without averages.
     fn keeps_nothing(&self) -> Option<Problem> {
         let PlannedSegment {
             strain, discard, ..
@@ -87,7 +87,7 @@ impl WrittenSegment {
         (discard >= strain).then(|| {
             Problem::at(
                 self.place_of("discard"),
-                format!("`discard` = {discard} leaves nothing of a segment of strain {strain}"),
+                format!("`discard` = {discard} leaves nothing to average of a segment of strain {strain}"),
                 format!("`discard` is from 0 to below {strain}"),
             )
             .of_key("discard")
@@ -95,7 +95,7 @@ impl WrittenSegment {
         })
     }
 
-    /// Strains that must be whole numbers of steps, each with its key and its place.
+    /// Strains that must be multiples of the step, each with its key and its place.
     pub(super) fn lengths(&self) -> impl Iterator<Item = (&'static str, f64, &ops::Range<usize>)> {
         self.places.iter().filter_map(|(key, place)| match *key {
             "strain" => Some((*key, self.segment.strain, place)),
@@ -104,7 +104,7 @@ impl WrittenSegment {
         })
     }
 
-    /// A problem of parameters in this segment, at the value that it names.
+    /// A problem of parameters in this segment, at its value.
     pub(super) fn problem(&self, mut problem: Problem) -> Problem {
         let key = problem.about.key.clone().unwrap_or_default();
         match self.places.iter().find(|(name, _)| *name == key) {
@@ -112,13 +112,13 @@ impl WrittenSegment {
                 problem.labels.clear();
                 problem.also(place, "here")
             }
-            // What the grid writes is wrong there.
+            // The fault is in a value of the grid.
             None => problem,
         }
     }
 }
 
-/// What is known of a segment while it is read.
+/// State of reading a segment.
 struct Reader<'t, 'p> {
     table: Table<'t>,
     places: Vec<(&'static str, ops::Range<usize>)>,
@@ -138,7 +138,7 @@ impl<'t> Reader<'t, '_> {
         read.map_err(|problem| self.problems.push(problem)).ok()
     }
 
-    /// A value of an axis that a segment may name.
+    /// A value of an axis in a segment.
     fn imposed(&mut self, key: &'static str) -> Option<f64> {
         let written = self.get(key)?;
         let Form::Number(of) = &Axis::of_key(key)?.form else {
@@ -149,7 +149,7 @@ impl<'t> Reader<'t, '_> {
     }
 }
 
-/// The rate or the stress of the first segment, which stands for that of grids where each segment names its own.
+/// The rate or stress of the first segment, for grids where each segment names its own.
 pub(super) fn shear(segments: &[WrittenSegment]) -> Option<(&'static str, Values)> {
     let each = segments.iter().map(WrittenSegment::shear);
     each.collect::<Option<Vec<_>>>()?.into_iter().next()
@@ -256,7 +256,7 @@ fn read_segment(
             Problem::at(
                 written.place_of("shear_stress"),
                 "`shear_rate` and `shear_stress` are both imposed in a segment",
-                "one of them: the other follows from the viscosity",
+                "give one of them: the other follows from the viscosity",
             )
             .of_key("shear_stress")
             .also(written.place_of("shear_rate"), "and here"),
@@ -274,7 +274,7 @@ fn read_segment(
     written
 }
 
-/// A cross shear, and the places of its values.
+/// A cross shear and the places of its values.
 type WrittenCrossShear = (CrossShear, [(&'static str, ops::Range<usize>); 2]);
 
 /// Reads the table of a cross shear.
@@ -316,13 +316,13 @@ fn cross_shear(written: &Spanned<DeValue<'_>>) -> Result<WrittenCrossShear, Vec<
     }
 }
 
-/// An oscillation as it is written.
+/// An oscillation in the file.
 struct Oscillation {
     amplitude: f64,
     cycles: f64,
-    /// Cycles that are averaged, the last ones.
+    /// Number of last cycles that are averaged.
     averaged: f64,
-    /// Where the amplitude is written.
+    /// Place of the amplitude.
     place: ops::Range<usize>,
 }
 
@@ -358,7 +358,7 @@ fn oscillation(written: &Spanned<DeValue<'_>>) -> Result<Oscillation, Vec<Proble
     let cycles = read("cycles", "6");
     let averaged = match table.get("average_last") {
         Some(_) => read("average_last", "3"),
-        // The first is another than those that follow.
+        // The first cycle differs from those that follow.
         None => cycles.map(|cycles| (cycles - 1.0).max(1.0)),
     };
     if let (Some(cycles), Some(averaged), Some(written)) =

@@ -10,17 +10,17 @@ use toml::de::{DeTable, DeValue};
 
 /// Their key.
 pub(super) const SIZES: &str = "sizes";
-/// The key of a radius, which tells a list of species from a list of values.
+/// The key of a radius, which distinguishes a list of species from a list of values.
 const RADIUS: &str = "radius";
 /// Keys of fractions: of number, of area and of volume, with the power of the radius in them.
 const FRACTIONS: [(&str, i32); 3] = [("fraction", 0), ("area", 2), ("volume", 3)];
 /// What is allowed.
 const ALLOWED: &str = "`sizes` is { lognormal = 0.2 }, with schulz or uniform in its place, or a list of species \
                        [{ radius = 1.0, fraction = 0.5 }, { radius = 1.4, fraction = 0.5 }]";
-/// Any number: ranges are checked with what they belong to.
+/// Any number: the owner of the value checks its range.
 const ANY: Range = Range::from_to(f64::NEG_INFINITY, f64::INFINITY);
 
-/// Whether what is written is one value though it is a list: one of species.
+/// Whether a list is a single value: a list of species.
 pub(super) fn is_list_of_species(written: &DeValue<'_>) -> bool {
     let is_species = |one: &Spanned<DeValue<'_>>| matches!(one.get_ref(), DeValue::Table(table) if table.contains_key(RADIUS));
     matches!(written, DeValue::Array(list) if list.iter().any(is_species))
@@ -31,7 +31,7 @@ pub(super) fn read(written: &Spanned<DeValue<'_>>) -> Result<Value, Problem> {
     let kind = match written.get_ref() {
         DeValue::Table(entries) => distribution(entries, &written.span())?,
         DeValue::Array(list) => species(list, &written.span())?,
-        // As tables show them.
+        // Their form in tables.
         DeValue::String(text) => {
             let sizes: Result<Sizes, Refusal> = text.parse();
             return match sizes {
@@ -94,8 +94,8 @@ fn species(
         if *power.get_or_insert(of) != of {
             return Err(Problem::at(
                 &fraction.span(),
-                "species differ in what their fractions are of",
-                "the same of all: `fraction` of the number, `area` or `volume`",
+                "species give different kinds of fractions",
+                "one kind for all: `fraction` of the number, `area` or `volume`",
             )
             .of_key(SIZES));
         }
@@ -103,7 +103,7 @@ fn species(
             number(radius, RADIUS, &ANY, "above 0")?,
             number(fraction, key, &ANY, "above 0")?,
         ];
-        // Alone it is no whole, but what is wrong with it is at its own place.
+        // One species is no complete list, but its own faults have its own place.
         if let Err(refusal) = KindOfSizes::species(&[[one[0], 1.0]], 0) {
             return Err(refused(refusal, &radius.span()));
         }

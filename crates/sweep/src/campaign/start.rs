@@ -1,4 +1,5 @@
-//! Layers that runs begin with, read from files: the last frame of an extended XYZ file, or JSON as `sweep solve` reads it.
+//! Start layers read from files: the last frame of an extended XYZ file, or JSON in the format of
+//! `sweep solve`.
 
 use crate::system::files::read_text;
 use sd_core::model::StartLayer;
@@ -7,13 +8,13 @@ use std::path::Path;
 
 /// Largest file of a layer, in bytes.
 const SIZE_LIMIT: u64 = 1 << 30;
-/// Share by which two sides of a square cell may differ: files have single precision.
+/// Relative difference allowed between the sides of a square cell: files have single precision.
 const SQUARE: f64 = 1e-5;
 
 /// Reads a layer.
 ///
 /// # Errors
-/// What is wrong with the file, and what it should be.
+/// The fault of the file and the expected format.
 pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
     let fault = |problem: String| {
         if path.extension().is_some_and(|ending| ending == "sqlite") {
@@ -39,7 +40,7 @@ pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
     layer.map_err(fault)
 }
 
-/// A layer as JSON; other keys of `sweep solve` say nothing about it.
+/// A layer as JSON; other keys of `sweep solve` are ignored.
 #[derive(Deserialize)]
 struct Written {
     centres: Vec<[f64; 2]>,
@@ -51,7 +52,7 @@ struct Written {
 }
 
 fn from_json(text: &str) -> Result<StartLayer, String> {
-    // Words of a file that is something else are nobody's business.
+    // Excerpts of a file that is something else stay private.
     let layer: Written = serde_json::from_str(text).map_err(|error| {
         let words = error.to_string();
         if words.starts_with("missing field") {
@@ -131,8 +132,8 @@ fn value<'t>(comment: &'t str, key: &str) -> Option<&'t str> {
     None
 }
 
-/// Columns of a frame: the name and the first column of each property, and how many columns there are. `species:S:1:pos:R:3` has
-/// `pos` in columns 1 to 3 of 4.
+/// Columns of a frame: the name and the first column of each property, and how many columns there
+/// are. `species:S:1:pos:R:3` has `pos` in columns 1 to 3 of 4.
 fn columns(properties: &str) -> Option<(Vec<(&str, usize)>, usize)> {
     let parts: Vec<&str> = properties.split(':').collect();
     let mut all = Vec::new();
@@ -154,7 +155,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
         .map(|number| number.parse().unwrap_or(f64::NAN))
         .collect();
     let [x, 0.0, 0.0, offset, y, 0.0, ..] = lattice[..] else {
-        return Err("has a `Lattice` that is no layer sheared along x".into());
+        return Err("has a `Lattice` that is not a layer sheared along x".into());
     };
     let properties =
         value(frame.comment, "Properties").ok_or("has no `Properties` in its second line")?;
@@ -207,7 +208,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
 mod tests {
     use super::*;
     use crate::spaces::{AnyFrame, InSpace};
-    use crate::trajectory::{Filmed, write_extxyz};
+    use crate::trajectory::{FrameSource, write_extxyz};
     use sd_core::simulation::Frame as Kept;
 
     fn kept(shift: f64) -> Kept {
@@ -232,7 +233,7 @@ mod tests {
 
     fn export(frames: &[Kept], text: &mut Vec<u8>) {
         let frames: Vec<InSpace<Kept, _>> = frames.iter().cloned().map(InSpace::Layer).collect();
-        let filmed = Filmed {
+        let filmed = FrameSource {
             params: crate::test_support::params(),
             seed: 1,
             key: "3f9a".into(),
@@ -258,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_layers_say_why() {
+    fn files_that_are_not_layers_are_explained() {
         let mut text = Vec::new();
         export(&[kept(0.0)], &mut text);
         let good = String::from_utf8(text).unwrap();
@@ -273,7 +274,7 @@ mod tests {
             (good.replace("8 0 0 -2 8", "8 0 0 -2 9"), "not square"),
             (
                 good.replace("8 0 0 -2 8", "8 1 0 -2 8"),
-                "no layer sheared along x",
+                "not a layer sheared along x",
             ),
             (good.replace("radius:R:1", "size:R:1"), "no `radius`"),
             (

@@ -27,7 +27,7 @@ fn parse_text(text: &str) -> Result<Campaign, CampaignError> {
 
 #[test]
 fn product_of_the_axes_in_the_order_of_the_file() {
-    // With friction only: without it all rates are one.
+    // With friction only: without it all rates are the same case.
     let campaign = parse_text(&GOOD.replace("[0.0, 0.3]", "[0.2, 0.3]")).unwrap();
     assert_eq!(campaign.name, "friction");
     // Two frictions at two rates, and one case for both at the rate 0.
@@ -61,15 +61,15 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
                 let laws = p.contact.laws();
                 assert!(p.validate().is_ok());
                 let word = |key| Axis::of_key(key).unwrap().value(p);
-                let (words, rubs) = (word("contact"), word("tangential"));
-                format!("{words} {rubs} {} {}", laws.stiffness, p.friction)
+                let (words, friction) = (word("contact"), word("tangential"));
+                format!("{words} {friction} {} {}", laws.stiffness, p.friction)
             })
             .collect::<Vec<_>>()
             .join(", ")
     };
     let plain = "rigid roll-slip inf 0, rigid roll-slip inf 0.3";
     assert_eq!(laws(""), plain);
-    // The defaults, written: the same cases, with the same keys as before there was anything to choose.
+    // The defaults written out: the same cases with the same keys.
     let written = "contact = \"rigid\"\ntangential = \"roll-slip\"\nfriction_onset = \"critical-load\"\nrepulsion = 0";
     assert_eq!(laws(written), plain);
     let key = |text: &str| {
@@ -83,14 +83,15 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
         ),
         "rigid roll-slip inf 0, rigid coulomb inf 0.3, linear-spring roll-slip 1000 0, linear-spring stick-slide 1000 0.3"
     );
-    // Rolling friction beside laws that leave pairs free to roll, and with friction.
+    // Rolling friction with laws that leave pairs free to roll, and with friction.
     let rolling = GOOD.replace(
         "seeds = 4",
         "seeds = [1]\ntangential = [\"roll-slip\", \"coulomb\"]\nrolling_friction = [0.0, 0.1]",
     );
     let cases = parse_text(&rolling).unwrap().cases;
-    // At the rates 0.1 and inf: rolling pairs, and slipping ones with and without rolling friction. Without friction and at the rate 0,
-    // where no load is above the critical one, no law of friction makes a case of its own, nor does a rate.
+    // At the rates 0.1 and inf: rolling pairs, and slipping ones with and without rolling friction.
+    // Without friction and at the rate 0, where no load is above the critical one, no law of
+    // friction makes a case of its own, nor does a rate.
     assert_eq!(cases.len(), 2 * 3 + 1);
     let rolls = |case: &Case| case.params.contact.laws().rolling_friction > 0.0;
     assert_eq!(cases.iter().filter(|(_, case)| rolls(case)).count(), 2);
@@ -136,7 +137,7 @@ fn seeds_in_several_grids_are_one_campaign() {
     assert_eq!(parse_text(&text).unwrap().cases.len(), 3 * 5);
 }
 
-/// The error about a changed file as a user sees it.
+/// The error about a changed file, as shown to a user.
 fn complaint(from: &str, to: &str) -> String {
     assert!(GOOD.contains(from), "{from}");
     let error = parse_text(&GOOD.replacen(from, to, 1)).unwrap_err();
@@ -308,7 +309,7 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
         (
             "\"ball-melrose\"",
             "ball-melrose",
-            "words stand in quotes: `\"ball-melrose\"`",
+            "words need quotes: `\"ball-melrose\"`",
         ),
     ] {
         let error = complaint(from, to);
@@ -327,7 +328,8 @@ fn lubrication_and_units_of_stiffness_are_read_and_equal_physics_is_one_case() {
         .replace("friction = [0.0, 0.3]", "friction = 0.3")
         .replace("[0, 0.1, inf]", "[0.1, inf]");
     let campaign = parse_text(&text).unwrap();
-    // Of two shear rates: Ball-Melrose rigid and soft, lubrication with two cutoffs, each rigid and soft.
+    // Of two shear rates: Ball-Melrose rigid and soft, lubrication with two cutoffs, each rigid and
+    // soft.
     assert_eq!(campaign.cases.len(), 2 * (2 + 4));
     for (_, case) in &campaign.cases {
         let p = &case.params;
@@ -367,7 +369,7 @@ fn a_grid_may_have_its_own_time_steps() {
 }
 
 #[test]
-fn all_faults_of_a_file_are_shown_at_once() {
+fn all_faults_of_a_file_are_shown_together() {
     let text = GOOD
         .replace("strain = 1.0", "strain = \"long\"")
         .replace("friction = [0.0, 0.3]", "friction = [0.0, -1, 11]")
@@ -395,7 +397,7 @@ fn all_faults_of_a_file_are_shown_at_once() {
     for fault in faults {
         assert!(shown.contains(fault), "{fault}\n{shown}");
     }
-    // What a misspelt key is meant to be is not missing as well.
+    // A misspelt key is not reported as missing as well.
     assert_eq!(shown.matches("has no `roughness`").count(), 1, "{shown}");
     assert_eq!(shown.matches("  × ").count(), faults.len(), "{shown}");
 }
@@ -428,7 +430,7 @@ fn assert_fault(folder: &Path, text: &str, line: u32, part: &str) {
         .lines()
         .any(|shown| shown.trim_start().starts_with(&format!("{line} │")));
     assert!(shown, "line {line}: {error}");
-    // What is written is not missing, and neither is what it takes the place of.
+    // Neither the given key nor the one it replaces is reported as missing.
     assert!(!error.contains("[[grid]] has no"), "{error}");
 }
 
@@ -482,17 +484,17 @@ fn faults_of_start_layers_have_their_line() {
         (
             grid(&two, "\"one.json\""),
             4,
-            "a layer of 1 spheres does not go with `spheres` = 2",
+            "a layer of 1 spheres conflicts with `spheres` = 2",
         ),
         (
             grid(one, "\"wide.json\""),
             4,
-            "does not go with `area_fraction` = 0.01",
+            "conflicts with `area_fraction` = 0.01",
         ),
         (
             grid(&two, "\"sizes.json\""),
             4,
-            "radius 1.2 does not go with `size_ratio` = 1",
+            "radius 1.2 conflicts with `size_ratio` = 1",
         ),
         (
             grid(&two, "\"overlap.json\""),
@@ -524,7 +526,7 @@ fn faults_of_start_layers_have_their_line() {
                 "\"good.json\"",
             ),
             4,
-            "does not go with `size_ratio` = 1.4",
+            "conflicts with `size_ratio` = 1.4",
         ),
     ] {
         assert_fault(directory.path(), &text, line, part);

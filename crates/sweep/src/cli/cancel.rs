@@ -7,9 +7,10 @@ use crate::api::jobs::cancel;
 use crate::exit;
 use std::time::Duration;
 
-/// End the tasks of a campaign that were submitted
+/// Cancel the submitted tasks of a campaign
 ///
-/// Tasks at work checkpoint and publish before they end, and are waited for. `sweep submit` goes on from there.
+/// Running tasks checkpoint and publish before they end; the command waits for them. `sweep submit`
+/// continues from there.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep cancel sweeps/figure-11.toml\n  sweep cancel results/figure-11.sqlite --job 4711"
@@ -20,7 +21,7 @@ pub(crate) struct Arguments {
     /// Only this job [default: all of the campaign]
     #[arg(long, value_name = "JOB")]
     job: Option<String>,
-    /// Seconds the tasks are waited for at most
+    /// Maximum seconds to wait for the tasks
     #[arg(long, default_value_t = 120, value_name = "SECONDS")]
     wait: u64,
 }
@@ -34,7 +35,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     } else if answer.cancelled.is_empty() {
         writeln!(
             output.out,
-            "no tasks of this campaign are waiting or at work"
+            "no tasks of this campaign are pending or running"
         )?;
     } else {
         writeln!(output.out, "cancelled: {}", answer.cancelled.join(", "))?;
@@ -44,7 +45,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         writeln!(
             output.out,
-            "`sweep merge {}` takes over what they computed; `sweep submit` goes on from there",
+            "`sweep merge {}` collects their results; `sweep submit` continues from there",
             arguments.place.file.display()
         )?;
     }

@@ -6,11 +6,12 @@ use crate::exit;
 use crate::store::check;
 use std::path::PathBuf;
 
-/// Compare all of a store with what was written
+/// Verify the contents of a store by its checksums
 ///
-/// Only reads. Runs the integrity check of SQLite, and compares every result, sample, failure and frame with its digest. The exit
-/// code is 1 if something is damaged. `sweep run` computes damaged runs again, with the same digits; from a file whose pages cannot
-/// be read any more `sweep merge NEW DAMAGED` takes what is whole.
+/// Reads only. Runs the integrity check of SQLite and compares every result, sample, failure and
+/// frame with its digest. The exit code is 1 if something is damaged. `sweep run` recomputes
+/// damaged runs with the same digits; `sweep merge NEW DAMAGED` recovers the intact part of an
+/// unreadable file.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep check results/figure-11.sqlite\n  sweep check results/figure-11.sqlite --json"

@@ -12,33 +12,34 @@ use serde::Serialize;
 
 /// Print results in the units of published soft-sphere simulations
 ///
-/// Lengths by the radius of the small spheres, a layer one small radius thick, viscosities without the stresslets of isolated spheres;
-/// docs/published-models.md has the formulas. Reads only.
+/// Lengths in radii of the small spheres, a layer one small radius thick, viscosities without the
+/// stresslets of isolated spheres; the formulas are in docs/published-models.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: sweep convert sweeps/quickstart.toml --where shear_rate=0.1,inf")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Only points with one of these values on an axis, by its key in the campaign file; may be repeated
+    /// Only points with one of these values on an axis, named by its key in the campaign file;
+    /// repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
 }
 
-/// A point in their units.
+/// A point in the published units.
 #[derive(Serialize)]
 struct Converted {
-    /// Its values on the axes, in our units; the rate that follows where the stress is imposed.
+    /// Its values on the axes, in our units; under imposed stress also the resulting rate.
     #[serde(flatten)]
     axes: serde_json::Map<String, serde_json::Value>,
-    /// Runs averaged.
+    /// Number of runs averaged.
     seeds: u64,
     /// Mean radius over that of the small spheres.
     mean_radius: f64,
-    /// Their rate; `null` where it is infinite.
+    /// Rate; `null` where it is infinite.
     published_shear_rate: Option<f64>,
-    /// Their stress, likewise.
+    /// Stress; `null` where it is infinite.
     published_shear_stress: Option<f64>,
-    /// Their viscosity, and half the width of its 95 % interval.
+    /// Viscosity, and half width of its 95 % interval.
     published_viscosity: Option<f64>,
     published_viscosity_ci95: Option<f64>,
 }

@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// Draw the spheres of one run at a kept strain, with the forces of their contacts
 ///
-/// Frames are kept by `sweep run --trajectory`. Lines from centre to centre are contacts: their width follows the normal force. A suspension is seen
-/// along the vorticity, the nearest spheres in front. Reads only.
+/// `sweep run --trajectory` keeps the frames. Lines between centres are contacts, with a width
+/// proportional to the normal force. A suspension is viewed along the vorticity, the nearest
+/// spheres in front. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \
@@ -26,16 +27,16 @@ pub(crate) struct Arguments {
     place: StoreArguments,
     /// The run: the beginning of its key, or its number in the campaign file, from 1
     case: String,
-    /// The strain, of which the nearest kept frame is drawn [default: the last frame]
+    /// Draw the kept frame nearest to this strain [default: the last frame]
     #[arg(long, value_name = "STRAIN")]
     strain: Option<f64>,
-    /// What spheres are coloured by
+    /// Quantity that colours the spheres
     #[arg(long, value_enum, default_value_t)]
     colour: SphereColour,
-    /// Of a suspension only the spheres whose centres have z in this range, in a
+    /// In a suspension, draw only spheres with centres at z in this range, in a
     #[arg(long, value_name = "FROM..TO")]
     slab: Option<Range>,
-    /// Where to draw: FILE.svg, FILE.pdf or FILE.png; without it SVG goes to standard output
+    /// Output file: FILE.svg, FILE.pdf or FILE.png [default: SVG on standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

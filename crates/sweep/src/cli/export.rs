@@ -8,15 +8,16 @@ use crate::exit;
 use crate::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
 use crate::system::files::write_whole;
-use crate::trajectory::{Filmed, contact_table, sphere_table, write_bonds, write_extxyz};
+use crate::trajectory::{FrameSource, contact_table, sphere_table, write_bonds, write_extxyz};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Write the kept frames of one run, for OVITO or as tables
 ///
-/// Frames are kept by `sweep run --trajectory`. Extended XYZ has one frame per sampled strain with the sheared cell, what the run is, species
-/// by size, numbers, radii, orientations (quaternions), stresslets, contact counts and velocities; its contacts go to a table and to a file
-/// of bonds beside it, which OVITO loads.
+/// `sweep run --trajectory` keeps the frames. Extended XYZ has one frame per sampled strain with
+/// the sheared cell, the run, species by size, numbers, radii, orientations (quaternions),
+/// stresslets, contact counts and velocities; contacts go to a table and to a file of bonds that
+/// OVITO loads.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
@@ -26,21 +27,21 @@ pub(crate) struct Arguments {
     place: StoreArguments,
     /// The run: the beginning of its key, or its number in the campaign file, from 1
     case: String,
-    /// Form of the spheres
+    /// Format of the spheres
     #[arg(long, value_enum, default_value_t = Form::Extxyz)]
     format: Form,
-    /// File of the spheres, contacts go to NAME.contacts.csv beside it, and to NAME.bonds.dump beside extended XYZ; without it the spheres go
-    /// to standard output
+    /// File of the spheres; contacts go to NAME.contacts.csv, and with extended XYZ to
+    /// NAME.bonds.dump [default: the spheres on standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Every so many kept frames
+    /// Export every Nth kept frame
     #[arg(long, value_name = "N", default_value = "1", value_parser = positive)]
     every: std::num::NonZeroUsize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Form {
-    /// Extended XYZ, as OVITO and `ASE` read it.
+    /// Extended XYZ, for OVITO and `ASE`.
     Extxyz,
     /// A table with a row per sphere and strain.
     Csv,
@@ -77,12 +78,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
-/// What the run of a key is.
-fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
+/// The run with this key.
+fn filmed(store: &Store, key: &str) -> Result<FrameSource, Error> {
     let runs = store.point_runs()?;
     let run = runs.into_iter().find(|run| run.key == key);
     let run = run.ok_or_else(|| store.no_case(key, "no case"))?;
-    Ok(Filmed {
+    Ok(FrameSource {
         params: (*run.params).clone(),
         seed: run.seed,
         key: run.key,
@@ -93,7 +94,7 @@ fn filmed(store: &Store, key: &str) -> Result<Filmed, Error> {
 fn spheres(
     frames: &[StoredFrame],
     form: Form,
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     match form {
@@ -102,7 +103,7 @@ fn spheres(
     }
 }
 
-/// The frames as tables have them.
+/// The frames as tables.
 fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
     frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
 }

@@ -12,10 +12,11 @@ use crate::format::{short, significant, wrapped};
 use crate::report::{FitReport, Selection, table};
 use std::path::PathBuf;
 
-/// Fit the model of Wyart and Cates to the viscosities of a campaign
+/// Fit the Wyart-Cates model to the viscosities of a campaign
 ///
-/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction, the stress sigma_c at which friction
-/// sets in and the exponent beta of its onset, and a prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
+/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction,
+/// the stress sigma_c at which friction sets in and the exponent beta of its onset, and a
+/// prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep fit sweeps/figure-14.toml\n  sweep fit sweeps/figure-14.toml --where c=0.57..0.75 --figure fit.svg --csv residuals.csv\n  \
@@ -24,7 +25,7 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Only points with one of these values on an axis, or in a range; may be repeated
+    /// Only points with one of these values on an axis, or in a range; repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
     /// Replicates of the bootstrap; 0 for no intervals
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     /// Draw viscosities and fit against the stress: FILE.svg, FILE.pdf or FILE.png
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
-    /// Write every point with its viscosity, that of the fit, and the residual
+    /// Write every point with its viscosity, the fitted viscosity and the residual
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
 }
@@ -96,7 +97,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let heads = [report.fraction()[1], "σ*", "viscosity", "fit", "ln ratio"];
     lines.push(table(output.width, heads, rows));
     lines.push(format!(
-        "root mean square of ln(viscosity/fit): {}; intervals say how runs scatter, and not how well the model describes them",
+        "root mean square of ln(viscosity/fit): {}; intervals reflect the scatter of runs, not the error of the model",
         significant(report.rms(), 2)
     ));
     let text = wrapped(&lines.join("\n"), output.width);

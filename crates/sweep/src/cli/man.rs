@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: sweep man ~/.local/share/man/man1 && man sweep-run")]
 pub(crate) struct Arguments {
-    /// The folder; made if it is not there
+    /// The folder; created if missing
     folder: PathBuf,
 }
 

@@ -1,18 +1,19 @@
 //! `sweep merge`.
 
 use super::Output;
-use super::place::{StoreArguments, say_warning};
+use super::place::{StoreArguments, print_warning};
 use crate::api::Error;
 use crate::api::merge::{Joined, join, shards_in, store_for};
 use crate::exit;
 use std::path::PathBuf;
 
-/// Join the shards that tasks published into the store of their campaign
+/// Merge the shards that tasks published into the store of their campaign
 ///
-/// May be given as often as one likes, in any order, while tasks still run: a shard that has not changed is not read again.
-/// Complete runs are preferred to partial ones, and later attempts to earlier ones. Runs computed twice must agree to the last
-/// bit; those that do not are listed, and the exit code is 1. So it is if a shard is damaged: what is whole of it is merged. So this
-/// is how a damaged store is saved, into a new one; `sweep run` computes there what is lost, with the same digits.
+/// May be repeated in any order, also while tasks run: unchanged shards are not read again.
+/// Complete runs replace partial ones, and later attempts earlier ones. Runs computed twice must
+/// agree to the last bit; disagreeing ones are listed, and the exit code is 1. The same holds for a
+/// damaged shard, of which the intact part is merged. This also recovers a damaged store into a new
+/// one; `sweep run` then recomputes the rest with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
@@ -24,7 +25,7 @@ pub(crate) struct Arguments {
     place: StoreArguments,
     /// Shards, or folders of them [default: the folder beside the store]
     shards: Vec<PathBuf>,
-    /// Merge shards that another build of sweep computed, whose bits may differ; the store keeps a record of it
+    /// Merge shards of another build of sweep, whose bits may differ; the store records this
     #[arg(long)]
     allow_mixed_versions: bool,
 }
@@ -33,7 +34,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let shards = shards_in(&arguments.shards, source.path())?;
     let mut store = store_for(&source, &shards)?;
-    say_warning(&store);
+    print_warning(&store);
     let joined = join(&mut store, &shards, arguments.allow_mixed_versions)?;
     let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
     if output.json {
@@ -48,7 +49,7 @@ fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(
         out,
-        "{} shards read, {} unchanged: {} new results, {} failures, {} checkpoints; {} results were there, with the same bits",
+        "{} shards read, {} unchanged: {} new results, {} failures, {} checkpoints; {} results known, with the same bits",
         merged.shards,
         merged.unchanged,
         merged.results,
@@ -59,7 +60,7 @@ fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     if merged.unreadable > 0 {
         writeln!(
             out,
-            "{} entries could not be trusted and are computed again",
+            "{} entries were damaged and are recomputed",
             merged.unreadable
         )?;
     }
@@ -74,7 +75,7 @@ fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     if !merged.damaged.is_empty() {
         writeln!(
             out,
-            "tasks at work publish theirs again; what else they held is open, and `sweep submit` goes on with it"
+            "running tasks publish theirs again; their other cases are open, and `sweep submit` continues them"
         )?;
     }
     for disagreement in &answer.disagreements {
@@ -87,7 +88,7 @@ fn write_text(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     if answer.mixed_shards > 0 {
         writeln!(
             out,
-            "{} shards of another build of sweep were let in",
+            "{} shards of another build of sweep were accepted",
             answer.mixed_shards
         )?;
     }

@@ -9,13 +9,13 @@ use crate::format::significant;
 use crate::report::{draw_graphs, table};
 use crate::tables;
 use sd_core::NearFields;
-use sd_core::pair::{Passing, pass};
+use sd_core::pair::{PairScenario, pass};
 use std::path::PathBuf;
 
 /// Drive two spheres past each other
 ///
-/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load 0, until the first is as
-/// far ahead as it was behind.
+/// Unbounded fluid, radii 1 and L, forces +1 and -1 along x from (-X, Y) and (X, -Y), critical load
+/// 0, until x1 - x2 = 2X.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json\n  \
@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     time_step: f64,
 }
 
-/// Writes where the spheres went.
+/// Writes the paths of the spheres.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     for (argument, value) in [
         ("--size-ratio", arguments.size_ratio),
@@ -77,7 +77,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
     }
     let tables = tables::make(&NearFields::ratios(&[1.0, arguments.size_ratio]), |_| ())?;
-    let passing = Passing {
+    let scenario = PairScenario {
         size_ratio: arguments.size_ratio,
         contact: (!arguments.no_contact).then_some((arguments.roughness, arguments.friction)),
         offset: arguments.offset,
@@ -86,7 +86,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     };
     let format = arguments.figure.as_deref();
     let format = format.map(|path| format_of("--figure", path)).transpose()?;
-    let passed = pass(&passing, &tables)?;
+    let passed = pass(&scenario, &tables)?;
     if let (Some(path), Some(format)) = (&arguments.figure, format) {
         let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();
         let graphs = [("first sphere", path_of(1)), ("second sphere", path_of(4))];

@@ -1,4 +1,4 @@
-//! Which store a command is about, and how many cases it computes at a time.
+//! The store of a command, and the number of cases it computes in parallel.
 
 use super::Output;
 use crate::api::Error;
@@ -11,16 +11,17 @@ use std::path::{Path, PathBuf};
 /// A store, or the campaign file it belongs to.
 #[derive(Debug, clap::Args)]
 pub(crate) struct StoreArguments {
-    /// The campaign file, which stands for what it asks for now; or its store, which stands for what it was last run with
+    /// The campaign file in its present version, or its store with the version last run
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store of the campaign file [default: results/NAME.sqlite in the folder that holds
+    /// `sweeps/`, or beside the file]
     #[arg(long, value_name = "STORE")]
     store: Option<PathBuf>,
 }
 
 impl StoreArguments {
-    /// One of several stores: a campaign file, whose store has its usual place, or a store.
+    /// One of several stores: a store, or a campaign file whose store is at its default path.
     pub(super) fn of(file: PathBuf) -> Self {
         Self { file, store: None }
     }
@@ -32,7 +33,7 @@ impl StoreArguments {
                 return Err(Error::Argument {
                     argument: "--store",
                     message: format!(
-                        "it goes with a campaign file, whose name ends with .toml; {} is taken for a store itself",
+                        "it belongs to a campaign file, whose name ends with .toml; {} is read as a store",
                         self.file.display()
                     ),
                 });
@@ -46,7 +47,7 @@ impl StoreArguments {
         ))
     }
 
-    /// The same, to show one of the segments of its runs, by its number from 1, where one is asked for.
+    /// The same, restricted to one segment of its runs, by its number from 1, if given.
     pub(super) fn open_segment(
         &self,
         segment: Option<usize>,
@@ -61,44 +62,43 @@ impl StoreArguments {
             argument: "--segment",
             message,
         })?;
-        say_warning(&store);
+        print_warning(&store);
         Ok(store)
     }
 
-    /// Opens the store for reading, and says so if it was last run with another version of the campaign file given.
+    /// Opens the store for reading, with a note if it was last run with another version of the
+    /// campaign file.
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;
-        say_warning(&store);
-        say_last_run(&store, output);
+        print_warning(&store);
+        print_last_run(&store, output);
         Ok(store)
     }
 }
 
-/// The store of a campaign: the one named, or its usual one.
+/// The store of a campaign: the one given, or its default.
 pub(crate) fn store_of(campaign: &Campaign, named: Option<&Path>) -> Result<PathBuf, Error> {
     named.map_or_else(|| Ok(campaign.default_store()), whole)
 }
 
-/// Most threads; more are taken for a typo.
+/// Maximum number of threads; more are treated as a typo.
 const WORKER_LIMIT: usize = 4096;
 
-/// Reads how many cases are computed at a time.
+/// Reads the number of cases computed in parallel.
 pub(super) fn workers(text: &str) -> Result<NonZeroUsize, String> {
     let number = text.trim().parse().ok();
     number
         .filter(|workers: &NonZeroUsize| workers.get() <= WORKER_LIMIT)
-        .ok_or_else(|| {
-            format!("write a number from 1 to {WORKER_LIMIT}, or leave it out for all cores")
-        })
+        .ok_or_else(|| format!("write a number from 1 to {WORKER_LIMIT}, or omit it for all cores"))
 }
 
-/// Reads a number of things of which there is at least one.
+/// Reads a positive integer.
 pub(super) fn positive(text: &str) -> Result<NonZeroUsize, String> {
     let number = text.trim().parse().ok();
     number.ok_or_else(|| "write a whole number from 1".to_owned())
 }
 
-/// As many workers as were asked for, or one for each core.
+/// The requested number of workers, or one per core.
 pub(super) fn workers_or_all(asked: Option<NonZeroUsize>) -> usize {
     asked
         .or_else(|| std::thread::available_parallelism().ok())
@@ -111,7 +111,7 @@ pub(crate) fn is_campaign_file(path: &Path) -> bool {
         .is_some_and(|extension| extension == "toml")
 }
 
-/// The whole path of a file, as messages name it.
+/// The absolute path of a file, for messages.
 fn whole(path: &Path) -> Result<PathBuf, Error> {
     std::path::absolute(path).map_err(|source| Error::Read {
         path: path.to_owned(),
@@ -119,19 +119,19 @@ fn whole(path: &Path) -> Result<PathBuf, Error> {
     })
 }
 
-/// Says on standard error what whoever opened a store must know, wanted or not: changes that are lost with a damaged log.
-pub(super) fn say_warning(store: &Store) {
+/// Prints on standard error, even with `--quiet`, that changes were lost with a damaged log.
+pub(super) fn print_warning(store: &Store) {
     if let Some(warning) = store.warning() {
-        // Nobody may read standard error.
+        // Standard error may be closed.
         let _ = writeln!(crate::text::visible::stderr(), "warning: {warning}");
     }
 }
 
-/// Says that a store was last run with another version of the campaign file than the one it is shown for.
-pub(super) fn say_last_run(store: &Store, output: &Output<'_>) {
+/// Notes that a store was last run with another version of the campaign file.
+pub(super) fn print_last_run(store: &Store, output: &Output<'_>) {
     if let Some(file) = store.last_run_with() {
         output.note(&format!(
-            "the store {} was last run with another version of the campaign, of {}: shown is what the file given asks for",
+            "the store {} was last run with another version of the campaign, of {}; this shows the file given",
             store.path().display(),
             file.display()
         ));

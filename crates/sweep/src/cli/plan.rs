@@ -15,10 +15,10 @@ use crate::store::StoreSource;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-/// Say what a campaign would do: its axes, its runs, how long they take here, how much they store
+/// Show the plan of a campaign: axes, runs, estimated time and disk space
 ///
-/// Writes nothing. Times are seconds of processor, from the runs that this build has measured on this machine; where none is
-/// near, from short runs of a few seconds in all. What the store of the campaign holds already is left out.
+/// Writes nothing. CPU times come from runs that this build has measured on this machine, or else
+/// from short runs of a few seconds in all. Runs in the store of the campaign are left out.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \
@@ -28,13 +28,14 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store whose runs are left out [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store whose runs are left out [default: results/NAME.sqlite in the folder that holds
+    /// `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// With the layer kept at every sampled strain, as `sweep run --trajectory` does
+    /// Include frames at every sampled strain, as `sweep run --trajectory` keeps them
     #[arg(long)]
     trajectory: bool,
-    /// Cases computed at a time [default: the cores of the machine]
+    /// Cases computed in parallel [default: the cores of the machine]
     #[arg(
         long,
         short,

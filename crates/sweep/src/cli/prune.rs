@@ -11,11 +11,11 @@ use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 
-/// Remove the runs of a store that its campaign file does not ask for
+/// Remove the runs of a store that are not in its campaign file
 ///
-/// Editing a campaign file keeps the runs that it no longer asks for: they are used again if it asks for them later. This removes
-/// them, after saying how many there are and asking. With a store in place of a campaign file, the file it was last run with
-/// is meant.
+/// Editing a campaign file keeps the runs that are no longer in it: they are used again if they
+/// return. This removes them, after a prompt with their number. For a store, the campaign file is
+/// the one it was last run with.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep prune sweeps/quickstart.toml\n  sweep prune sweeps/quickstart.toml --yes --json"
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Do not ask
+    /// Do not prompt
     #[arg(long, short)]
     yes: bool,
 }
@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
 struct Answer {
     store: PathBuf,
     removed: u64,
-    /// What they took, in bytes, about.
+    /// Their approximate size in bytes.
     bytes: f64,
 }
 
@@ -40,7 +40,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let reader = source.open()?;
     let inventory = reader.inventory()?;
-    // A reader keeps the file from getting smaller.
+    // Readers prevent the file from shrinking.
     drop(reader);
     let (runs, size) = (inventory.orphans, bytes(inventory.orphan_bytes));
     let path = source.path().to_owned();
@@ -71,20 +71,20 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     } else {
         writeln!(
             output.out,
-            "nothing to remove: all runs in {} are asked for",
+            "nothing to remove: all runs in {} are in the campaign",
             path.display()
         )?;
     }
     Ok(exit::DONE)
 }
 
-/// Asks whether to remove so many runs.
+/// Prompts whether to remove the runs.
 fn confirmed(runs: u64, size: &str, path: &std::path::Path) -> Result<bool, Error> {
     if !std::io::stdin().is_terminal() {
         return Err(Error::Argument {
             argument: "--yes",
             message: format!(
-                "{runs} runs in {} (about {size}) are not asked for; nobody can be asked here whether to remove them, so say \
+                "{runs} runs in {} (about {size}) are not in the campaign; there is no terminal for a prompt, so give \
                  --yes; nothing was removed",
                 path.display()
             ),
@@ -93,7 +93,7 @@ fn confirmed(runs: u64, size: &str, path: &std::path::Path) -> Result<bool, Erro
     let mut to = crate::text::visible::stderr();
     write!(
         to,
-        "Remove {runs} runs, about {size}, from {}? They are not asked for any more, and would have to be computed again. [y/N] ",
+        "Remove {runs} runs, about {size}, from {}? They are no longer in the campaign and would have to be recomputed. [y/N] ",
         path.display()
     )?;
     to.flush()?;

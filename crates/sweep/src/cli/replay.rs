@@ -5,13 +5,13 @@ use super::place::StoreArguments;
 use crate::api::Error;
 use crate::exit;
 
-/// Failures named in an error.
+/// Maximum number of failures named in an error.
 const NAMED: u32 = 8;
 
-/// Print the state before a failure as input of `sweep solve`
+/// Print the state before a failure as input for `sweep solve`
 ///
-/// The configuration before the step that failed, with its cell, offset, radii and contact settings. Of a case whose
-/// process died again and again: that of its last checkpoint.
+/// Prints the configuration before the failed step, with its cell, offset, radii and contact
+/// settings. For a case whose process died repeatedly, that of its last checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  sweep status results/figure-11.sqlite\n  sweep replay results/figure-11.sqlite 326e0e48 | sweep solve -"
@@ -19,7 +19,8 @@ const NAMED: u32 = 8;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// The run: the beginning of its key, or its number in the campaign file, from 1; not needed if only one failed
+    /// The run: the beginning of its key, or its number in the campaign file, from 1; optional if
+    /// only one failed
     case: Option<String>,
 }
 

@@ -22,7 +22,8 @@ use std::path::{Path, PathBuf};
 
 /// Print the results of a campaign, averaged over seeds
 ///
-/// Reads only, and may be used while the campaign runs. Without one of the files below, a table is printed.
+/// Reads only; works while the campaign runs. Prints a table unless one of the files below is
+/// given.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
@@ -44,17 +45,18 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// More stores or campaign files, drawn into the same figure
+    /// Further stores or campaign files for the same figure
     #[arg(value_name = "MORE")]
     more: Vec<PathBuf>,
-    /// Only points with one of these values on an axis, by its key in the campaign file; of every output; may be repeated
+    /// Only points with one of these values on an axis, named by its key in the campaign file;
+    /// repeatable
     #[arg(
         long = "where",
         value_name = "KEY=VALUE[,VALUE..]",
         help_heading = "Points"
     )]
     selection: Vec<String>,
-    /// Averages and traces of this segment of the runs, from 1 [default: the last]
+    /// Average this segment of the runs, counted from 1 [default: the last]
     #[arg(
         long,
         value_name = "NUMBER",
@@ -62,13 +64,13 @@ pub(crate) struct Arguments {
         hide_short_help = true
     )]
     segment: Option<usize>,
-    /// Average runs with doubtful numbers too; they are counted in any case
+    /// Include runs with doubtful numbers in averages; they are counted in any case
     #[arg(long, help_heading = "Points", hide_short_help = true)]
     with_doubtful: bool,
     #[command(flatten)]
     files: Files,
-    /// Physical units for tables, figures and the page, for spheres of radius a in a fluid of viscosity mu, with the critical load f_crit
-    /// or without: a=1um,mu=1mPas,f_crit=10pN
+    /// Physical units for tables, figures and the page: radius a, viscosity mu and optionally the
+    /// critical load f_crit, as in a=1um,mu=1mPas,f_crit=10pN
     #[arg(
         long,
         value_name = "A,MU,F_CRIT",
@@ -82,20 +84,20 @@ pub(crate) struct Arguments {
     drawn: FigureArguments,
 }
 
-/// Files that are written.
+/// Output files.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Files")]
 struct Files {
-    /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv beside it
+    /// Write a tidy table, one row per point, `-` for standard output; units go to FILE.units.csv
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write the same table as Parquet, with units in its metadata
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     parquet: Option<PathBuf>,
-    /// Write every run on a line of its own: FILE.csv or FILE.parquet, with units as for points
+    /// Write one row per run: FILE.csv or FILE.parquet, with units as for points
     #[arg(long, value_name = "FILE")]
     runs: Option<PathBuf>,
-    /// Write every sample of every run on a line of its own: FILE.csv or FILE.parquet
+    /// Write one row per sample of every run: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     samples: Option<PathBuf>,
     /// Write a Markdown table, `-` for standard output
@@ -136,7 +138,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     if asked.is_none() && !arguments.more.is_empty() {
         return Err(Error::Argument {
             argument: "FILE",
-            message: "several stores go into one figure: name its file with --figure; tables are of one store, and `sweep merge` makes one of several"
+            message: "several stores are drawn into one figure: name its file with --figure; tables show one store, and `sweep merge` combines several"
                 .into(),
         });
     }
@@ -224,7 +226,7 @@ pub(in crate::cli) fn save(
     })
 }
 
-/// Writes a table into its file, as CSV or Parquet; `names`: of what it is, and of its campaign.
+/// Writes a table into its file, as CSV or Parquet; `names`: of the table and of its campaign.
 pub(in crate::cli) fn save_table(
     table: &[DataColumn],
     names: [&str; 2],

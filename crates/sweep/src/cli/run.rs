@@ -3,9 +3,9 @@
 mod task;
 
 use super::Output;
-use super::place::{say_warning, store_of, workers, workers_or_all};
+use super::place::{print_warning, store_of, workers, workers_or_all};
 use crate::api::task::Part;
-use crate::api::{Beginning, Begun, Error, begin, complete};
+use crate::api::{Error, StartOptions, StartedCampaign, begin, complete};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
 use crate::exit;
@@ -17,13 +17,14 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Compute what a campaign lacks, then print its report
+/// Compute the open runs of a campaign, then print its report
 ///
-/// What is in the store already is not computed again. A signal (Ctrl-C) checkpoints and stops; a second one aborts. The
-/// same command goes on, with the same bits as if nothing had happened. Several processes may run the same campaign on one
-/// machine: they share its cases. A case of a process that is gone goes on from its last checkpoint: at once on the same
-/// machine, after two minutes of silence on another. If its processes die five times in a row without a new checkpoint, it
-/// ends as failed.
+/// Finished runs in the store are not computed again. A signal (Ctrl-C) checkpoints and stops; a
+/// second one aborts. The same command continues, with the same bits as without the interruption.
+/// Several processes may run the same campaign on one machine: they share its cases. A case of a
+/// dead process continues from its last checkpoint: immediately on the same machine, after two
+/// minutes without a heartbeat on another. If its processes die five times in a row without a new
+/// checkpoint, it ends as failed.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
@@ -35,10 +36,11 @@ use std::time::Duration;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the file]
+    /// The store [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside the
+    /// file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// Cases computed at a time [default: the cores of the machine]
+    /// Cases computed in parallel [default: the cores of the machine]
     #[arg(
         long,
         short,
@@ -51,15 +53,16 @@ pub(crate) struct Arguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h [default: 50 times its estimate, half
-    /// an hour at least]
+    /// Computing time after which a case ends as failed, as 90s, 15m or 2h [default: 50 times its
+    /// estimate, at least half an hour]
     #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
     max_wall_time: Option<Duration>,
-    /// Time after which the whole run checkpoints and stops, as 90s, 15m or 2h; the same command goes on
+    /// Wall time after which the program checkpoints and stops, as 90s, 15m or 2h; the same command
+    /// continues
     #[arg(long, value_name = "TIME", conflicts_with = "shard", value_parser = parse_positive_duration)]
     time_limit: Option<Duration>,
-    /// Points that come first: KEY for the lowest values of an axis, -KEY for the highest, KEY=VALUE[,VALUE..] for these. What is
-    /// given first counts most
+    /// Points to compute first: KEY for the lowest values of an axis, -KEY for the highest,
+    /// KEY=VALUE[,VALUE..] for these; the first option counts most
     #[arg(
         long,
         value_name = "KEY[=VALUE,..]",
@@ -67,46 +70,48 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     priority: Vec<String>,
-    /// What is shown on standard error: bars, lines, lines of JSON, or nothing [default: bars on a terminal, else lines]
+    /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a
+    /// terminal, else lines]
     #[arg(long, value_name = "HOW")]
     progress: Option<Style>,
-    /// Command for `sh -c` once the run is over, whatever came of it: SWEEP_OUTCOME is done, failed, stopped or error,
-    /// SWEEP_EXIT_CODE the exit code, and SWEEP_CAMPAIGN the file
+    /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error,
+    /// SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file
     #[arg(long, value_name = "COMMAND", conflicts_with = "shard")]
     on_finish: Option<String>,
-    /// Another campaign's store: take its runs of the same parameters, steps and seeds in place of computing them again. May be
-    /// given several times
+    /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead
+    /// of computing them; repeatable
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
     reuse: Vec<PathBuf>,
-    /// Keep the layer at every sampled strain, for `sweep export` and movies; finished cases are not computed again for it
+    /// Keep a frame at every sampled strain, for `sweep export` and movies; finished cases are not
+    /// recomputed for it
     #[arg(long)]
     trajectory: bool,
     #[command(flatten)]
     cluster: ClusterArguments,
 }
 
-/// One task of a cluster, and where it works.
+/// One task of a cluster, and its folders.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "One task of a cluster")]
 #[group(requires = "shard")]
 pub(crate) struct ClusterArguments {
-    /// One task of a cluster: compute slice I, from 0, of N in a store of its own, and publish it among the shards. TERM and
-    /// USR1 checkpoint, publish, and have Slurm start the task again if work is left
+    /// Compute slice I (from 0) of N in a separate store and publish it as a shard. TERM and USR1
+    /// checkpoint, publish, and have Slurm restart the task if work is left
     #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
     shard: Option<Part>,
-    /// The slices, as `sweep submit` wrote them [default: all cases of the file, cut here]
+    /// File of slices from `sweep submit` [default: cut all cases of the file]
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     slices: Option<PathBuf>,
-    /// Folder shards are published in [default: NAME.shards beside the store]
+    /// Folder for shards [default: NAME.shards beside the store]
     #[arg(long, value_name = "DIR", hide_short_help = true)]
     shards: Option<PathBuf>,
-    /// Disk of this machine to work on [default: SLURM_TMPDIR, or else the folder of shards]
+    /// Local disk to work on [default: SLURM_TMPDIR, or else the folder of shards]
     #[arg(long, value_name = "DIR", hide_short_help = true)]
     scratch: Option<PathBuf>,
-    /// Time between publications, as 90s or 2m: what a crashed machine loses at most
+    /// Time between publications, as 90s or 2m: the most that a crash can lose
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration, hide_short_help = true)]
     publish_every: Duration,
-    /// Go on from shards another build of sweep computed; their bits may differ
+    /// Continue from shards of another build of sweep; their bits may differ
     #[arg(long, hide_short_help = true)]
     allow_mixed_versions: bool,
 }
@@ -136,7 +141,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     result
 }
 
-/// Runs the user's command once all is over. What it prints goes where messages go, and what becomes of it changes nothing.
+/// Runs the user's command at the end. Its output goes to standard error, and its outcome has no
+/// effect.
 fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
     let outcome = match code {
         exit::DONE => "done",
@@ -154,12 +160,12 @@ fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
         .status();
     match ran {
         Ok(status) if status.success() => {}
-        Ok(status) => style.tell(&format!("the command of --on-finish ended with {status}")),
-        Err(error) => style.tell(&format!("the command of --on-finish was not run: {error}")),
+        Ok(status) => style.note(&format!("the command of --on-finish ended with {status}")),
+        Err(error) => style.note(&format!("the command of --on-finish was not run: {error}")),
     }
 }
 
-/// How progress is shown.
+/// Form of the progress display.
 fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
     match (
         arguments.progress,
@@ -173,7 +179,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
     }
 }
 
-/// Computes what is lacking, and prints the report.
+/// Computes the open cases and prints the report.
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
     if let Some(part) = arguments.cluster.shard {
@@ -193,34 +199,34 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let folder = path.parent().filter(|folder| !folder.exists());
     if let Some(folder) = folder.filter(|_| arguments.store.is_some()) {
-        style.tell(&format!("{} is a new folder", folder.display()));
+        style.note(&format!("{} is a new folder", folder.display()));
     }
     if let Some(network) = network_file_system(&path) {
-        style.tell(&format!(
+        style.note(&format!(
             "warning: {} is on a network file system ({network}), where several machines cannot safely share a store: run it \
              from one machine only, or choose a local disk with --store FILE",
             path.display()
         ));
     }
-    let beginning = Beginning {
+    let beginning = StartOptions {
         reuse: &arguments.reuse,
         retry_failed: arguments.retry_failed,
         priority: &priority,
     };
-    let Begun {
+    let StartedCampaign {
         mut store,
         adoption,
         taken,
         damaged,
     } = begin(&path, &campaign, beginning)?;
-    say_warning(&store);
-    say_what_was_damaged(&damaged, style);
-    say_what_is_there(&campaign, &path, adoption, style);
-    say_what_was_taken(taken, style);
+    print_warning(&store);
+    print_damage(&damaged, style);
+    print_inventory(&campaign, &path, adoption, style);
+    print_reused(taken, style);
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
-        // Nothing was left when the time was up.
+        // The time limit was reached without work left.
         Some(Reason::TimeLimit) if is_over && counts.failed > 0 => exit::FAILED,
         Some(Reason::TimeLimit) if is_over => exit::DONE,
         Some(reason) => reason.exit_code(),
@@ -228,18 +234,19 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         None => exit::DONE,
     };
     match super::report::write(&store, output) {
-        // Nobody reads on: what became of the runs is told all the same.
+        // The reader closed standard output; the exit code stays that of the runs.
         Err(error) if error.is_closed_pipe() => {}
         written => written?,
     }
     if stop.reason().is_some() && !is_over {
-        style.tell("stopped: the same command goes on from the last checkpoints");
+        style.note("stopped: the same command continues from the last checkpoints");
     }
     Ok(code)
 }
 
-/// Says what a campaign finds in its store, if there is anything to say: what is kept, what is new, what is not asked for.
-fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
+/// Notes how a changed campaign compares with its store: runs kept, new, and no longer in the
+/// campaign.
+fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: Style) {
     let Inventory {
         orphans,
         orphan_bytes,
@@ -247,7 +254,7 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
     } = adoption.inventory;
     if adoption.changed {
         let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
-        style.tell(&format!(
+        style.note(&format!(
             "{} differs from the last campaign in {}: {}",
             name(&campaign.file),
             name(path),
@@ -255,8 +262,8 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
         ));
     }
     if orphans > 0 {
-        style.tell(&format!(
-            "{orphans} runs in {} (about {}) are not asked for; they stay there, and `sweep prune {}` removes them",
+        style.note(&format!(
+            "{orphans} runs in {} (about {}) are no longer in the campaign; they are kept, and `sweep prune {}` removes them",
             path.display(),
             bytes(orphan_bytes),
             campaign.file.display()
@@ -264,14 +271,14 @@ fn say_what_is_there(campaign: &Campaign, path: &Path, adoption: Adoption, style
     }
 }
 
-/// Says which runs are computed again because what was stored of them is damaged.
-fn say_what_was_damaged(damaged: &[Finding], style: Style) {
+/// Notes the damaged runs, which are computed again.
+fn print_damage(damaged: &[Finding], style: Style) {
     for finding in damaged {
         let whose = finding
             .key
             .as_ref()
             .map(|key| format!(" ({key}, which is computed again)"));
-        style.tell(&format!(
+        style.note(&format!(
             "damaged: {}{}",
             finding.what,
             whose.unwrap_or_default()
@@ -279,21 +286,21 @@ fn say_what_was_damaged(damaged: &[Finding], style: Style) {
     }
 }
 
-/// Says what was taken over from other stores, if there were any.
-fn say_what_was_taken(taken: Option<Merged>, style: Style) {
+/// Notes the runs reused from other stores, if any were given.
+fn print_reused(taken: Option<Merged>, style: Style) {
     let Some(taken) = taken else {
         return;
     };
-    style.tell(&format!(
-        "taken over: {} runs, {} failures, {} checkpoints",
+    style.note(&format!(
+        "reused: {} runs, {} failures, {} checkpoints",
         taken.results, taken.failures, taken.checkpoints
     ));
     for damaged in taken.damaged {
-        style.tell(&damaged.to_string());
+        style.note(&damaged.to_string());
     }
 }
 
-/// Computes the cases of a store. Says how they stand then.
+/// Computes the cases of a store. Returns their number by state.
 fn compute(
     arguments: &Arguments,
     campaign: &Campaign,

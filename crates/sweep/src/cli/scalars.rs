@@ -8,7 +8,8 @@ use serde_json::json;
 
 /// Print the resistance functions of two spheres
 ///
-/// Normalised as in Kim & Karrila: A by 6 pi mu a1; B, G by 4 pi mu a1^2; C, H by 8 pi mu a1^3; M by (20/3) pi mu a1^3.
+/// Normalised as in Kim & Karrila: A by 6 pi mu a1; B, G by 4 pi mu a1^2; C, H by 8 pi mu a1^3; M
+/// by (20/3) pi mu a1^3.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: sweep scalars --size-ratio 1 --separation 2.01")]
 pub(crate) struct Arguments {

@@ -11,10 +11,11 @@ use crate::format::wrapped;
 use crate::report::{SegmentReport, Selection, Shape};
 use std::path::PathBuf;
 
-/// Print what each segment of the runs says: averages, what a reversal leaves of the stress, harmonics of an oscillation
+/// Print results of each segment: averages, stress after a reversal, harmonics of an oscillation
 ///
-/// For campaigns with [[protocol.segment]] tables. Means over runs with 95 % intervals; what each number is stands in docs/protocols.md. The
-/// tables and figures of `sweep report` are those of the last segment, and of another with `--segment`. Reads only.
+/// For campaigns with [[protocol.segment]] tables. Means over runs with 95 % intervals;
+/// docs/protocols.md defines the numbers. `sweep report` shows the last segment, or another with
+/// `--segment`. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep segments reversal.toml\n  sweep segments reversal.toml --where shear_rate=10 --json\n  \
@@ -24,10 +25,10 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Only points with one of these values on an axis, or in a range; may be repeated
+    /// Only points with one of these values on an axis, or in a range; repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
-    /// All columns on the screen, and not only as many as fit
+    /// Print all columns, not only as many as fit
     #[arg(long)]
     wide: bool,
     /// Write all numbers, one row per segment of a point: FILE.csv or FILE.parquet
@@ -81,9 +82,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         if sheet.is_cut {
             lines.push("more columns: --wide; all of them: --csv FILE".into());
         }
-        lines.push(
-            "mean over runs ± half the 95 % Student interval, over the strain that is given".into(),
-        );
+        lines.push("mean over runs ± half the 95 % Student interval, over the strain given".into());
         let text = wrapped(&lines.join("\n"), output.width);
         writeln!(output.out, "{}", text.trim_end())?;
     }

@@ -1,14 +1,14 @@
 //! `sweep serve`.
 
 use super::Output;
-use super::place::{StoreArguments, say_last_run};
+use super::place::{StoreArguments, print_last_run};
 use crate::api::Error;
 use crate::exit;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 
 /// Show the report as a live page in the browser
 ///
-/// Reads only, and may be used while the campaign runs: the page follows it. Ctrl-C ends it.
+/// Reads only; the page follows a running campaign. Ctrl-C ends the server.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep serve results/quickstart.sqlite\n  sweep serve sweeps/quickstart.toml --listen 127.0.0.1:0"
@@ -16,7 +16,8 @@ use std::net::{SocketAddr, ToSocketAddrs as _};
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Address and port; port 0 takes a free one. Anything but loopback lets others on the network read the results
+    /// Address and port; port 0 selects a free one. Any address but loopback lets others on the
+    /// network read the results
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420", value_parser = address)]
     listen: SocketAddr,
 }
@@ -37,15 +38,15 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
-    // A file that is no store is an error now, not one of each request.
+    // An invalid store is an error here, not at each request.
     let store = source.open()?;
     let name = store.campaign_name()?;
-    say_last_run(&store, output);
+    print_last_run(&store, output);
     drop(store);
     crate::serve::serve(source, arguments.listen, |address| {
         if !address.ip().is_loopback() {
             output.note(&format!(
-                "warning: {address} is not loopback: whoever reaches it can read the results of {name}"
+                "warning: {address} is not loopback: everyone who can reach it can read the results of {name}"
             ));
         }
         if output.json {

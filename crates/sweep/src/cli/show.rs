@@ -8,12 +8,12 @@ use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::{Starts, chart};
 
-/// Columns of the chart where the output is no terminal.
+/// Columns of the chart where the output is not a terminal.
 const WIDTH: u16 = 78;
 
-/// Tell the story of one run: parameters, trace, counters, provenance, error
+/// Show one run: parameters, trace, counters, provenance, error
 ///
-/// Reads only, and may be used while the run is computed: then its trace is that of its last checkpoint.
+/// Reads only; the trace of an unfinished run is that of its last checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep show results/quickstart.sqlite 12\n  sweep show results/quickstart.sqlite 3f9a --json"
@@ -27,47 +27,47 @@ pub(crate) struct Arguments {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open(output)?;
-    let story = store.story(&arguments.case)?;
+    let details = store.details(&arguments.case)?;
     if output.json {
-        output.json(&story)?;
+        output.json(&details)?;
         return Ok(exit::DONE);
     }
     let width = output.width.unwrap_or(WIDTH).clamp(40, 120);
     let out = &mut *output.out;
-    let number = story.number.map_or_else(
+    let number = details.number.map_or_else(
         || "no longer in the campaign file".into(),
         |number| format!("case {number}"),
     );
     let name = store.campaign_name()?;
     let starts = Starts::of_store(&store)?;
-    writeln!(out, "{name}: {number}, key {}", story.key)?;
+    writeln!(out, "{name}: {number}, key {}", details.key)?;
     let words: Vec<String> = AXES
         .iter()
-        .filter(|axis| axis.matters(std::iter::once(&story.params)))
+        .filter(|axis| axis.matters(std::iter::once(&details.params)))
         .map(|axis| {
-            let value = axis.value(&story.params).to_string();
-            let name = starts.name_on(axis, &story.params).unwrap_or(value);
+            let value = axis.value(&details.params).to_string();
+            let name = starts.name_on(axis, &details.params).unwrap_or(value);
             format!("{} {name}", axis.symbol)
         })
         .collect();
-    writeln!(out, "{}, seed {}", words.join(", "), story.seed)?;
-    let strain = |steps: u64| steps as f64 * story.params.time_step;
+    writeln!(out, "{}, seed {}", words.join(", "), details.seed)?;
+    let strain = |steps: u64| steps as f64 * details.params.time_step;
     writeln!(
         out,
-        "{}: strain {:.3} of {:.3}, begun {} times{}{}",
-        story.state,
-        strain(story.steps_done),
-        strain(story.steps),
-        story.attempts,
-        story
+        "{}: strain {:.3} of {:.3}, started {} times{}{}",
+        details.state,
+        strain(details.steps_done),
+        strain(details.steps),
+        details.attempts,
+        details
             .resumed
             .map_or_else(String::new, |n| format!(", resumed {n} times")),
-        story
+        details
             .cpu_time_s
-            .or(story.wall_time_s)
+            .or(details.wall_time_s)
             .map_or_else(String::new, |s| format!(", {} of computing", duration(s))),
     )?;
-    let trace: Vec<(f64, f64)> = story
+    let trace: Vec<(f64, f64)> = details
         .samples
         .iter()
         .map(|(_, s)| (s.strain, s.viscosity))
@@ -78,7 +78,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     } else {
         writeln!(out, "no trace yet")?;
     }
-    if let Some((_, last)) = story.samples.last() {
+    if let Some((_, last)) = details.samples.last() {
         let c = &last.counters;
         writeln!(
             out,
@@ -100,16 +100,16 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             significant(c.worst_friction_error, 2),
             significant(c.minimum_gap, 3),
             c.jam_events,
-            story.frames
+            details.frames
         )?;
     }
-    for doubt in &story.doubts {
+    for doubt in &details.doubts {
         writeln!(out, "its numbers are doubtful, and not averaged: {doubt}")?;
     }
-    if let Some(origin) = &story.origin {
+    if let Some(origin) = &details.origin {
         writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
     }
-    for failure in &story.failures {
+    for failure in &details.failures {
         let place = failure.pair.map_or_else(String::new, |(i, j)| {
             format!(
                 ", pair {i}, {j}, gap {}",

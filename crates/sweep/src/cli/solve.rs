@@ -13,14 +13,15 @@ use std::path::PathBuf;
 const INPUT_LIMIT: u64 = 16 << 20;
 /// Solve one instant of one configuration
 ///
-/// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`, `background`, `forces`, `torques`,
-/// `lubrication`, `contact`; docs/json.md has all of it. Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
+/// FILE is JSON: `centres` and `hydrodynamics`, and optionally `radii`, `cell`, `offset`,
+/// `background`, `forces`, `torques`, `lubrication`, `contact`; docs/json.md describes them.
+/// Lengths in sphere radii, forces in viscosity times radius squared times shear rate.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example:\n  echo '{\"centres\": [[0, 0], [2.1, 0]], \"hydrodynamics\": \"ball-melrose\"}' | sweep solve - --json"
 )]
 pub(crate) struct Arguments {
-    /// The configuration; `-` is standard input
+    /// The configuration; `-` for standard input
     file: PathBuf,
 }
 
@@ -39,7 +40,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 /// Writes tables of spheres and contacts.
 fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     let digits = |value: f64| significant(value, 6);
-    // The size, where it is a vector.
+    // The magnitude of a vector.
     let amount = |amount: &Amount| match amount {
         Amount::Number(number) => digits(*number),
         Amount::Vector(vector) => digits(vector.iter().map(|x| x * x).sum::<f64>().sqrt()),

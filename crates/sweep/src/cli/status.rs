@@ -3,7 +3,7 @@
 mod tasks;
 
 use super::Output;
-use super::place::{StoreArguments, say_warning};
+use super::place::{StoreArguments, print_warning};
 use crate::api::Error;
 use crate::api::status::Status;
 use crate::exit;
@@ -11,9 +11,9 @@ use crate::format::{counted, duration};
 use crate::report::{FailureGroup, table};
 use std::path::Path;
 
-/// Say how far a campaign is
+/// Show the progress of a campaign
 ///
-/// Reads only, needs no write access, and may be used while the campaign runs.
+/// Reads only and needs no write access; works while the campaign runs.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep status results/quickstart.sqlite\n  sweep status sweeps/quickstart.toml --json"
@@ -21,7 +21,7 @@ use std::path::Path;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Failures listed at most
+    /// Maximum number of failures to list
     #[arg(long, default_value_t = 10, value_name = "N")]
     failures: u32,
 }
@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let (path, store) = (source.path(), source.open()?);
-    say_warning(&store);
+    print_warning(&store);
     let status = Status::of(&store, arguments.failures)?;
     if output.json {
         output.json(&status)?;
@@ -59,7 +59,7 @@ fn write_text(
         status.campaign,
         match c.pending + c.running {
             0 => format!("all {} runs have ended", c.total()),
-            // What is left is never nothing, however little it is.
+            // Never shown as complete while work remains.
             _ => format!(
                 "about {:.1} % of the work is done",
                 (100.0 * status.work_done).min(99.9)
@@ -74,21 +74,21 @@ fn write_text(
     if c.pending + c.running > 0 {
         writeln!(
             out,
-            "about {} of processor time left",
+            "about {} of CPU time left",
             duration(status.remaining_cpu_s)
         )?;
     }
     if let Some(precision) = &status.precision {
         writeln!(
             out,
-            "precision: {} of {} points have it, {} still take seeds, which may be more than those counted here",
+            "precision: reached at {} of {} points; {} still need seeds, perhaps more than counted here",
             precision.reached, precision.points, precision.open
         )?;
     }
     if let Some(last) = &status.last_run_with {
         writeln!(
             out,
-            "the store {} was last run with another version of the campaign, of {}: shown is what {file} asks for",
+            "the store {} was last run with another version of the campaign, of {}; this shows {file}",
             store.display(),
             last.display(),
         )?;
@@ -96,7 +96,7 @@ fn write_text(
     if status.orphans > 0 {
         writeln!(
             out,
-            "{} runs in the store are not asked for: sweep prune {file} removes them",
+            "{} runs in the store are no longer in the campaign: sweep prune {file} removes them",
             status.orphans
         )?;
     }
@@ -104,7 +104,7 @@ fn write_text(
     for process in &status.processes {
         writeln!(
             out,
-            "process {} on {}: {}, last heard of {} ago",
+            "process {} on {}: {}, last heartbeat {} ago",
             process.pid,
             process.host,
             counted(process.running, "case"),
@@ -122,21 +122,21 @@ fn write_text(
     if !status.disagreements.is_empty() {
         writeln!(
             out,
-            "{} results do not agree bit for bit with another attempt: sweep merge {file} lists them",
+            "{} results differ from another attempt: sweep merge {file} lists them",
             status.disagreements.len()
         )?;
     }
     if status.mixed_shards > 0 {
         writeln!(
             out,
-            "{} shards of another build of sweep were let in",
+            "{} shards of another build of sweep were accepted",
             status.mixed_shards
         )?;
     }
     Ok(())
 }
 
-/// Writes the failures, those that are alike together.
+/// Writes the failures, similar ones grouped.
 fn write_failures(
     groups: &[FailureGroup],
     arguments: &Arguments,
@@ -157,7 +157,7 @@ fn write_failures(
     if !groups.is_empty() {
         writeln!(
             out,
-            "the state before a failure: sweep replay {} CASE | sweep solve -",
+            "to solve the state before a failure: sweep replay {} CASE | sweep solve -",
             arguments.place.file.display()
         )?;
     }

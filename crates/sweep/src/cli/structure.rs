@@ -11,10 +11,10 @@ use crate::format::wrapped;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};
 use std::path::PathBuf;
 
-/// Print what the layers of a campaign look like: contacts, clusters, percolation, rigid clusters, fabric
+/// Print the structure of layers: contacts, clusters, percolation, rigid clusters, fabric
 ///
-/// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and over runs, with 95 % intervals. What each
-/// number is stands in docs/structure.md. Reads only.
+/// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and
+/// over runs, with 95 % intervals. docs/structure.md defines the numbers. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep structure sweeps/quickstart.toml\n  sweep structure results/quickstart.sqlite 3\n  \
@@ -25,12 +25,13 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// One run alone: the beginning of its key, or its number in the campaign file, from 1 [default: all finished runs]
+    /// A single run: the beginning of its key, or its number in the campaign file, from 1 [default:
+    /// all finished runs]
     case: Option<String>,
-    /// Only points with one of these values on an axis, or in a range; may be repeated
+    /// Only points with one of these values on an axis, or in a range; repeatable
     #[arg(long = "where", value_name = "KEY=VALUE[,VALUE..]")]
     selection: Vec<String>,
-    /// All the usual columns on the screen, and not only as many as fit
+    /// Print all default columns, not only as many as fit
     #[arg(long)]
     wide: bool,
     /// Write all numbers, one row per point: FILE.csv or FILE.parquet
@@ -45,7 +46,7 @@ pub(crate) struct Arguments {
     /// Draw one of the curves of every point: FILE.svg, FILE.pdf or FILE.png
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
-    /// Which curve the figure shows
+    /// Curve of the figure
     #[arg(long, value_enum, default_value_t, requires = "figure")]
     kind: StructureKind,
 }
@@ -92,7 +93,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             lines.push("more columns: --wide; all of them: --csv FILE".into());
         }
         lines.push(
-            "shares of spheres, of instants that percolate, of contacts; mean over runs ± half the 95 % Student interval"
+            "fractions of spheres, of percolating instants, of contacts; mean over runs ± half the 95 % Student interval"
                 .into(),
         );
         let text = wrapped(&lines.join("\n"), output.width);

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{positive, store_of, workers};
 use crate::api::Error;
-use crate::api::submit::{Submitted, Wanted, submit};
+use crate::api::submit::{SubmitOptions, Submitted, submit};
 use crate::campaign::Campaign;
 use crate::cluster::{
     Scheduler, SchedulerError, quoted,
@@ -17,8 +17,8 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Options of sbatch that are the business of the script.
-const OURS: [&str; 7] = [
+/// Options of sbatch that the script sets.
+const SCRIPT_OPTIONS: [&str; 7] = [
     "-a",
     "--array",
     "--export",
@@ -28,12 +28,13 @@ const OURS: [&str; 7] = [
     "--open-mode",
 ];
 
-/// Hand what a campaign lacks to Slurm, as one array of tasks
+/// Submit the open runs of a campaign to Slurm, as one array of tasks
 ///
-/// Merges the shards there are, cuts the open cases into slices of equal estimated cost, and submits one array job whose
-/// tasks compute one slice each with `sweep run --shard`. A task that meets its time limit checkpoints and is started again
-/// until its slice is done. Cases that tasks submitted before still work on are left to them. Nothing of the environment is
-/// exported to the tasks; the program is copied into the folder of shards, so that it may be built anew meanwhile.
+/// Merges the published shards, cuts the open cases into slices of equal estimated cost, and
+/// submits one array job whose tasks compute one slice each with `sweep run --shard`. A task that
+/// reaches its time limit checkpoints and is restarted until its slice is done. Cases of earlier
+/// tasks that still run are left out. No environment is exported to the tasks; the program is
+/// copied into the folder of shards, so that it may be rebuilt meanwhile.
 #[derive(Debug, clap::Args)]
 #[expect(
     clippy::struct_excessive_bools,
@@ -48,61 +49,62 @@ const OURS: [&str; 7] = [
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// What runs the tasks
+    /// Scheduler of the tasks
     #[arg(long, value_enum, default_value_t = Kind::Slurm)]
     engine: Kind,
-    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder that holds `sweeps/`, or beside
-    /// the file]
+    /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder
+    /// that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// Number of tasks [default: so many that each needs about half of --time]
+    /// Number of tasks [default: each needs about half of --time]
     #[arg(long, value_name = "N", value_parser = positive)]
     tasks: Option<NonZeroUsize>,
-    /// Cases each task computes at a time, one core each
+    /// Cases that each task computes in parallel, one core each
     #[arg(long, value_name = "K", default_value = "1", value_parser = workers)]
     workers_per_task: NonZeroUsize,
-    /// Tasks at work at a time, at most
+    /// Maximum number of tasks that run at the same time
     #[arg(long, value_name = "N", value_parser = positive)]
     throttle: Option<NonZeroUsize>,
-    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default: the site's]
+    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default:
+    /// the site's]
     #[arg(long, value_name = "TIME")]
     time: Option<TimeLimit>,
     /// Partition of the cluster
     #[arg(long, value_parser = word)]
     partition: Option<String>,
-    /// Account the time is charged to
+    /// Account to charge
     #[arg(long, value_parser = word)]
     account: Option<String>,
-    /// Further argument of sbatch, as in --sbatch-arg=--mem=4G; may be repeated
+    /// Further argument of sbatch, as in --sbatch-arg=--mem=4G; repeatable
     #[arg(long, value_name = "ARG", allow_hyphen_values = true)]
     sbatch_arg: Vec<String>,
-    /// Disk of the nodes the tasks work on [default: SLURM_TMPDIR, or else the folder of shards]
+    /// Local disk of the nodes [default: SLURM_TMPDIR, or else the folder of shards]
     #[arg(long, value_name = "DIR")]
     scratch: Option<PathBuf>,
-    /// Time between publications, as 90s or 2m: what a crashed node loses at most
+    /// Time between publications, as 90s or 2m: the most that a crash can lose
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration)]
     publish_every: Duration,
-    /// Computing time after which a single case ends as failed, as 90s, 15m or 2h
+    /// Computing time after which a case ends as failed, as 90s, 15m or 2h
     #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
     max_wall_time: Option<Duration>,
-    /// Keep the layer at every sampled strain, as `sweep run` does
+    /// Keep a frame at every sampled strain, as for `sweep run`
     #[arg(long)]
     trajectory: bool,
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Submit although another build of sweep computed what is stored; the store keeps a record of it
+    /// Accept results of another build of sweep in the store, which records this
     #[arg(long)]
     allow_mixed_versions: bool,
-    /// Also submit cases that tasks submitted before may still work on: costs time, does no harm
+    /// Also submit cases that earlier tasks may still compute: costs time, but is harmless
     #[arg(long)]
     again: bool,
-    /// Print what would be submitted, and write nothing
+    /// Print the job without submitting it, and write nothing
     #[arg(long)]
     dry_run: bool,
 }
 
-/// What can run the tasks.
+/// The schedulers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Kind {
     /// A cluster with Slurm.
@@ -111,7 +113,7 @@ enum Kind {
     Local,
 }
 
-/// A name of a partition or an account.
+/// Name of a partition or an account.
 fn word(text: &str) -> Result<String, String> {
     let fits = |c: char| c.is_ascii_alphanumeric() || "_-.,@+:/".contains(c);
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(fits) {
@@ -127,17 +129,17 @@ struct Answer<'a> {
     job: Option<&'a str>,
     cases: usize,
     tasks: usize,
-    /// Hash of the slices; this and what follows is null if nothing is open.
+    /// Hash of the slices; this and all below are null without open cases.
     plan: Option<&'a str>,
     folder: Option<&'a Path>,
-    /// The command that hands the script over.
+    /// The command that submits the script.
     command: Option<&'a [String]>,
     script: Option<&'a str>,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = Campaign::read(&arguments.campaign)?;
-    let wanted = Wanted {
+    let wanted = SubmitOptions {
         scheduler: scheduler(arguments)?,
         tasks: arguments.tasks.map(NonZeroUsize::get),
         workers: arguments.workers_per_task.get(),
@@ -195,13 +197,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
-/// The scheduler as it was asked for.
+/// The requested scheduler.
 fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
     let refused =
         |argument: &'static str, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
         let name = argument.split('=').next().unwrap_or_default();
-        if OURS.contains(&name) {
+        if SCRIPT_OPTIONS.contains(&name) {
             return refused(
                 "--sbatch-arg",
                 format!("{name} is set by sweep itself: see `sweep submit --dry-run`"),
@@ -231,7 +233,7 @@ fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
                 ("--sbatch-arg", !arguments.sbatch_arg.is_empty()),
             ];
             if let Some((argument, _)) = foreign.into_iter().find(|(_, given)| *given) {
-                return refused(argument, "only --engine slurm has it".into());
+                return refused(argument, "it requires --engine slurm".into());
             }
             Scheduler::Local
         }
@@ -270,7 +272,7 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
     Ok(run)
 }
 
-/// Says how long it may take and how much memory a task needs.
+/// Notes the estimated time and the memory of a task.
 fn forecast(campaign: &Campaign, submitted: &Submitted, output: &Output<'_>) {
     let job = &submitted.job;
     output.note(&format!(
@@ -283,7 +285,7 @@ fn forecast(campaign: &Campaign, submitted: &Submitted, output: &Output<'_>) {
     ));
     if !campaign.rules.is_empty() {
         output.note(
-            "this is one wave: once it is merged, `sweep submit` submits the seeds that the precision still takes",
+            "this is one wave: after a merge, `sweep submit` submits the seeds that the precision still needs",
         );
     }
 }

@@ -1,21 +1,21 @@
-//! The arguments of tables for people, the same for every command that has them.
+//! The arguments of tables for people, shared by all commands.
 
 use super::Output;
 use crate::api::Error;
 use crate::report::{NumberFormat, Shape};
 use std::path::PathBuf;
 
-/// How tables are written.
+/// Form of tables.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Tables")]
 pub(crate) struct TableArguments {
-    /// Only these columns besides those that name a row, in tables of every kind; names are those of the CSV file and of JSON
+    /// Only these columns after those that name a row; names are those of the CSV file and of JSON
     #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
     pub(crate) columns: Vec<String>,
-    /// All the usual columns on the screen, and not only as many as fit
+    /// Print all default columns, not only as many as fit
     #[arg(long)]
     wide: bool,
-    /// How numbers with an interval are written, on the screen and in LaTeX
+    /// Format of numbers with an interval, on the screen and in LaTeX
     #[arg(long, value_enum, default_value_t, hide_short_help = true)]
     format: NumberFormat,
     /// Write a LaTeX table, `-` for standard output
@@ -24,7 +24,7 @@ pub(crate) struct TableArguments {
 }
 
 impl TableArguments {
-    /// How a table looks.
+    /// Style of a table.
     pub(crate) fn shape(&self) -> Shape {
         Shape {
             wide: self.wide,
@@ -33,7 +33,7 @@ impl TableArguments {
     }
 }
 
-/// Refuses a file on standard output where the JSON object goes; each with the argument that names it.
+/// Refuses a file on standard output together with --json; each file comes with its argument.
 pub(crate) fn refuse_two_answers(
     files: &[(&'static str, &Option<PathBuf>)],
     output: &Output<'_>,

@@ -8,7 +8,7 @@ use crate::report::table;
 use sd_core::verify::{Check, checks};
 use serde_json::json;
 
-/// Recompute known results and compare: seconds
+/// Recompute known results and compare them, within seconds
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  sweep verify\n  sweep verify --json")]
 pub(crate) struct Arguments {}
@@ -63,7 +63,7 @@ fn known(check: &Check) -> String {
     }
 }
 
-/// A number to so many significant digits, in plain form if that is legible, else in powers of ten.
+/// A number with this many significant digits, in plain form if legible, else in powers of ten.
 fn number(value: f64, digits: i32) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         significant(value, digits)

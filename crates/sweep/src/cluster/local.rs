@@ -1,21 +1,21 @@
-//! This machine as a scheduler: a script in the background that runs the tasks one after another. A job is
-//! named by the number and the start of its process.
+//! This machine as a scheduler: a script in the background that runs the tasks one after another. A
+//! job is named by the number and the start of its process.
 
 use super::{ActiveTask, Job, SchedulerError};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
-/// The most tasks of one job: as many as a shell can count through without anybody noticing.
+/// Maximum number of tasks of a job: a shell counts through these in negligible time.
 pub(super) const TASK_LIMIT: usize = 100_000;
 
-/// The script: so many lanes side by side, each with its share of the tasks.
+/// The script: parallel lanes, each with its share of the tasks.
 pub(super) fn script(job: &Job) -> Result<String, SchedulerError> {
     let command = job.task_command("$task")?;
     let (tasks, lanes) = (job.tasks, job.throttle.unwrap_or(1).min(job.tasks));
     Ok(format!(
         "#!/bin/sh
 # Campaign {name}: {tasks} tasks, {lanes} at a time. Made by sweep submit.
-# Told to stop, tasks checkpoint, lanes end with their task, and this waits for them.
+# On TERM the tasks checkpoint, lanes end with their task, and this script waits for them.
 trap : TERM
 lane=0
 while [ \"$lane\" -lt {lanes} ]; do
@@ -40,7 +40,7 @@ pub(super) fn command(job: &Job) -> Vec<String> {
     vec!["sh".into(), job.script_path().display().to_string()]
 }
 
-/// Starts the script in the background; gives the name of the job.
+/// Starts the script in the background; returns the name of the job.
 pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
     let command = command(job);
     let refused = |error: std::io::Error| SchedulerError::Refused {
@@ -58,7 +58,8 @@ pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
         .stdin(Stdio::null())
         .stdout(log.try_clone().map_err(refused)?)
         .stderr(log)
-        // A group of its own: no Ctrl-C meant for others, and all its tasks can be ended at once.
+        // A separate process group, so that it receives no Ctrl-C for others and all its tasks can
+        // be ended together.
         .process_group(0)
         .spawn()
         .map_err(refused)?;
@@ -79,7 +80,7 @@ pub(super) fn active(job: &str) -> Vec<ActiveTask> {
         .collect()
 }
 
-/// Tells all processes of a job to stop.
+/// Signals all processes of a job to stop.
 pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
     if !crate::system::process::alive(job) {
         return Ok(());
@@ -96,7 +97,7 @@ pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
         Some(Err(error)) => Err(SchedulerError::Refused {
             command: format!("kill -TERM -{job}"),
             said: error.to_string(),
-            advice: "cancel it from the machine and the account that submitted it".into(),
+            advice: "cancel it on the machine and with the account that submitted it".into(),
         }),
     }
 }

@@ -1,7 +1,8 @@
-//! Shards: stores of a part of a campaign that one task computes by itself and publishes for all to read.
+//! Shards: stores of a part of a campaign that one task computes and publishes.
 //!
-//! A task works in a store of its own on a disk of its own and copies it, whole and synced, into the shared folder under a
-//! name nobody else uses. A published shard is only ever replaced by a newer one: readers need no locks.
+//! A task works in a private store on a local disk and copies it, whole and synced, into the shared
+//! folder under a unique name. A published shard is only ever replaced by a newer one: readers need
+//! no locks.
 
 mod error;
 mod publish;
@@ -18,7 +19,8 @@ use std::time::SystemTime;
 
 /// Ending of a shard's name.
 const ENDING: &str = ".sqlite";
-/// Runs that were begun when a plan was made, in its folder, for its tasks to go on from.
+/// File with the runs that were begun when a plan was made, in its folder, so that its tasks
+/// continue them.
 pub(crate) const BEGUN: &str = "begun.sqlite";
 
 /// The folder of shards that belongs to a store: `results/NAME.shards` for `results/NAME.sqlite`.
@@ -31,7 +33,7 @@ pub(crate) fn plan_folder(folder: &Path, plan: &str) -> PathBuf {
     folder.join("plans").join(plan)
 }
 
-/// The mark that a job was cancelled: its tasks do not ask to be started again.
+/// File that marks a job as cancelled: its tasks do not request a restart.
 pub(crate) fn cancel_mark(folder: &Path, plan: &str, job: &str) -> PathBuf {
     let job = sanitize(job.split(';').next().unwrap_or(job));
     plan_folder(folder, plan).join(format!("cancelled-{job}"))
@@ -60,16 +62,16 @@ pub(crate) fn sanitize(word: &str) -> String {
     word.chars().map(sanitize).collect()
 }
 
-/// A published shard, as its name tells.
+/// A published shard, parsed from its name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Published {
     /// The file.
     pub path: PathBuf,
     /// Hash of the slices it belongs to.
     pub plan: String,
-    /// Who published it.
+    /// Its publisher.
     pub task: TaskName,
-    /// When.
+    /// Time of publication.
     pub at: Option<SystemTime>,
 }
 
@@ -92,7 +94,7 @@ pub(crate) fn published(folder: &Path) -> Vec<Published> {
     found
 }
 
-/// What the name of a shard says.
+/// Parses the name of a shard.
 fn parse(name: &str) -> Option<(String, TaskName)> {
     let parts: Vec<&str> = name.strip_suffix(ENDING)?.split('.').collect();
     let [plan, job, task, restart, node] = parts.as_slice() else {
@@ -114,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_who_published() {
+    fn names_identify_the_publisher() {
         let task = TaskName {
             job: "12;main".into(),
             task: 3,

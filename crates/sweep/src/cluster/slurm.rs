@@ -1,4 +1,4 @@
-//! Slurm: one array job, submitted with `sbatch` alone. No accounting database is asked for anything.
+//! Slurm: one array job, submitted with `sbatch`, without queries to an accounting database.
 
 use super::{ActiveTask, Job, Requeue, SchedulerError, quoted_path};
 use crate::format::{counted, parse_duration};
@@ -8,9 +8,10 @@ use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-/// Size of an array where the site does not tell: Slurm's own default.
-pub(crate) const USUAL_ARRAY: usize = 1001;
-/// Variables a user sets to choose where jobs go. All others that `sbatch` reads could change what the script says.
+/// Maximum size of an array where the site does not report it: the default of Slurm.
+pub(crate) const DEFAULT_ARRAY: usize = 1001;
+/// Environment variables by which a user selects a destination for jobs. All others that `sbatch`
+/// reads could override the script.
 const CHOICES: [&str; 7] = [
     "SBATCH_ACCOUNT",
     "SBATCH_PARTITION",
@@ -21,7 +22,7 @@ const CHOICES: [&str; 7] = [
     "SBATCH_TIMELIMIT",
 ];
 
-/// A Slurm cluster, and what a job asks of it.
+/// A Slurm cluster with the resources that a job requests.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Slurm {
     /// Time limit of a task.
@@ -39,7 +40,7 @@ pub(crate) struct Slurm {
 pub(crate) struct TimeLimit {
     /// As written.
     pub text: String,
-    /// What it means.
+    /// Its value.
     pub time: Duration,
 }
 
@@ -92,8 +93,8 @@ impl std::str::FromStr for TimeLimit {
 }
 
 impl Slurm {
-    /// Seconds before the time limit a task is told to stop. Slurm looks once a minute only: the signal may come a minute
-    /// early, and asked for less than a minute ahead it may never come.
+    /// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the
+    /// signal may come a minute early, and with less than a minute of warning it may never come.
     fn warning_s(&self) -> u64 {
         let limit = self
             .time
@@ -128,8 +129,9 @@ impl Slurm {
         option(&format!("--signal=B:USR1@{}", self.warning_s()));
         option("--requeue --open-mode=append --output=log-%A_%a");
         let command = job.task_command("$SLURM_ARRAY_TASK_ID")?;
-        // sweep takes the place of the shell, so that signals reach it. Nothing of the environment of the one who submits
-        // comes along, so Slurm's own programs are looked for where they were found then.
+        // sweep replaces the shell, so that signals reach it. The environment of the submitting
+        // user is not exported, so Slurm's programs are searched for in the folder where they were
+        // found at submission.
         let _ = write!(
             script,
             "# Campaign {}: {}, one slice of the open cases each. Made by sweep submit.
@@ -145,7 +147,7 @@ exec {command}
         Ok(script)
     }
 
-    /// The command that hands it over.
+    /// The command that submits it.
     pub(super) fn command(&self, job: &Job) -> Vec<String> {
         let mut command: Vec<String> = ["sbatch", "--parsable", "--export=NONE", "--chdir"]
             .map(String::from)
@@ -156,7 +158,7 @@ exec {command}
         command
     }
 
-    /// Hands it over; gives the number of the job.
+    /// Submits it; returns the number of the job.
     pub(super) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
         let command = self.command(job);
         let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
@@ -174,7 +176,7 @@ exec {command}
     }
 }
 
-/// The most tasks of an array: MaxArraySize of the site.
+/// Maximum number of tasks of an array: MaxArraySize of the site.
 pub(super) fn task_limit() -> Result<usize, SchedulerError> {
     if which::which("sbatch").is_err() {
         return Err(missing("sbatch"));
@@ -185,17 +187,17 @@ pub(super) fn task_limit() -> Result<usize, SchedulerError> {
             let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
             line.split('=').nth(1)?.trim().parse().ok()
         })
-        .unwrap_or(USUAL_ARRAY))
+        .unwrap_or(DEFAULT_ARRAY))
 }
 
-/// Tasks of a job that `squeue` still knows.
+/// Tasks of a job that `squeue` lists.
 pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
     let (number, cluster) = parts(job);
     let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
     arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
     let lines = match ask("squeue", &arguments) {
         Ok(lines) => lines,
-        // What squeue says of a job that ended some minutes ago.
+        // The answer of squeue for a job that ended some minutes ago.
         Err(SchedulerError::Refused { said, .. }) if said.contains("Invalid job id") => {
             String::new()
         }
@@ -226,7 +228,7 @@ pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
     }
 }
 
-/// What this process is called as task number `task` of an array, if it is that.
+/// Name of this process as task number `task` of an array, if it is that task.
 pub(super) fn this_task(task: usize) -> Option<TaskName> {
     let get = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     // Inside a task of some other array this process may be started by hand.
@@ -243,10 +245,11 @@ pub(super) fn this_task(task: usize) -> Option<TaskName> {
     })
 }
 
-/// Has a task put into the queue again, unless it was cancelled.
+/// Requeues a task, unless it was cancelled.
 pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
     let name = format!("{}_{}", task.job, task.task);
-    // The signal before the time limit is ours alone; TERM may mean the limit, a preemption or a cancellation.
+    // The signal before the time limit is only sent for that; TERM may mean the limit, a preemption
+    // or a cancellation.
     if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
         let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
         let ending = matches!(state, "COMPLETING" | "CANCELLED");
@@ -260,7 +263,7 @@ pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
     }
 }
 
-/// The folder Slurm's programs are in.
+/// The folder of Slurm's programs.
 fn folder_of_slurm() -> PathBuf {
     let sbatch = which::which("sbatch").ok();
     sbatch
@@ -268,7 +271,7 @@ fn folder_of_slurm() -> PathBuf {
         .unwrap_or_else(|| PathBuf::from("/usr/bin"))
 }
 
-/// A job and the cluster it is on, if that was named.
+/// A job and its cluster, if named.
 fn parts(job: &str) -> (&str, Option<&str>) {
     match job.split_once(';') {
         Some((number, cluster)) => (number, Some(cluster)),
@@ -276,13 +279,13 @@ fn parts(job: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Runs one of Slurm's programs; gives what it wrote.
+/// Runs one of Slurm's programs; returns its output.
 fn ask(program: &str, arguments: &[&str]) -> Result<String, SchedulerError> {
     let mut command = Command::new(program);
     command.args(arguments);
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
-        // Also what a job leaves in the environment of a job that submits another.
+        // This includes variables that a job sets for jobs that it submits.
         let stray = text.starts_with("SBATCH_") && !CHOICES.contains(&text.as_ref())
             || text.starts_with("SLURM_JOB")
             || text.starts_with("SLURM_ARRAY")
@@ -317,32 +320,32 @@ fn ask(program: &str, arguments: &[&str]) -> Result<String, SchedulerError> {
     })
 }
 
-/// What can be done about what Slurm said.
+/// Advice for an error of Slurm.
 fn advice(said: &str) -> String {
     let said = said.to_lowercase();
     let about = |words: &[&str]| words.iter().any(|word| said.contains(word));
     let what = if about(&["job array"]) {
         "the site allows smaller arrays only: give fewer --tasks"
     } else if about(&["account", "association"]) {
-        "choose an account and a partition you may use with --account and --partition; the site says which are yours"
+        "choose an account and a partition that you may use, with --account and --partition"
     } else if about(&["partition"]) {
         "choose a partition with --partition; `sinfo -s` lists them"
     } else if about(&["time limit", "timelimit"]) {
-        "choose a shorter --time: tasks that do not get through are started again by themselves"
+        "choose a shorter --time: unfinished tasks are restarted automatically"
     } else if about(&["limit", "qos", "max"]) {
-        "the site limits what may be submitted at a time: give fewer --tasks, or wait for other jobs to end"
+        "the site limits submitted jobs: give fewer --tasks, or wait until other jobs have ended"
     } else if about(&["contact", "connect", "timed out"]) {
-        "Slurm's controller does not answer: look with `squeue --me` whether the job is there all the same; if not, try again \
+        "Slurm's controller does not answer: check with `squeue --me` whether the job exists; if not, try again \
          in a while"
     } else if about(&["node configuration", "cpu", "memory"]) {
         "no node has so many cores or so much memory: give fewer --workers-per-task"
     } else {
         "correct what it names"
     };
-    format!("{what}; then give the same command again")
+    format!("{what}; then repeat the command")
 }
 
-/// That one of Slurm's programs is not there.
+/// The error about a missing program of Slurm.
 fn missing(program: &str) -> SchedulerError {
     SchedulerError::Missing {
         program: program.to_owned(),

@@ -1,6 +1,7 @@
-//! Measured runs, kept in the user's cache: a file for every machine and build, a line of JSON for every run.
+//! Measured runs, kept in the user's cache: a file for every machine and build, a line of JSON for
+//! every run.
 //!
-//! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error.
+//! The cache only saves time: a missing, damaged or unwritable file is no error.
 
 use super::Record;
 use crate::system::files::{cache_folder, folder_of, read_text, write_whole};
@@ -10,9 +11,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// Bytes from which on the older half is dropped.
+/// Size in bytes at which the older half is dropped.
 const LIMIT: u64 = 1 << 20;
-/// Steps of the shortest run that is kept: shorter ones are mostly their start.
+/// Minimum steps of a run that is kept: shorter runs consist mostly of their start.
 const LEAST_STEPS: u64 = 20;
 
 /// The file of this machine and this build; `None` without a home.
@@ -24,7 +25,7 @@ fn place() -> Option<PathBuf> {
     PLACE.clone()
 }
 
-/// Keeps measured runs, but for those that are too short to tell anything.
+/// Stores measured runs, except those that are too short to be representative.
 pub(crate) fn record(records: &[Record]) {
     if let Some(place) = place() {
         // Without a cache the next plan measures again.
@@ -49,7 +50,7 @@ fn append(place: &Path, records: &[Record]) -> std::io::Result<()> {
         let kept = lines[lines.len() / 2..].join("\n") + "\n";
         write_whole(place, |file| file.write_all(kept.as_bytes()))?;
     }
-    // In one piece: several processes may append.
+    // In one write: several processes may append.
     let mut file = File::options().create(true).append(true).open(place)?;
     file.write_all(&lines)
 }

@@ -1,4 +1,4 @@
-//! Short runs that tell what a step costs: long enough for contacts, where there is time for that.
+//! Short runs that measure the cost of a step: long enough for contacts to form, if time permits.
 
 use super::{Costs, NEAR, Record, distance, values};
 use crate::case::{Case, step_cost};
@@ -10,44 +10,44 @@ use sd_core::{Error, NearFields, Params};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Time by the wall that all of them together take at most.
+/// Maximum wall time of all of them together.
 const PILOT_TIME: Duration = Duration::from_millis(3400);
-/// Time after which a run that is within a long step is left behind.
+/// Time after which a run that is within a long step is abandoned.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Points that are tried at most.
+/// Maximum number of points that are tried.
 const MOST_POINTS: usize = 6;
-/// Strain after which a layer has its contacts.
+/// Strain after which a layer has formed its contacts.
 const LEAD_IN: f64 = 0.5;
-/// Share of the time that may go by until then.
+/// Maximum fraction of the time until then.
 const LEAD_IN_SHARE: f64 = 0.4;
-/// The longest step on the way there, a strain, and by how much it may be longer than that of the runs.
+/// Largest step up to that strain, and its largest ratio to the step of the runs.
 const LEAD_IN_STEP: f64 = 0.02;
 const LEAD_IN_FACTOR: u32 = 4;
-/// Steps that the shortest run takes.
+/// Minimum number of steps of a run.
 const SHORTEST: f64 = 8.0;
-/// Steps measured at least, and those before them that pay for memory the others find ready.
+/// Minimum number of measured steps, and of preceding steps that allocate memory for them.
 const LEAST_MEASURED: u32 = 2;
 
-/// The parameters of a short run, and what came of it, or why nothing did; and where there was no time for the contacts to form, the
-/// strain from which on it was measured.
+/// The parameters of a short run; its outcome or the reason for its failure; and, where there was
+/// no time for contacts to form, the strain from which it was measured.
 pub(crate) type Trial = (Params, Result<Record, String>, Option<f64>);
 
-/// How far a short run is.
+/// Progress of a short run.
 #[derive(Debug, Default)]
 struct Progress {
-    /// Steps that tell what one costs.
+    /// Measured steps.
     steps: u32,
-    /// Seconds of processor they took.
+    /// CPU seconds of these steps.
     cpu_s: f64,
-    /// When the step under way began.
+    /// Start of the current step.
     step_begun: Option<Instant>,
-    /// Whether it is over, or why it told nothing.
+    /// Whether it has ended, or why it failed.
     ended: Option<Result<(), String>>,
-    /// The strain from which on it is measured, where contacts have had no time to form.
+    /// The strain from which it is measured, if contacts had no time to form.
     early: Option<f64>,
 }
 
-/// A short run: a case, with another seed perhaps.
+/// A short run: a case, possibly with another seed.
 struct ShortRun {
     case: Case,
     seed: u64,
@@ -55,11 +55,11 @@ struct ShortRun {
     has_ended: Condvar,
 }
 
-/// Makes short runs of points of which no measured run is near: those behind which most of the work is. `points` are cases with
-/// the number of their like.
+/// Makes short runs of points without similar measured runs, those with the most work first.
+/// `points` are cases with their multiplicity.
 ///
-/// Near jamming a single step can take longer than there is time. Such a step counts for the time it has taken so far, and is left
-/// to a thread for which nobody waits.
+/// Near jamming a single step can exceed the available time. Such a step counts with the time it
+/// has taken so far, and its thread is abandoned.
 pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> Vec<Trial> {
     let chosen = choose(costs, points);
     if chosen.is_empty() {
@@ -68,7 +68,7 @@ pub(crate) fn trials(costs: &Costs, points: &[(&Case, f64)], begun: Instant) -> 
     let threads = std::thread::available_parallelism()
         .map_or(1, std::num::NonZero::get)
         .min(4);
-    // Several seeds of a point where there is room, as runs of different seeds cost differently.
+    // Several seeds of a point where the limit allows, as their costs differ.
     let number = chosen.len().max(threads);
     let runs: Vec<Arc<ShortRun>> = (0..number)
         .zip(1..)
@@ -106,7 +106,7 @@ impl ShortRun {
         }
     }
 
-    /// Waits until it has ended or the time is over.
+    /// Waits until it has ended or time is up.
     fn wait(&self, deadline: Instant) {
         let time = deadline.saturating_duration_since(Instant::now());
         let under_way = |progress: &mut Progress| progress.ended.is_none();
@@ -120,7 +120,7 @@ impl ShortRun {
         lock(&self.progress)
     }
 
-    /// What it has told so far.
+    /// Its result so far.
     fn trial(&self) -> Trial {
         let progress = self.progress();
         let under_way = progress.step_begun.map(|begun| begun.elapsed());
@@ -132,28 +132,28 @@ impl ShortRun {
         };
         let outcome = match &progress.ended {
             Some(Err(reason)) => Err(reason.clone()),
-            _ if steps == 0 => Err("no step could be made in the time there is".into()),
+            _ if steps == 0 => Err("no step was completed in the available time".into()),
             _ => Ok(record),
         };
         (self.case.params.clone(), outcome, progress.early)
     }
 
-    /// Makes it in about that time.
+    /// Makes the run in about that time.
     fn make(&self, time: Duration) -> Result<(), String> {
         let (case, begun) = (&self.case, Instant::now());
         if Duration::from_secs_f64(SHORTEST * step_cost(&case.params)) > time {
             return Err(format!(
-                "a step takes about {} s, which is too long for one",
+                "a step takes about {} s, which is too long",
                 crate::format::significant(step_cost(&case.params), 2)
             ));
         }
         let ratios = tables::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
-        // Solved in a fraction of a second where they are not in the cache.
+        // Tables are computed in a fraction of a second where they are not in the cache.
         let tables = tables::make(&ratios, |_| {}).map_err(|e| e.to_string())?;
         let lead_in = self.lead_in(&tables, time.mul_f64(LEAD_IN_SHARE));
         let mut layer = lead_in.map_err(|e| e.to_string())?;
         layer.step().map_err(|e| e.to_string())?;
-        // From here on steps are those of the case, and the lead-in tells nothing more.
+        // From here on steps are those of the case; the lead-in is not measured.
         *self.progress() = Progress {
             early: Some(layer.strain()).filter(|strain| *strain < self.lead_in_strain()),
             ..Progress::default()
@@ -162,7 +162,7 @@ impl ShortRun {
         let mut measured = 0;
         while measured < LEAST_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
             let step = self.measured(|| {
-                // As in a run, which keeps the state before every step.
+                // A run also keeps the state before every step.
                 before.replace(layer.snapshot());
                 layer.step()
             });
@@ -175,7 +175,7 @@ impl ShortRun {
         Ok(())
     }
 
-    /// Makes a step and notes what it takes.
+    /// Makes a step and records its time.
     fn measured<T>(&self, step: impl FnOnce() -> T) -> T {
         self.progress().step_begun = Some(Instant::now());
         let clock = Clock::of_thread();
@@ -192,7 +192,8 @@ impl ShortRun {
         LEAD_IN.min(0.25 * self.case.strain())
     }
 
-    /// A layer with contacts, as near to [`LEAD_IN`] as there is time for, which is sheared on in the steps of the case.
+    /// A layer with contacts, sheared up to [`LEAD_IN`] if time permits, that continues with the
+    /// steps of the case.
     fn lead_in(&self, tables: &NearFields, time: Duration) -> Result<AnySimulation, Error> {
         let begun = Instant::now();
         let (case, seed) = (&self.case, self.seed);
@@ -207,7 +208,7 @@ impl ShortRun {
         let mut layer = AnySimulation::new(&coarse, seed, tables)?;
         while layer.strain() < strain && begun.elapsed() < time {
             if self.measured(|| layer.step()).is_err() {
-                // Such steps are too long for it.
+                // The lead-in steps are too long for this layer.
                 return AnySimulation::new(params, seed, tables);
             }
         }
@@ -218,7 +219,8 @@ impl ShortRun {
     }
 }
 
-/// The points to try: again and again the one behind which most of the work is that is not near to any known or chosen one.
+/// The points to try: repeatedly the point with the most work among those unlike all known or
+/// chosen ones.
 fn choose<'c>(costs: &Costs, points: &[(&'c Case, f64)]) -> Vec<&'c Case> {
     let mut open: Vec<(&Case, f64, Vec<_>)> = points
         .iter()
@@ -258,7 +260,7 @@ mod tests {
         let record = run.trial().1.unwrap();
         assert_eq!(record.steps, 1);
         assert!(record.cpu_s >= 7.0);
-        // Nobody waits for it.
+        // Its thread is abandoned.
         run.wait(Instant::now());
         assert_eq!(run.measured(|| 3), 3);
         let progress = run.progress();

@@ -37,7 +37,7 @@ where
     table.flush()
 }
 
-/// What the system said. The conversion of the `csv` crate would hide its kind.
+/// The system error. The conversion of the `csv` crate would hide its kind.
 fn trouble(error: csv::Error) -> io::Error {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error,
@@ -49,7 +49,7 @@ fn trouble(error: csv::Error) -> io::Error {
 mod tests {
     use super::*;
 
-    /// Output whose reader went away.
+    /// Output with a closed reader.
     struct Closed;
 
     impl Write for Closed {
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_who_went_away_is_known_however_long_the_table_is() {
+    fn a_closed_reader_is_detected_for_tables_of_any_length() {
         for rows in [1, 100_000] {
             let table = std::iter::repeat_n(["1.5"], rows);
             let error = write(["a"], table, &mut Closed).unwrap_err();

@@ -1,4 +1,5 @@
-//! Tables as Parquet: typed columns, so that no reader has to guess, and their units and meanings in the file itself.
+//! Tables as Parquet: typed columns, so that no reader has to guess, and their units and meanings
+//! in the file itself.
 
 use super::{Cells, DataColumn, Word};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
@@ -11,12 +12,13 @@ use parquet::schema::types::Type as Field;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// A Parquet file that is being written. Words are strings, counts 64-bit integers, other numbers doubles, null where there is
-/// nothing. Its metadata say of every column `NAME.unit` and `NAME.meaning`.
+/// A Parquet file that is being written. Text columns are strings, counts 64-bit integers, other
+/// numbers doubles, missing values null. The metadata hold `NAME.unit` and `NAME.meaning` of every
+/// column.
 pub struct ParquetFile<W: Write + Send>(SerializedFileWriter<W>);
 
 impl<W: Write + Send> ParquetFile<W> {
-    /// Begins a file of tables with the columns of `like`; `about` is said of the whole.
+    /// Starts a file of tables with the columns of `like`; `about` is metadata of the file.
     ///
     /// # Errors
     /// Output that cannot be written.
@@ -90,7 +92,7 @@ impl<W: Write + Send> ParquetFile<W> {
     }
 }
 
-/// What the system said, if it was the system.
+/// The system error, if there is one.
 fn trouble(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {

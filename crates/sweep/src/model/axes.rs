@@ -1,7 +1,9 @@
-//! The axes of a campaign: what tells its points apart, and everything that a file may vary but the seeds.
+//! The axes of a campaign: all that distinguishes its points, which a file may vary besides the
+//! seeds.
 //!
-//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside them in `volume_fraction`. The campaign file, keys of cases, columns
-//! and views of the store, tables, figures, pages and selections all go by this one list.
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside
+//! them in `volume_fraction`. The campaign file, keys of cases, columns and views of the store,
+//! tables, figures, pages and selections all use this one list.
 
 mod volume_fraction;
 
@@ -25,7 +27,7 @@ pub static AXES: LazyLock<Vec<Axis>> = LazyLock::new(|| {
     volume_fraction::among(declared).map(Axis).collect()
 });
 
-/// Names that axes have elsewhere, besides their symbols.
+/// Names of axes in other programs, besides their symbols.
 const OTHER_NAMES: [(&str, &str); 8] = [
     ("phi", "volume_fraction"),
     ("nu", "friction"),
@@ -40,7 +42,7 @@ const OTHER_NAMES: [(&str, &str); 8] = [
 /// A value on an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// A choice, by its word in campaign files.
+    /// A choice, by its keyword in campaign files.
     Word(&'static str),
     /// A whole number.
     Count(u64),
@@ -48,7 +50,7 @@ pub enum Value {
     Number(f64),
 }
 
-/// What all values of an axis or of a column are.
+/// Type of the values of an axis or of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Words.
@@ -74,7 +76,7 @@ impl Axis {
         AXES.iter().find(|axis| axis.key == key)
     }
 
-    /// Its symbol, as tables are headed, and the other names that it has elsewhere.
+    /// Its symbol, as in the heads of tables, and its names elsewhere.
     pub fn other_names(&self) -> impl Iterator<Item = &'static str> {
         let others = OTHER_NAMES.iter().filter(|(_, key)| *key == self.key);
         std::iter::once(self.symbol).chain(others.map(|(name, _)| *name))
@@ -97,7 +99,7 @@ impl Axis {
         }
     }
 
-    /// Its place on a line; not a number for words.
+    /// Its number; NaN for keywords.
     pub fn number(&self, params: &Params) -> f64 {
         self.value(params).number()
     }
@@ -111,7 +113,7 @@ impl Axis {
         }
     }
 
-    /// What all its values are.
+    /// Type of its values.
     pub fn kind(&self) -> Kind {
         match &self.form {
             Form::Choice(_) => Kind::Word,
@@ -120,7 +122,7 @@ impl Axis {
         }
     }
 
-    /// Gives parameters a value on it.
+    /// Sets its value in some parameters.
     fn put(&self, params: &mut Params, value: Value) -> Result<(), Refusal> {
         match (&self.form, value) {
             (Form::Choice(choice), Value::Word(word)) => (choice.put)(params, word)?,
@@ -133,12 +135,12 @@ impl Axis {
         Ok(())
     }
 
-    /// Whether its values lie on a line.
+    /// Whether its values are numbers.
     pub fn is_numeric(&self) -> bool {
         self.kind() != Kind::Word
     }
 
-    /// Whether its values are drawn by their logarithm, 0 and infinity at its ends.
+    /// Whether its values are drawn on a logarithmic axis, with 0 and infinity at its ends.
     pub fn is_logarithmic(&self) -> bool {
         matches!(&self.form, Form::Number(number) if number.quantity.logarithmic)
     }
@@ -153,33 +155,33 @@ impl Axis {
         self.key == "shear_stress"
     }
 
-    /// Whether it says how the shear is imposed: by its rate or by its stress.
+    /// Whether it imposes the shear, by rate or by stress.
     pub fn is_of_shear(&self) -> bool {
         self.is_shear_rate() || self.is_shear_stress()
     }
 
-    /// Whether it says how much of the space is filled: of an area or of a volume.
+    /// Whether it is an area fraction or a volume fraction.
     pub fn is_fraction(&self) -> bool {
         ["area_fraction", "volume_fraction"].contains(&self.key)
     }
 
-    /// Whether a point has it or another axis in its place: a rate or a stress, an area fraction or a volume fraction.
+    /// Whether it is one of two alternatives: rate or stress, area fraction or volume fraction.
     pub fn is_alternative(&self) -> bool {
         self.is_of_shear() || self.is_fraction()
     }
 
-    /// Whether a table of these parameters names it.
+    /// Whether a table of these parameters has it as a column.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;
         params.any(|p| (self.is_shown)(p) && !volume_fraction::is_of_layers(self.key, p))
     }
 
-    /// Whether it says anything about a point.
+    /// Whether it has an effect at a point.
     pub fn means_something(&self, params: &Params) -> bool {
         (self.has_meaning)(params) && !volume_fraction::is_of_layers(self.key, params)
     }
 
-    /// Whether some of these parameters have another value on it than the others, where it has a meaning.
+    /// Whether its value varies among these parameters, where it has a meaning.
     pub fn varies<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params.filter(|p| self.means_something(p));
         let first = params.next().map(|p| self.value(p));
@@ -195,7 +197,7 @@ impl Axis {
 }
 
 impl Value {
-    /// What it is.
+    /// Type of the value.
     pub fn kind(&self) -> Kind {
         match self {
             Self::Word(_) => Kind::Word,
@@ -204,7 +206,7 @@ impl Value {
         }
     }
 
-    /// As a number; words are none.
+    /// The value as a number; `None` for keywords.
     pub(crate) fn number(self) -> f64 {
         match self {
             Self::Word(_) => f64::NAN,
@@ -245,36 +247,38 @@ impl Serialize for Value {
     }
 }
 
-/// Why values make no parameters.
+/// Why a combination of values is invalid.
 #[derive(Debug)]
-pub enum Unmade {
-    /// Axes without a default have no value.
+pub enum InvalidCombination {
+    /// Required axes without a value.
     Missing(Vec<&'static Axis>),
-    /// A value does not go with the others.
+    /// A value conflicts with the others.
     Refused(Refusal),
 }
 
-/// The parameters with these values, one for every axis; where there is none, the default is meant.
+/// The parameters with these values, one per axis; `None` stands for the default.
 ///
 /// # Errors
-/// A value that is missing, or does not go with the others. Ranges are not checked: see [`Params::validate`].
-pub fn params_of(values: &[Option<Value>]) -> Result<Params, Unmade> {
+/// A missing or conflicting value. Ranges are not checked: see [`Params::validate`].
+pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination> {
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// The same of a run in segments, and where friction or shear rate have no effect beside the other, the parameters with both as they are given.
+/// The same of a run in segments, and where friction or shear rate have no effect beside the other,
+/// the parameters with both as they are given.
 ///
 /// # Errors
 /// As [`params_of`].
 pub(crate) fn folded_params_of(
     values: &[Option<Value>],
     segments: &[Segment],
-) -> Result<(Params, Option<Params>), Unmade> {
+) -> Result<(Params, Option<Params>), InvalidCombination> {
     let mut params = Params::UNWRITTEN;
-    // The last axis first, since a choice stands above the numbers that have a meaning under it.
+    // The last axis first, since a choice precedes the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
         if let Some(value) = value {
-            axis.put(&mut params, *value).map_err(Unmade::Refused)?;
+            axis.put(&mut params, *value)
+                .map_err(InvalidCombination::Refused)?;
         }
     }
     let mut missing = Vec::new();
@@ -284,7 +288,7 @@ pub(crate) fn folded_params_of(
         }
         match &axis.form {
             Form::Choice(choice) => {
-                (choice.put)(&mut params, choice.default).map_err(Unmade::Refused)?;
+                (choice.put)(&mut params, choice.default).map_err(InvalidCombination::Refused)?;
             }
             Form::Number(number) => match number.default {
                 None => missing.push(axis),
@@ -296,7 +300,7 @@ pub(crate) fn folded_params_of(
         }
     }
     if !missing.is_empty() {
-        return Err(Unmade::Missing(missing));
+        return Err(InvalidCombination::Missing(missing));
     }
     params.impose(segments);
     let (friction, shear_rate) = (params.friction, params.shear_rate);
@@ -317,7 +321,7 @@ pub(crate) fn folded_params_of(
     Ok((params, is_folded.then_some(given)))
 }
 
-/// What is the same for all runs of a point, and for no other.
+/// The identity of a point.
 pub(crate) type Identity = Vec<Tag>;
 
 /// A value by its bits.

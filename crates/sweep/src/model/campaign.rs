@@ -1,4 +1,4 @@
-//! A campaign: which runs there are, how each is made, and at which points a precision is requested.
+//! A campaign: its runs, their protocol, and the points with a requested precision.
 
 use super::case::{Case, CaseKey};
 use super::protocol::{Discard, Protocol};
@@ -16,30 +16,31 @@ pub struct Campaign {
     pub name: String,
     /// The file it came from.
     pub file: PathBuf,
-    /// What that file says, to the letter.
+    /// Text of that file.
     pub text: String,
-    /// How every run is made.
+    /// Protocol of every run.
     pub protocol: Protocol,
-    /// Its cases in the order of the file, seeds innermost. Where a precision is asked for, all that it may take.
+    /// Its cases in the order of the file, seeds innermost; with a requested precision, all that it
+    /// may need.
     pub cases: Vec<(CaseKey, Case)>,
-    /// Points at which a precision is asked for.
+    /// Points with a requested precision.
     pub rules: Vec<PointRule>,
-    /// Runs that the file names besides its cases and that are the same as one of these: friction has no effect at Γ = 0, nor has the
-    /// shear rate without friction.
+    /// Further runs of the file that are identical to one of its cases: friction has no effect at
+    /// Γ = 0, nor has the shear rate without friction.
     pub folded: usize,
 }
 
 /// A point whose seeds are computed until a precision is reached.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointRule {
-    /// What is asked for.
+    /// The requested precision.
     pub precision: Precision,
     /// Its cases, in the order of their seeds.
     pub cases: Range<usize>,
 }
 
 impl Campaign {
-    /// Keys of the cases that are computed whatever comes out: all but those that a precision may add.
+    /// Keys of the cases that are always computed: all but those that a precision may add.
     pub fn certain(&self) -> impl Iterator<Item = &(CaseKey, Case)> {
         let mut later = self.rules.iter().map(|rule| {
             let first = rule.cases.start + rule.precision.at_least;
@@ -58,10 +59,11 @@ impl Campaign {
             })
     }
 
-    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is averaged.
+    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is
+    /// averaged.
     ///
     /// # Errors
-    /// In words, where there is no such segment.
+    /// A message, where there is no such segment.
     pub fn of_segment(mut self, number: usize) -> Result<Self, String> {
         let count = self.protocol.segments.len();
         let Some(segment) = number
@@ -69,7 +71,7 @@ impl Campaign {
             .and_then(|k| self.protocol.segments.get(k))
         else {
             return Err(match count {
-                0 => "the campaign has no segments: [[protocol.segment]] in its file makes them"
+                0 => "the campaign has no segments: [[protocol.segment]] in its file defines them"
                     .into(),
                 _ => format!("the campaign has segments 1 to {count}, and no segment {number}"),
             });
@@ -83,8 +85,8 @@ impl Campaign {
         Ok(self)
     }
 
-    /// Where its store is unless the user says otherwise: `results/NAME.sqlite` in its project, which is the folder that holds
-    /// `sweeps/`, or where there is no such folder, the one of the file.
+    /// Default path of its store: `results/NAME.sqlite` in its project, which is the folder that
+    /// holds `sweeps/`, or where there is no such folder, the one of the file.
     pub fn default_store(&self) -> PathBuf {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let project = folder

@@ -1,11 +1,12 @@
-//! One case: all that decides the result of one run, its key, its state, its cost.
+//! One case: all inputs that determine the result of a run, its key, its state, its cost.
 
 use crate::protocol::Protocol;
 use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write as _};
 
-/// Raised whenever the same parameters and seed give other numbers than before: old results then keep their old keys.
+/// Version of the physics, raised whenever the same parameters and seed give other numbers: old
+/// results then keep their old keys.
 pub const PHYSICS_VERSION: u32 = 1;
 
 /// One run of a campaign.
@@ -22,7 +23,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal numbers.
+    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal
+    /// numbers.
     pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
         params.settle();
         let in_steps = protocol.with_time_step(params.time_step);
@@ -34,10 +36,11 @@ impl Case {
         }
     }
 
-    /// Hash of everything that decides the samples of the run, and of nothing else.
+    /// Hash of all that determines the samples of the run, and of nothing else.
     ///
-    /// The name of the campaign, the strain discarded and the checkpoint interval are not in it: they change no sample. Nor is
-    /// the length of the run: a short run is the beginning of a long one.
+    /// The name of the campaign, the strain discarded and the checkpoint interval are not in it:
+    /// they change no sample. Nor is the length of the run: a short run is the beginning of a long
+    /// one.
     pub fn key(&self) -> CaseKey {
         let params = serde_json::to_string(&self.params);
         debug_assert!(params.is_ok(), "numbers and names always have JSON");
@@ -49,17 +52,17 @@ impl Case {
         self.steps as f64 * self.params.time_step
     }
 
-    /// Estimated seconds of the whole run: right for the order of runs, not for promises.
+    /// Estimated seconds of the whole run, good enough for the order of runs.
     pub fn cost(&self) -> f64 {
         self.steps as f64 * step_cost(&self.params)
     }
 
-    /// The case in a few words, for progress and errors.
+    /// A short description of the case, for progress and errors.
     pub fn label(&self) -> String {
         self.label_within(usize::MAX)
     }
 
-    /// The same in so many columns: what tells cases apart least is left out first.
+    /// The same within a number of columns: the least distinctive parts are dropped first.
     pub fn label_within(&self, columns: usize) -> String {
         let p = &self.params;
         let shear = match p.shear_stress {
@@ -70,7 +73,7 @@ impl Case {
             Some(volume_fraction) => format!("φ={volume_fraction}"),
             None => format!("c={}", p.area_fraction),
         };
-        // Each with how soon it is left out, the highest first.
+        // Each part with the rank at which it is dropped, the highest first.
         let mut words = vec![
             (2, fraction),
             (1, format!("ν={}", p.friction)),
@@ -91,7 +94,8 @@ impl Case {
     }
 }
 
-/// Estimated seconds of one step on a common core: right for the order of runs and for shares of a bar, not for promises.
+/// Estimated seconds of one step on a common core: good enough for the order of runs and for
+/// progress bars.
 pub(crate) fn step_cost(params: &Params) -> f64 {
     let n = params.spheres as f64;
     // Measured at 60 and 200 spheres, φ = 0.45.
@@ -113,9 +117,9 @@ pub(crate) fn step_cost(params: &Params) -> f64 {
             2e-6 * n + 3.3e-8 * n * n
         }
     };
-    // Solves of a stage until it bears the stress, where that is imposed.
+    // Solves per stage until it carries the imposed stress.
     let solves = |most: f64| {
-        let searches = params.shear_stress.is_some() && params.rubs();
+        let searches = params.shear_stress.is_some() && params.has_friction();
         if searches { most } else { 1.0 }
     };
     match params.contact {
@@ -125,7 +129,7 @@ pub(crate) fn step_cost(params: &Params) -> f64 {
     }
 }
 
-/// The same parameters for every shear rate, or every stress where that is imposed.
+/// The parameters without their shear rate or stress, which are the same along a flow curve.
 pub(crate) fn without_shear(params: &Params) -> Params {
     Params {
         shear_rate: 0.0,
@@ -139,7 +143,8 @@ pub(crate) fn without_shear(params: &Params) -> Params {
 pub struct CaseKey([u8; 16]);
 
 impl CaseKey {
-    /// Of a case with these parameters as JSON. The words and their order are part of the key: never change them.
+    /// Of a case with these parameters as JSON. The names and their order are part of the key:
+    /// never change them.
     pub(crate) fn of_text(params: &str, seed: u64, sample_stride: u64) -> Self {
         let mut text = String::with_capacity(params.len() + 96);
         let _ = write!(
@@ -169,17 +174,17 @@ impl fmt::Display for CaseKey {
     }
 }
 
-/// Where a case is on its way. The data of each state is in the store.
+/// State of a case. The data of each state is in the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// Not begun, or stopped and waiting to go on from its last checkpoint.
+    /// Not started, or stopped and ready to continue from its last checkpoint.
     Pending,
     /// Owned by a process.
     Running,
-    /// Finished; counts in the averages.
+    /// Finished; included in averages.
     Done,
-    /// Ended as a jammed layer: a result of its own kind, counted but not averaged.
+    /// Ended as a jammed layer, which is counted but not averaged.
     Jammed,
     /// Ended with an error.
     Failed,
@@ -236,7 +241,8 @@ mod tests {
             };
             step_cost(&params)
         };
-        // Milliseconds, of steps of two stages at c = 0.7; those of 400 and 1000 spheres by pairs on a machine 1.6 times as fast, times that.
+        // Milliseconds, of steps of two stages at c = 0.7; those of 400 and 1000 spheres by pairs
+        // on a machine 1.6 times as fast, times that.
         for (hydrodynamics, spheres, measured) in [
             (BallMelrose, 90, 1.2),
             (BallMelrose, 400, 9.0),

@@ -1,4 +1,5 @@
-//! The format of a checkpoint: versioned, checksummed, all that the rest of the run and its result need.
+//! The format of a checkpoint: versioned, with a checksum and all that the rest of the run and its
+//! result need.
 
 use crate::spaces::AnySnapshot;
 use sd_core::Sample;
@@ -12,7 +13,7 @@ const VERSION: u32 = 2;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
-/// A run as far as it has come.
+/// An unfinished run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// State of the layer or suspension.
@@ -21,19 +22,19 @@ pub struct Checkpoint {
     pub samples: Vec<(u64, Sample)>,
     /// Seconds of computing so far.
     pub wall_time_s: f64,
-    /// Seconds of processor so far.
+    /// CPU seconds so far.
     pub cpu_time_s: f64,
-    /// Times the run went on from a checkpoint so far.
+    /// Number of times the run was resumed from a checkpoint.
     pub resumed: u32,
 }
 
-/// Why bytes are not a checkpoint that can be used.
+/// Why bytes are not a usable checkpoint.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Damage {
-    /// Too short, or not one at all.
+    /// Too short, or something else.
     #[error("not a checkpoint")]
     Foreign,
-    /// Of a format this program does not know.
+    /// Of an unknown format.
     #[error("format {found}, and this program reads {VERSION}")]
     Version {
         /// Its version.
@@ -42,7 +43,7 @@ pub enum Damage {
     /// The checksum does not agree.
     #[error("torn or corrupt: the checksum does not agree")]
     Checksum,
-    /// A number in it is none.
+    /// A number in it is not finite.
     #[error("not all numbers are finite")]
     Numbers,
     /// The content cannot be read in spite of an agreeing checksum.
@@ -50,19 +51,20 @@ pub enum Damage {
     Content(postcard::Error),
 }
 
-/// Whether a sample has the numbers that every row has. A viscosity that came out as none is kept as such.
+/// Whether a sample has the numbers that every row has. A viscosity of NaN is kept as such.
 pub(crate) fn can_be_kept(sample: &Sample) -> bool {
     sample.strain.is_finite() && sample.normal_velocity.is_finite()
 }
 
 impl Checkpoint {
-    /// Largest checkpoint that is read, in bytes: ten thousand spheres with ten thousand samples have less than 4 MiB.
+    /// Largest checkpoint that is read, in bytes: ten thousand spheres with ten thousand samples
+    /// have less than 4 MiB.
     pub const SIZE_LIMIT: usize = 64 << 20;
 
     /// As bytes.
     ///
     /// # Errors
-    /// Those of the encoder, which is given nothing it cannot encode.
+    /// Those of the encoder, which cannot occur for this data.
     pub fn encode(&self) -> Result<Vec<u8>, postcard::Error> {
         let content = postcard::to_stdvec(self)?;
         let mut bytes = Vec::with_capacity(HEADER + content.len());
@@ -99,7 +101,7 @@ impl Checkpoint {
         }
     }
 
-    /// Whether what must be a number is one.
+    /// Whether required numbers are finite.
     fn has_numbers(&self) -> bool {
         let counters = |c: &Counters| {
             !(c.worst_residual.is_nan()
@@ -158,7 +160,7 @@ mod tests {
 
     #[test]
     fn a_length_beyond_the_bytes_takes_no_memory() {
-        // A list said to have 2^60 entries.
+        // A list with a length of 2^60 in its header.
         let mut content = vec![1, 12];
         content.extend_from_slice(&[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x0f]);
         assert!(Checkpoint::decode(&with_true_checksum(&content)).is_err());

@@ -1,7 +1,8 @@
-//! The order of work: what the user puts first, then one seed of every point, the cheapest first, so that a curve stands early;
-//! then the other seeds, the most expensive first, so that no core idles at the end; then what precisions request, the batch with
-//! most to gain per second first. Where every point has one seed only, the most expensive points, which account for 75 % of the work,
-//! go most expensive first as the other seeds would.
+//! The order of work: the user's priorities, then one seed of every point, the cheapest first, so
+//! that curves appear early; then the other seeds, the most expensive first, so that no core idles
+//! at the end; then the seeds that precisions request, the batch with the largest gain per second
+//! first. Where every point has one seed only, the most expensive points, which account for 75 % of
+//! the work, are ordered like the other seeds.
 
 use super::axes::{AXES, Axis, Identity, Value, identity};
 use super::campaign::Campaign;
@@ -10,17 +11,17 @@ use sd_core::Params;
 use std::collections::HashMap;
 use std::fmt;
 
-/// What decides on the order of work.
+/// Inputs of the order of work.
 #[derive(Clone, Copy)]
 pub struct Order<'o> {
-    /// Which points come first.
+    /// Points to compute first.
     pub priority: &'o Priority,
-    /// Estimated seconds of CPU of a case.
+    /// Estimated CPU seconds of a case.
     pub cost: &'o dyn Fn(&Case) -> f64,
 }
 
 impl Default for Order<'_> {
-    /// No point comes first, and costs are estimated roughly.
+    /// No priorities, and rough estimates of costs.
     fn default() -> Self {
         static NONE: Priority = Priority { axes: Vec::new() };
         Self {
@@ -38,19 +39,19 @@ impl fmt::Debug for Order<'_> {
     }
 }
 
-/// Which points come first: see [`Priority::parse`].
+/// Points to compute first: see [`Priority::parse`].
 #[derive(Debug, Clone, Default)]
 pub struct Priority {
-    /// Axes, the one that counts most first, with the values that come first on each.
+    /// Axes, the most important first, with the values that come first on each.
     axes: Vec<(&'static Axis, Vec<String>)>,
 }
 
 impl Priority {
-    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these values first, in this order);
-    /// what is given first counts most.
+    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these
+    /// values first, in this order); what is given first counts most.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A message about the fault.
     pub fn parse(texts: &[String]) -> Result<Self, String> {
         let mut axes = Vec::with_capacity(texts.len());
         for text in texts {
@@ -77,14 +78,14 @@ impl Priority {
         Ok(Self { axes })
     }
 
-    /// The same in words.
+    /// The priority as text.
     pub(crate) fn words(&self) -> String {
         let word =
             |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
         self.axes.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// Makes sure that every value named is one that some case has.
+    /// Checks that every value named occurs in some case.
     ///
     /// # Errors
     /// The value that none has.
@@ -100,7 +101,7 @@ impl Priority {
         Ok(())
     }
 
-    /// Place of a point: lower ones come first.
+    /// Rank of a point: lower ranks come first.
     fn place(&self, params: &Params) -> Vec<f64> {
         self.axes
             .iter()
@@ -119,10 +120,10 @@ impl Priority {
     }
 }
 
-/// Stands for the highest value first.
+/// Requests the highest value first.
 const HIGHEST: &str = "-";
 
-/// Whether a value is the one that was written.
+/// Whether a value equals the given one.
 fn is(wanted: &str, value: Value) -> bool {
     match value {
         Value::Word(word) => wanted == word,
@@ -131,8 +132,8 @@ fn is(wanted: &str, value: Value) -> bool {
     }
 }
 
-/// The rank of every case, in the order of the file. Cases that precisions may add share one, after all others of their
-/// priority.
+/// The rank of every case, in the order of the file. Cases that precisions may add share one, after
+/// all others of their priority.
 pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
     let mut later = vec![false; campaign.cases.len()];
     for rule in &campaign.rules {
@@ -194,7 +195,7 @@ pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
     ranks
 }
 
-/// The largest cost of those cases, the cheapest, that together make a quarter of the work.
+/// The largest cost among the cheapest cases that together make a quarter of the work.
 fn expensive_threshold(costs: &[f64]) -> f64 {
     let mut costs = costs.to_vec();
     costs.sort_unstable_by(f64::total_cmp);
@@ -237,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn one_seed_of_every_point_cheapest_first_then_the_dearest() {
+    fn one_seed_of_every_point_cheapest_first_then_the_most_expensive() {
         let inf = f64::INFINITY;
         assert_eq!(
             order(&campaign("seeds = 2\n"), &[]),
@@ -254,7 +255,8 @@ mod tests {
         );
     }
 
-    /// Time from the first start to the last end where each of some workers takes the next case once it is free.
+    /// Time from the first start to the last end where each of some workers takes the next case
+    /// once it is free.
     fn time_needed(ranks: &[u64], costs: &[f64], workers: usize) -> f64 {
         let mut cases: Vec<_> = ranks.iter().zip(costs).collect();
         cases.sort_by_key(|(rank, _)| **rank);
@@ -284,13 +286,13 @@ mod tests {
             let last = ranks.iter().zip(&costs).max_by_key(|(rank, _)| **rank);
             let longest = costs.iter().copied().fold(0.0, f64::max);
             assert!(*last.unwrap().1 < longest, "{seeds}");
-            // No order can do better than the longest case, or all workers busy to the end.
+            // Lower bounds are the longest case, and all workers busy to the end.
             for workers in [2, 4] {
                 let ideal = (costs.iter().sum::<f64>() / workers as f64).max(longest);
                 let time = time_needed(&ranks, &costs, workers);
                 assert!(time < 1.2 * ideal, "{seeds}, {workers}: {time} of {ideal}");
             }
-            // From the cheapest to the dearest the last would run alone.
+            // From the cheapest to the most expensive, the last would run alone.
             let mut ascending: Vec<usize> = (0..costs.len()).collect();
             ascending.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
             let mut ranks = vec![0; costs.len()];

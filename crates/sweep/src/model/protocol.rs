@@ -1,24 +1,27 @@
-//! How every run of a campaign is made: its length, what is dropped and what is kept.
+//! The protocol of the runs of a campaign: length, discarded strain, sampling, checkpoints.
 
 use crate::format::short;
 use sd_core::model::Segment;
 use serde::{Deserialize, Serialize};
 
-/// The `[protocol]` table, but for the time step, which is a parameter of the run. All values are strains.
+/// The `[protocol]` table without the time step, which is a parameter of the run. All values are
+/// strains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Protocol {
     /// Length of a run, a whole number of steps; that of its segments together.
     pub strain: f64,
-    /// What is left out of the averages at the start of a run; in segments all before the last one, and of that what it discards.
+    /// The start of a run that averages leave out; with segments, all before the last one and its
+    /// discarded strain.
     pub discard: Discard,
     /// Strain from one checkpoint to the next, at least one step.
     pub checkpoint_every: f64,
     /// Strain from one sample to the next, a whole number of steps.
     pub sample_every: f64,
-    /// Whether samples look at the network of contacts: `observe = ["network"]`. What a run computes does not depend on it.
+    /// Whether samples record the contact network: `observe = ["network"]`. This does not change
+    /// the run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub observes_network: bool,
-    /// Segments of a run, in order; none where it is one steady shear at the rate or stress of its grid.
+    /// Segments of a run, in order; empty for steady shear at the rate or stress of the grid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub segments: Vec<PlannedSegment>,
 }
@@ -26,16 +29,16 @@ pub struct Protocol {
 /// A segment of every run of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PlannedSegment {
-    /// What is imposed, and from which strain of the run on.
+    /// The imposed shear, and the strain of the run at which it starts.
     pub imposed: Segment,
-    /// Its length; what is sheared back counts as well.
+    /// Its length; strain in the reverse direction counts as positive.
     pub strain: f64,
-    /// Strain since its start that is left out of its averages.
+    /// Strain after its start that its averages leave out.
     pub discard: f64,
 }
 
 impl PlannedSegment {
-    /// What is imposed and for how long, in words.
+    /// Description of the imposed shear and its length.
     pub fn words(&self) -> String {
         format!(
             "{} for a strain of {}",
@@ -44,7 +47,7 @@ impl PlannedSegment {
         )
     }
 
-    /// What is imposed, in words.
+    /// Description of the imposed shear.
     pub(crate) fn imposed_words(&self) -> String {
         let mut words = vec![match self.imposed.amplitude {
             Some(amplitude) => format!("oscillation γ0 {}", short(amplitude, 6)),
@@ -75,16 +78,16 @@ impl PlannedSegment {
     }
 }
 
-/// The sum of two strains as people write them, such as 2.4 for 1.6 + 0.8.
+/// The sum of two strains, rounded to a decimal such as 2.4 for 1.6 + 0.8.
 fn sum(a: f64, b: f64) -> f64 {
     ((a + b) * 1e9).round() / 1e9
 }
 
-/// What is left out at the start of a run.
+/// The part of a run that averages leave out at its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Discard {
-    /// As much as MSER-5 picks at each point: see `mser_5` in `statistics`.
+    /// Chosen by MSER-5 at each point: see `mser_5` in `statistics`.
     Auto,
     /// Samples before this strain; in [0, strain).
     #[serde(untagged)]
@@ -113,7 +116,7 @@ impl Protocol {
         }
     }
 
-    /// What is imposed in the segments of a run; empty where it has none.
+    /// The imposed shear in the segments of a run; empty without segments.
     pub fn imposed(&self) -> Vec<Segment> {
         self.segments
             .iter()
@@ -151,7 +154,7 @@ impl Steps<'_> {
         count(self.protocol.checkpoint_every / self.time_step).max(1)
     }
 
-    /// First step whose sample counts in the averages; `None` where each point has its own.
+    /// First step whose sample is averaged; `None` where each point has its own.
     pub fn discard_steps(&self) -> Option<u64> {
         match self.protocol.discard {
             Discard::Strain(strain) => Some(self.first_step_from(strain)),

@@ -1,4 +1,5 @@
-//! The state of a run as `sweep solve` reads it: what is kept of a failure, so that it can be looked into by itself.
+//! The state of a run as input of `sweep solve`, which is kept of a failure so that it can be
+//! studied separately.
 
 use crate::spaces::{AnySnapshot, of_either};
 use sd_core::contact::springs::GAMMA;
@@ -15,7 +16,8 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
     let imposed = run.imposed(snapshot.steps);
     let p = &run.in_step(&imposed);
     let load = snapshot.critical_load.unwrap_or(p.critical_load());
-    // At Γ = 0 the load is infinite, which JSON cannot say; without friction it does not matter.
+    // At Γ = 0 the load is infinite, which JSON cannot represent; without friction it does not
+    // matter.
     let (friction, load) = if load.is_finite() {
         (p.friction, load)
     } else {

@@ -1,13 +1,13 @@
-//! What a sample holds: name, unit, meaning and place of each number, declared once.
+//! The numbers of a sample: name, unit, meaning and place of each, declared once.
 //!
-//! The store, averages, tables, exports, the page and the Python package go by this list.
+//! The store, averages, tables, exports, the page and the Python package use this list.
 
 use super::axes::Value;
 use crate::structure::meaning_of;
 use sd_core::simulation::NetworkSample;
 use sd_core::{Sample, StressComponents};
 
-/// A number of a sample, or one that follows from it.
+/// A number of a sample, stored or derived.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Number {
     /// Its name in the store, in tables and in JSON.
@@ -18,17 +18,18 @@ pub(crate) struct Number {
     place: Place,
 }
 
-/// Where a number of a sample is.
+/// Place of a number in a sample.
 #[derive(Debug, Clone, Copy)]
 enum Place {
     Real(fn(&mut Sample) -> &mut f64),
     Count(fn(&mut Sample) -> &mut u32),
     Total(fn(&mut Sample) -> &mut u64),
-    /// A component of the stress as the sum of its parts, which alone are kept.
+    /// A component of the stress, the sum of its stored parts.
     Sum(fn(&StressComponents) -> f64),
     /// A part of a component of the stress.
     Part(fn(&mut StressComponents) -> &mut f64),
-    /// Of the network of contacts, which most samples do not look at. What it is stands in [`crate::structure::NAMED`].
+    /// A number of the contact network, which most samples lack; defined in
+    /// [`crate::structure::NAMED`].
     Network(fn(&mut NetworkSample) -> &mut f64),
 }
 use Place::{Count, Network, Part, Real, Sum, Total};
@@ -97,11 +98,11 @@ pub(crate) static NUMBERS: [Number; 45] = [
     number("core_fraction", "1", "", Network(|n| &mut n.core_fraction)),
 ];
 
-/// How many of them results have the means of.
+/// Number of those of which results have means.
 pub(crate) const MEANS: usize = 23;
 
 impl Number {
-    /// What it is; of the stress also its label on the page.
+    /// Its meaning; for the stress also its label on the page.
     pub(crate) fn meaning(&self) -> &'static str {
         match self.place {
             Network(_) => meaning_of(self.name),
@@ -109,12 +110,12 @@ impl Number {
         }
     }
 
-    /// Whether it is the sum of others, and not kept.
+    /// Whether it is derived as a sum and not stored.
     pub(crate) fn is_sum(&self) -> bool {
         matches!(self.place, Sum(_))
     }
 
-    /// Whether samples keep it.
+    /// Whether samples store it.
     pub(crate) fn is_kept(&self) -> bool {
         !self.is_sum()
     }
@@ -124,17 +125,17 @@ impl Number {
         matches!(self.place, Part(_))
     }
 
-    /// Whether it is of the network of contacts.
+    /// Whether it belongs to the contact network.
     pub(crate) fn is_of_network(&self) -> bool {
         matches!(self.place, Network(_))
     }
 
-    /// Whether results have its mean: of the stress and of the network.
+    /// Whether results have its mean: numbers of the stress and of the network.
     pub(crate) fn has_mean(&self) -> bool {
         self.is_sum() || self.is_part() || self.is_of_network()
     }
 
-    /// Its value in a sample; not a number in samples that do not have it.
+    /// Its value in a sample; NaN in samples without it.
     pub(crate) fn value(&self, sample: &Sample) -> Value {
         let mut copy = *sample;
         match self.place {
@@ -151,7 +152,7 @@ impl Number {
     }
 }
 
-/// Those of which results have the means, in the order of their columns.
+/// The numbers of which results have means, in the order of their columns.
 pub(crate) fn means() -> impl Iterator<Item = &'static Number> {
     NUMBERS.iter().filter(|number| number.has_mean())
 }
@@ -161,7 +162,7 @@ pub(crate) fn named(name: &str) -> Option<&'static Number> {
     NUMBERS.iter().find(|number| number.name == name)
 }
 
-/// The names of some, each between these words, as in a list of a statement.
+/// A list of names for a statement, each between a prefix and a suffix.
 pub(crate) fn listed(which: fn(&Number) -> bool, before: &str, after: &str) -> String {
     let some = NUMBERS.iter().filter(|number| which(number));
     let names: Vec<String> = some
@@ -175,7 +176,7 @@ pub(crate) fn listed(which: fn(&Number) -> bool, before: &str, after: &str) -> S
 pub struct Field {
     /// Its name in the store and in tables.
     pub name: &'static str,
-    /// What it is.
+    /// Its meaning.
     pub value: Value,
 }
 
@@ -188,19 +189,20 @@ impl Field {
     }
 }
 
-/// All that a sample holds.
+/// All stored numbers of a sample.
 pub fn fields(sample: &Sample) -> Vec<Field> {
     let kept = NUMBERS.iter().filter(|number| number.is_kept());
     kept.map(|number| Field::of(number, sample)).collect()
 }
 
-/// What a sample holds, and the components of the stress whose parts it holds, under the names of the columns of samples.
+/// The numbers of a sample and the components of the stress derived from it, by the names of the
+/// columns of samples.
 pub fn sample_fields(sample: &Sample) -> Vec<Field> {
     let all = NUMBERS.iter();
     all.map(|number| Field::of(number, sample)).collect()
 }
 
-/// Whether a field is of the network of contacts, which most samples do not look at.
+/// Whether a field belongs to the contact network, which most samples lack.
 pub fn is_of_network(field: &Field) -> bool {
     named(field.name).is_some_and(Number::is_of_network)
 }

@@ -1,4 +1,5 @@
-//! Layers and suspensions under one name: the one place where the parameters of a run choose the space it is computed in.
+//! Layers and suspensions as one type: the only place where the parameters of a run select its
+//! space.
 
 use sd_core::Started;
 use sd_core::simulation::{Counters, Flow, Frame};
@@ -7,23 +8,23 @@ use serde::{Deserialize, Serialize};
 
 mod fits;
 
-/// What there is of a layer, or the same of a suspension.
+/// A value of a layer or of a suspension.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum InSpace<L, B> {
-    /// Of spheres in a plane.
+    /// Spheres in a plane.
     Layer(L),
-    /// Of spheres that fill a fluid.
+    /// Spheres in a volume.
     Suspension(B),
 }
 
 /// A run.
 pub(crate) type AnySimulation = InSpace<Box<Simulation<Layer>>, Box<Simulation<Bulk>>>;
-/// All that a run needs to go on.
+/// All that a run needs to continue.
 pub type AnySnapshot = InSpace<Snapshot<Layer>, Snapshot<Bulk>>;
 /// Spheres and contacts at one instant.
 pub type AnyFrame = InSpace<Frame<Layer>, Frame<Bulk>>;
 
-/// The same expression of either.
+/// Evaluates the same expression for either.
 macro_rules! of_either {
     ($either:expr, $one:ident => $result:expr) => {
         match $either {
@@ -34,7 +35,7 @@ macro_rules! of_either {
 }
 pub(crate) use of_either;
 
-/// Refuses a start that cannot be, by what is known without making it; one that passes may still fail to pack.
+/// Refuses an impossible start without making it; one that passes may still fail to pack.
 ///
 /// # Errors
 /// [`Error::Refused`] about a value, with what is allowed.
@@ -46,8 +47,8 @@ pub(crate) fn check_start(params: &Params) -> Result<(), Error> {
     }
 }
 
-/// The dilute limit of the viscosity, and the formula it has there: Einstein's in a suspension, and in a layer that of its volume,
-/// `2 ⟨a⟩ A` for equal spheres.
+/// The dilute limit of the viscosity and its formula: Einstein's in a suspension, and in a layer
+/// that of its volume, `2 ⟨a⟩ A` for equal spheres.
 pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     match params.volume_fraction {
         Some(volume_fraction) => (1.0 + 2.5 * volume_fraction, "dilute 1 + 5φ/2"),
@@ -55,7 +56,7 @@ pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     }
 }
 
-/// Radii of the spheres and side of the cell, in a: what is known without packing.
+/// Radii of the spheres and side of the cell, in a, without packing.
 ///
 /// # Errors
 /// [`Error::CellTooSmall`].
@@ -70,7 +71,7 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
 /// Makes the start of a seed, and drops it.
 ///
 /// # Errors
-/// Why there is none.
+/// Why it cannot be made.
 pub(crate) fn try_start(params: &Params, seed: u64) -> Result<(), Error> {
     if params.volume_fraction.is_some() {
         Bulk::start(params, seed).map(|_| ())
@@ -80,7 +81,7 @@ pub(crate) fn try_start(params: &Params, seed: u64) -> Result<(), Error> {
 }
 
 impl AnySimulation {
-    /// Starts a run from what the seed makes.
+    /// Starts a run from the layer or suspension of its seed.
     ///
     /// # Errors
     /// Those of [`Simulation::new`].

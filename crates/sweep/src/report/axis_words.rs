@@ -1,4 +1,5 @@
-//! Values on an axis as people read them: in the units of a report, to as few digits as keep different values apart.
+//! Values on an axis as text: in the units of a report, with as few digits as distinguish different
+//! values.
 
 use super::figure::log_axis::power_of_ten;
 use super::points::Report;
@@ -9,7 +10,7 @@ use crate::axes::{AXES, Axis, Kind, Value};
 use crate::format::{Digits, Uncertain};
 use sd_core::Params;
 
-/// How the values on one axis are written.
+/// Format of the values on one axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AxisWords<'a> {
     axis: &'a Axis,
@@ -35,7 +36,7 @@ pub(super) fn columns_of_axes<'p>(
 }
 
 impl<'a> AxisWords<'a> {
-    /// For the values of these parameters.
+    /// The format for the values of these parameters.
     pub(super) fn of<'p>(
         axis: &'a Axis,
         units: Units,
@@ -74,7 +75,7 @@ impl<'a> AxisWords<'a> {
         }
     }
 
-    /// The value in words, with its unit if it has been converted to one.
+    /// The value as text, with its unit if it has been converted to one.
     pub(super) fn value(&self, params: &Params) -> String {
         if let Some(start) = self.start(params) {
             return start.to_owned();
@@ -92,7 +93,8 @@ impl<'a> AxisWords<'a> {
         }
     }
 
-    /// The value with its symbol, as curves and panels are called: `Γ = ∞`, `h = 10⁻⁸ m`; a word by itself, and so is a start layer that has a name.
+    /// The value with its symbol, for curves and panels: `Γ = ∞`, `h = 10⁻⁸ m`; keywords and named
+    /// start layers without a symbol.
     pub(super) fn named(&self, params: &Params) -> String {
         if self.axis.is_numeric() && self.start(params).is_none() {
             let value = self.value(params).replace("inf", "∞");
@@ -103,7 +105,7 @@ impl<'a> AxisWords<'a> {
     }
 }
 
-/// The values of some parameters on all axes that mean something to them, as captions have them.
+/// The values of some parameters on all axes with an effect, for captions.
 pub(super) fn all_named(params: &Params, units: Units, starts: &Starts) -> Vec<String> {
     let alone = || std::iter::once(params);
     let axes = AXES.iter().filter(|axis| axis.matters(alone()));
@@ -125,7 +127,7 @@ fn with_power(value: &str) -> String {
     format!("{product} {unit}").trim_end().to_owned()
 }
 
-/// The place of parameters along an axis, in some units.
+/// The position of parameters along an axis, in some units.
 fn on_axis(axis: &Axis, units: Units, params: &Params) -> f64 {
     let rate = params.shear_stress.is_none().then_some(params.shear_rate);
     units.along(axis, At::new(params, rate), axis.number(params))

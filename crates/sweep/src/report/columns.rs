@@ -1,4 +1,5 @@
-//! The columns of all tables: the axes of the campaign, then what was measured. Tables, JSON, figures and the page go by this list.
+//! The columns of all tables: the axes of the campaign, then measured quantities. Tables, JSON,
+//! figures and the page use this list.
 
 use super::error::ReportError;
 use super::figure::scale::count;
@@ -16,34 +17,34 @@ use std::sync::LazyLock;
 pub(super) struct Column {
     /// Name, the same in CSV, Parquet and JSON.
     pub(super) name: Word,
-    /// Unit; `1` where there is none, nothing for words.
+    /// Unit; `1` for pure numbers, empty for text.
     pub(super) unit: &'static str,
     /// Meaning.
     pub(super) meaning: &'static str,
-    /// Label on the page; empty for columns that no curve shows.
+    /// Label on the page; empty for columns without curves.
     pub(super) label: &'static str,
     content: Content,
-    /// Its place among all columns.
+    /// Its index among all columns.
     place: usize,
 }
 
-/// What is in a column.
+/// Content of a column.
 #[derive(Debug, Clone, Copy)]
 enum Content {
     /// Values on an axis.
     Axis(&'static Axis),
     /// Counts.
     Count(fn(&Runs<'_>) -> u64),
-    /// Numbers; `None` where there is none.
+    /// Numbers; `None` for missing ones.
     Number(fn(&Runs<'_>) -> Option<f64>),
-    /// The mean over runs of a number that they have, or of the number of a sample of this place in [`sampled::means`]. The half width
-    /// of its 95 % interval is in the next column, `NAME_ci95`.
+    /// The mean over runs of one of their numbers, or of the number of a sample with this index in
+    /// [`sampled::means`]. The half width of its 95 % interval is in the next column, `NAME_ci95`.
     Mean(fn(&PointRun, usize) -> Option<f64>, usize),
-    /// That half width.
+    /// Half width of that interval.
     Interval,
 }
 
-/// What was measured, without the means of numbers of samples.
+/// Measured quantities, without the means of numbers of samples.
 #[rustfmt::skip]
 #[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
 const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
@@ -52,7 +53,7 @@ const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
         ("seeds", "1", "runs averaged", "", Count(|r| r.averaged.len() as u64)),
         ("jammed", "1", "runs that ended jammed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Jammed))),
         ("failed", "1", "runs that failed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Failed))),
-        ("doubtful", "1", "finished runs with doubtful numbers: averaged only if asked for", "", Count(|r| r.number_of(PointRun::is_doubtful))),
+        ("doubtful", "1", "finished runs with doubtful numbers: averaged only on request", "", Count(|r| r.number_of(PointRun::is_doubtful))),
         ("viscosity", "mu", "viscosity in full, mean over runs of their means in time", "viscosity", Mean(|run, _| run.viscosity, 0)),
         ("viscosity_median", "mu", "median over runs of their medians in time", "median viscosity", Number(|r| Some(r.medians()?.median))),
         ("viscosity_median_quartile_1", "mu", "first quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_1))),
@@ -72,7 +73,7 @@ const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
         ("wall_time_s", "s", "mean wall time of a run", "", Number(|r| mean(&r.values(|run| run.wall_time_s)))),
         ("cpu_time_s", "s", "mean CPU time of a run", "", Number(|r| mean(&r.values(|run| run.cpu_time_s)))),
         ("seeds_wanted", "1", "seeds that count: of a precision those of its batches so far", "", Count(|r| r.wanted())),
-        ("precision", "1", "half width of the 95 % interval over the mean, of the quantity asked for or the viscosity", "", Number(|r| r.precision())),
+        ("precision", "1", "half width of the 95 % interval over the mean, of the requested quantity or the viscosity", "", Number(|r| r.precision())),
         ("discard", "1", "strain discarded at the start of every run", "", Number(|r| r.values(|run| run.discard).into_iter().reduce(f64::max))),
         ("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", "", Number(|r| Some(r.drift()?.halves.mean))),
         ("drift_ci95", "1", "half width of its 95 % interval over runs", "", Number(|r| r.drift()?.halves.ci95)),
@@ -113,7 +114,7 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
     all
 });
 
-/// What was measured at a point, by column: not a number where nothing was, as on the axes.
+/// Measured values of a point, by column; NaN for missing ones and for the axes.
 pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
     let mut numbers = Vec::with_capacity(COLUMNS.len());
     for column in COLUMNS.iter() {
@@ -126,14 +127,15 @@ pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
                 numbers.push(estimate.map_or(f64::NAN, |e| e.mean));
                 numbers.push(estimate.and_then(|e| e.ci95).unwrap_or(f64::NAN));
             }
-            // Pushed with its mean.
+            // Added together with its mean.
             Content::Interval => {}
         }
     }
     numbers.into()
 }
 
-/// Which columns tables have besides the axes. The default is all of them, or in tables for people the usual ones.
+/// The columns of tables besides the axes: by default all of them, in tables for people the main
+/// ones.
 #[derive(Debug, Clone, Default)]
 pub struct Columns(Option<Vec<&'static Column>>);
 
@@ -196,7 +198,7 @@ impl Column {
         matches!(self.content, Content::Axis(_))
     }
 
-    /// What all its cells are.
+    /// Type of its cells.
     fn kind(&self) -> Kind {
         match self.content {
             Content::Axis(axis) => axis.kind(),
@@ -205,11 +207,11 @@ impl Column {
         }
     }
 
-    /// Its cell of a point; `None` if nothing was measured.
+    /// Its cell at a point; `None` if nothing was measured.
     pub(super) fn cell(&self, point: &Point) -> Option<Value> {
         let measured = point.measured[self.place];
         let number = match self.content {
-            // What is not imposed follows from the other.
+            // Of rate and stress, the one that is not imposed is a result.
             Content::Axis(axis) if axis.is_shear_rate() => point.shear_rate()?,
             Content::Axis(axis) if axis.is_shear_stress() => point.params.shear_stress?,
             Content::Axis(axis) if axis.is_fraction() && !axis.means_something(&point.params) => {
@@ -245,7 +247,7 @@ impl Column {
         }
     }
 
-    /// What it is called in print.
+    /// Its name in print.
     pub(super) fn title(&self) -> String {
         match (self.label.split_once(','), self.content) {
             (Some((label, _)), _) => label.into(),
@@ -257,7 +259,7 @@ impl Column {
         }
     }
 
-    /// Whether tables for people leave it out unless it is asked for.
+    /// Whether tables for people show it only on request.
     pub(super) fn is_detail(&self) -> bool {
         let mean_of = |name| sampled::means().find(|number| number.name == name);
         match self.content {

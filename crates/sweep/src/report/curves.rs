@@ -1,4 +1,5 @@
-//! Points as curves: one axis of the campaign along, one curve per value of all others.
+//! Points as curves along one axis of the campaign, one curve per combination of values of the
+//! others.
 
 use super::axis_words::AxisWords;
 use super::points::{Point, Report};
@@ -11,23 +12,23 @@ use std::cmp::Ordering;
 /// Points that differ only along one axis, in the order of its values.
 #[derive(Debug)]
 pub(super) struct Curve<'r> {
-    /// What sets it apart from the others; empty if there are no others.
+    /// Its label, from what distinguishes it; empty for a single curve.
     pub(super) label: Label,
     /// Its points.
     pub(super) points: Vec<&'r Point>,
 }
 
-/// What sets a curve apart.
+/// The label of a curve.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Label {
-    /// In words: `c = 0.69, Γ = ∞`.
+    /// As text: `c = 0.69, Γ = ∞`.
     pub(super) words: String,
-    /// Its number, where curves differ in nothing but one number.
+    /// Its number, where curves differ in one number only.
     pub(super) number: Option<f64>,
 }
 
 impl Label {
-    /// A label that is no number.
+    /// A label without a number.
     pub(super) fn of_words(words: &str) -> Self {
         Self {
             words: words.to_owned(),
@@ -36,7 +37,7 @@ impl Label {
     }
 }
 
-/// What the curves of a figure share: the axis they run along, the one that has a panel for each of its values, the units, and
+/// Common settings of the curves of a figure: their axis, the axis of the panels, the units, and
 /// the names of start layers.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shared<'a> {
@@ -47,7 +48,7 @@ pub(super) struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Whether curves along it run along this one too: rate and stress follow from each other.
+    /// Whether this axis varies along the curves: rate and stress follow from each other.
     fn is_along(self, axis: &Axis) -> bool {
         self.along
             .is_some_and(|along| axis.key == along.key || axis.is_of_shear() && along.is_of_shear())
@@ -69,7 +70,8 @@ pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve
                 .zip(AXES.iter())
                 .filter(|(_, axis)| !shared.is_along(axis))
                 .map(|(tag, _)| tag)
-                // Points of imposed stress and of imposed rate make curves of their own, as do those of several stores.
+                // Points of imposed stress and of imposed rate make curves of their own, as do
+                // those of several stores.
                 .chain([
                     Tag::Bits(point.params.shear_stress.is_some().into()),
                     Tag::Bits(place as u64),
@@ -93,7 +95,7 @@ pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve
             if let Some(along) = shared.along {
                 points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
                 if along.is_of_shear() {
-                    // Along a curve that folds back the imposed quantity rises.
+                    // Along a curve that folds back, the imposed quantity increases.
                     points.sort_by(|a, b| {
                         a.params
                             .shear_stress
@@ -107,8 +109,8 @@ pub(super) fn curves<'r>(reports: &'r [Report], shared: Shared<'_>) -> Vec<Curve
         .collect()
 }
 
-/// What sets each of some parameters apart from the others, each with the campaign it is of: nothing that all have alike, nor the axis
-/// they run along, nor that of the panels.
+/// The labels of some parameters, each with its campaign: without common values, the axis of the
+/// curves and that of the panels.
 pub(super) fn labels(all: &[(&str, &Params)], shared: Shared<'_>) -> Vec<Label> {
     let params = || all.iter().map(|(_, params)| *params);
     let differing: Vec<&Axis> = AXES

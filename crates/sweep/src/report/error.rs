@@ -1,4 +1,4 @@
-//! Why there is no report.
+//! Errors of reports.
 
 use crate::store::StoreError;
 use std::io;
@@ -11,7 +11,7 @@ pub enum ReportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// An argument that cannot be meant.
+    /// An invalid argument.
     #[error("{}{message}", before(argument))]
     Argument {
         /// The argument of the command line.
@@ -34,7 +34,7 @@ impl ReportError {
     }
 }
 
-/// What stands before a message: the argument, unless it is the file, which is no option.
+/// Prefix of a message: the argument, unless it is the file, which is not an option.
 fn before(argument: &str) -> String {
     match argument {
         "FILE" => String::new(),

@@ -1,9 +1,10 @@
-//! Failures that are alike, told once.
+//! Groups of similar failures.
 
 use crate::case::without_shear;
 use crate::store::FailureLine;
 
-/// Runs that failed in the same way: with the same message and the same parameters but for the shear rate and the seed.
+/// Runs that failed in the same way: with the same message and the same parameters but for the
+/// shear rate and the seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FailureGroup {
     /// The first of them.
@@ -41,7 +42,7 @@ impl FailureGroup {
         groups
     }
 
-    /// In words: which runs, where, and why.
+    /// Description: runs, place and reason.
     pub fn text(&self) -> String {
         let FailureLine {
             key, seed, failed, ..

@@ -1,10 +1,10 @@
-//! Figures: what they show, and the files they become.
+//! Figures: content and file formats.
 //!
 //! ```text
 //! sketch      points of reports as lines of panels
-//! outline     the same with colours, ends and ticks of axes: all that another program needs to draw it
+//! outline     the sketch with colours, ends and ticks of axes: all that another program needs to draw it
 //! layout      the outline, or a picture of the plane of shear, as paths and texts on a page
-//! svg, png, pdf   the page as a file that names its origin
+//! svg, png, pdf   the page as a file with its origin
 //! graph       paths that are no results of a campaign
 //! chart       a trace in characters, for the terminal
 //! ```
@@ -49,15 +49,17 @@ use sketch::Sketch;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a figure shows.
+/// Kind of a figure.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
-    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
+    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit
+    /// dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
     #[default]
     Viscosity,
     /// Pairs in contact, activated, rolling and slipping, per sphere.
     Contacts,
-    /// Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band.
+    /// Viscosity against the strain since the start, mean over the finished runs of a point with
+    /// the 95 % Student interval over runs as a band.
     Trace,
     /// First normal stress difference with 95 % intervals.
     NormalStress,
@@ -69,11 +71,12 @@ pub enum Kind {
     FlowCurve,
     /// Mean approach velocity of the pairs in contact.
     ApproachVelocity,
-    /// How points flow in the plane of --x and --y: continuous, discontinuous, shear-jammed, jammed, failed.
+    /// State of the flow in the plane of --x and --y: continuous, discontinuous, shear-jammed,
+    /// jammed, failed.
     StateDiagram,
 }
 
-/// Which viscosity a figure shows; named as the columns of the tables are.
+/// The viscosity of a figure, by the names of the columns of tables.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Quantity {
     /// In full, contact stress included.
@@ -83,35 +86,38 @@ pub enum Quantity {
     /// From the stresslets alone, as eq. (20) of the paper reads.
     #[value(name = "viscosity_stresslet")]
     ViscosityStresslet,
-    /// Median over runs of their medians in time, which spikes near jamming do not move, with the quartiles over runs.
+    /// Median over runs of their medians in time, insensitive to spikes near jamming, with the
+    /// quartiles over runs.
     #[value(name = "viscosity_median")]
     ViscosityMedian,
 }
 
-/// What is to be drawn.
+/// Options of a figure.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Drawing {
-    /// What the figure shows
+    /// Kind of the figure
     #[arg(long, value_enum, default_value_t, requires = "figure")]
     pub kind: Kind,
-    /// Which viscosity the figure shows [default: viscosity]
+    /// Viscosity of the figure [default: viscosity]
     #[arg(long, value_enum, requires = "figure", hide_short_help = true)]
     pub quantity: Option<Quantity>,
-    /// The figure's horizontal axis, by its key in the campaign file or its symbol [default: the shear rate where it varies; for contacts the friction]
+    /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate
+    /// where it varies; for contacts the friction]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
     pub along: Option<&'static Axis>,
-    /// Horizontal axis of a state diagram [default: area_fraction, volume_fraction of suspensions]
+    /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of
+    /// suspensions]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
     pub x: Option<&'static Axis>,
     /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_of_shear), requires = "figure", hide_possible_values = true, hide_short_help = true)]
     pub y: Option<&'static Axis>,
-    /// How it is to look.
+    /// Its style.
     #[command(flatten)]
     pub look: Look,
 }
 
-/// How a figure is written, by the ending of its file.
+/// Format of a figure, by the ending of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// Vector, for the web and for drawing programs.
@@ -123,10 +129,10 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format that the name of a file asks for.
+    /// The format by the name of a file.
     ///
     /// # Errors
-    /// In words, on another ending.
+    /// A message, on another ending.
     pub fn of_file(path: &Path) -> Result<Self, String> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let found =
@@ -149,7 +155,7 @@ pub struct Trace {
     params: Params,
     /// Its seed, of one run.
     seed: Option<u64>,
-    /// How many runs there are at each strain.
+    /// Number of runs averaged at each strain.
     runs: usize,
     /// Strain discarded from all its runs.
     discard: Option<f64>,
@@ -157,12 +163,14 @@ pub struct Trace {
     points: Vec<(f64, Estimate)>,
 }
 
-/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by the beginning of its key, or else for each
-/// point the mean over its runs that averages count, at the strains at which all of them have a sample. While none of these is finished,
-/// its first run with samples stands in. One more than a figure holds at most.
+/// Traces of the points selected: the `cases`, each named by its number in the campaign file or by
+/// the beginning of its key, or else for each point the mean over its runs that averages count, at
+/// the strains at which all of them have a sample. While none of these is finished, the first run
+/// with samples is shown. At most one more than a figure can hold.
 ///
 /// # Errors
-/// Trouble with the store; [`crate::store::StoreError::Case`] on a name that is not that of one selected run.
+/// An I/O or SQLite error; [`crate::store::StoreError::Case`] on a name that does not identify one
+/// selected run.
 pub fn traces(
     store: &Store,
     selection: &Selection,
@@ -178,7 +186,7 @@ pub fn traces(
         keys.push(key);
     }
     let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
-    // What is imposed last is shown, against the strain since its start.
+    // Shows the last segment, against the strain since its start.
     let start = protocol
         .segments
         .last()
@@ -283,7 +291,7 @@ pub fn draw(
     drawn(&sketch, &drawing.look, &Origin::of(reports), format)
 }
 
-/// The same figure, to be drawn by another program: in one panel unless several are asked for.
+/// The same figure for another program: in one panel unless several are requested.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.

@@ -1,4 +1,4 @@
-//! The model of Wyart and Cates fitted to a campaign.
+//! The Wyart-Cates model fitted to a campaign.
 
 use super::error::ReportError;
 use super::figure::{FitCurve, Format, Origin, draw_fit};
@@ -12,18 +12,18 @@ use serde_json::{Value as Json, json};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// Points and area fractions without which the parameters are not determined.
+/// Minimum numbers of points and area fractions that determine the parameters.
 const LEAST_POINTS: usize = PARAMETERS + 1;
 const LEAST_FRACTIONS: usize = 2;
 const LEAST_STRESSES: usize = 3;
-/// Stresses at which a curve of the figure is drawn.
+/// Number of stresses at which a curve of the figure is evaluated.
 const DRAWN: usize = 120;
 
-/// A fit, and what it was made to.
+/// A fit and its data.
 #[derive(Debug)]
 pub struct FitReport {
     campaign: String,
-    /// Where its figure says it comes from.
+    /// Origin of its figure.
     origin: Origin,
     data: Vec<Datum>,
     /// Of each point.
@@ -32,10 +32,11 @@ pub struct FitReport {
 }
 
 impl FitReport {
-    /// Of the points selected: runs averaged as in a report.
+    /// Fits the points selected, with runs averaged as in a report.
     ///
     /// # Errors
-    /// Trouble with the store; [`ReportError::Argument`] where points differ in more than fraction and shear, or are too few.
+    /// An I/O or SQLite error; [`ReportError::Argument`] where points differ in more than fraction
+    /// and shear, or are too few.
     pub fn of(
         store: &Store,
         selection: &Selection,
@@ -69,7 +70,7 @@ impl FitReport {
             .collect();
         check_number(&data)?;
         let fit = fit(&data, replicates).ok_or_else(|| {
-            refused("no parameters of the model describe these points: a viscosity that falls with the stress has none".into())
+            refused("no parameters of the model describe these points: the viscosity must not decrease with the stress".into())
         })?;
         Ok(Self {
             origin: Origin::of(std::slice::from_ref(&report)),
@@ -86,13 +87,13 @@ impl FitReport {
         (0..PARAMETERS).map(move |k| (NAMES[k], self.fit.values[k], interval(k)))
     }
 
-    /// Root of the mean square of ln η less that of the fit.
+    /// Root mean square of ln η minus that of the fit.
     pub fn rms(&self) -> f64 {
         let squares: f64 = self.fit.residuals.iter().map(|r| r * r).sum();
         (squares / self.fit.residuals.len() as f64).sqrt()
     }
 
-    /// Key and symbol of the fractions: of area, or of volume.
+    /// Key and symbol of the fraction, of area or of volume.
     pub fn fraction(&self) -> [&'static str; 2] {
         let key = self.params.first().map_or("area_fraction", fraction_key);
         [key, if key == "volume_fraction" { "φ" } else { "c" }]
@@ -112,7 +113,8 @@ impl FitReport {
         )
     }
 
-    /// Fraction, of area or of volume, stress, viscosity, that of the fit, and the residual of every point.
+    /// Fraction, of area or of volume, stress, viscosity, that of the fit, and the residual of
+    /// every point.
     pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> {
         self.data
             .iter()
@@ -153,7 +155,7 @@ impl FitReport {
         })
     }
 
-    /// Draws viscosities and the fit against the stress, a colour for each fraction.
+    /// Draws viscosities and the fit against the stress, one colour per fraction.
     ///
     /// # Errors
     /// [`ReportError::Argument`] if there are more fractions than a figure holds.
@@ -199,7 +201,7 @@ fn stress(params: &Params, runs: &[f64]) -> f64 {
     })
 }
 
-/// Key of the fraction that these spheres fill.
+/// Key of the fraction of these spheres.
 fn fraction_key(params: &Params) -> &'static str {
     if params.volume_fraction.is_some() {
         "volume_fraction"
@@ -212,7 +214,8 @@ fn refused(message: String) -> ReportError {
     ReportError::argument("FILE", message)
 }
 
-/// Refuses points that differ in more than their fraction and their shear. A plateau without friction is one of every friction.
+/// Refuses points that differ in more than fraction and shear. A frictionless plateau belongs to
+/// every friction.
 fn check(params: &[Params]) -> Result<(), ReportError> {
     let rubbing = || params.iter().filter(|params| params.friction > 0.0);
     let mut named = Vec::new();
@@ -238,13 +241,13 @@ fn check(params: &[Params]) -> Result<(), ReportError> {
     Err(ReportError::argument(
         "--where",
         format!(
-            "a fit is of points that differ in area fraction and shear alone, and {}: choose one value of each with --where",
+            "a fit needs points that differ only in area fraction and shear, and {}: choose one value of each with --where",
             named.join("; ")
         ),
     ))
 }
 
-/// Refuses points that do not determine the parameters.
+/// Refuses too few points to determine the parameters.
 fn check_number(data: &[Datum]) -> Result<(), ReportError> {
     let distinct = |of: fn(&Datum) -> f64| {
         let mut values: Vec<f64> = data.iter().map(of).collect();

@@ -1,4 +1,4 @@
-//! The report for machines: one JSON object, its names and meanings a promise.
+//! The report for programs: one JSON object, a stable interface.
 
 use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
@@ -17,12 +17,12 @@ struct Document<'r> {
     cases: Value,
     /// Points, in the units of the program.
     points: Vec<Row<'r>>,
-    /// Points in the units that were asked for.
+    /// Points in the requested units.
     #[serde(skip_serializing_if = "Option::is_none")]
     physical: Option<Physical<'r>>,
 }
 
-/// The numbers in physical units, where they are asked for.
+/// The numbers in physical units, if requested.
 #[derive(Serialize)]
 struct Physical<'r> {
     /// Units of the columns that have one, by name.
@@ -31,8 +31,8 @@ struct Physical<'r> {
     points: Vec<Row<'r>>,
 }
 
-/// A point as an object: the columns of the tables by name, `null` where nothing was measured; in the units of its report where
-/// that is given.
+/// A point as an object: the columns of the tables by name, `null` for missing values; in the units
+/// of a report if one is given.
 struct Row<'r>(&'r Point, Option<&'r Report>);
 
 impl Serialize for Row<'_> {
@@ -67,13 +67,13 @@ pub fn write(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let counts = &report.counts;
     let document = Document {
         campaign: &report.campaign,
-        // Those under way count as pending; those done include doubtful ones.
+        // Running cases count as pending; done ones include doubtful ones.
         cases: json!({
             "done": counts.done, "jammed": counts.jammed, "failed": counts.failed, "pending": counts.pending + counts.running,
             "doubtful": report.doubtful,
         }),
         points: rows(None),
-        physical: report.units.are_asked_for().then(|| Physical {
+        physical: report.units.are_requested().then(|| Physical {
             units: units.filter(|(_, unit)| !unit.is_empty()).collect(),
             points: rows(Some(report)),
         }),

@@ -1,7 +1,7 @@
 //! The report as one self-contained page: summary, curves, traces, movies, failures, provenance.
 //!
-//! The page asks nothing of any network. All text of users goes through JSON in a script element, with every `<`, `>` and
-//! `&` escaped, and reaches the page as text only.
+//! The page loads nothing from the network. All user text is JSON in a script element, with every
+//! `<`, `>` and `&` escaped, and is inserted as text only.
 
 use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
@@ -21,11 +21,11 @@ use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap};
 
-/// The frame of the page.
+/// The HTML of the page.
 const PAGE: &str = include_str!("page/page.html");
 /// Its style.
 const STYLE: &str = include_str!("page/page.css");
-/// Its script, of one subject each; all within one function, so that no name leaves it.
+/// Its scripts, one per subject, within one function to keep their names local.
 const SCRIPT: &str = concat!(
     "'use strict';\n(() => {\n",
     include_str!("page/base.js"),
@@ -38,37 +38,37 @@ const SCRIPT: &str = concat!(
     "})();\n"
 );
 
-/// Points of all traces together at most, so that a page of thousands of runs still opens.
+/// Maximum total points of traces, so that a page of thousands of runs still opens.
 const TRACE_POINTS: usize = 400_000;
-/// Frames of all movies together at most.
-const MOVIE_FRAMES: usize = 3000;
-/// Movies at most.
-const MOVIES: usize = 100;
-/// Failures listed at most.
+/// Maximum total frames of movies.
+const MAX_MOVIE_FRAMES: usize = 3000;
+/// Maximum number of movies.
+const MAX_MOVIES: usize = 100;
+/// Maximum number of failures listed.
 const FAILURES: u32 = 200;
 /// Width of a bin of a histogram, in decades.
 const BIN: f64 = 0.04;
 
-/// Where a page lives.
+/// Host of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PageHost {
-    /// In a file: everything is in it.
+    /// A file, which holds everything.
     File,
-    /// On a server that is asked for news, and for movies one by one.
+    /// A server, which the page polls for updates and for movies.
     Server,
 }
 
-/// What the script is given.
+/// The data for the script.
 #[derive(Serialize)]
 struct Data<'r> {
-    /// Points with the names of `sweep report --json`, in the order of the columns.
+    /// Points with the keys of `sweep report --json`, in the order of the columns.
     points: Vec<Row<'r>>,
     #[serde(flatten)]
     others: Value,
 }
 
-/// An axis: `unit` where its values have been converted to one, and of them `digits` significant digits at most;
-/// `names` of values that have one.
+/// An axis: `unit` of converted values, their maximum significant `digits`, and `names` of named
+/// values.
 fn axis_data(report: &Report, axis: &'static Axis) -> Value {
     json!({
         "key": axis.key, "symbol": axis.symbol, "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
@@ -88,7 +88,8 @@ fn quantity_data(units: Units, column: &Column) -> Value {
     json!({"key": column.name, "label": label})
 }
 
-/// A point as an object: the columns of the tables by name, and the shear stress that its flow curve shows.
+/// A point as an object: the columns of the tables by name, and the shear stress that its flow
+/// curve shows.
 struct Row<'r>(&'r Report, &'r Point);
 
 impl Serialize for Row<'_> {
@@ -112,7 +113,7 @@ impl Serialize for Row<'_> {
 /// The page of a part of a store.
 ///
 /// # Errors
-/// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
+/// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets.
 pub fn page(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError> {
     let data = data(excerpt, host)?;
     let connect = match host {
@@ -123,7 +124,7 @@ pub fn page(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         .replace("@CONNECT@", connect)
         .replace("@CSS@", &style())
         .replace("@JS@", SCRIPT);
-    // Last, and once: what users wrote is never looked at for placeholders.
+    // Last, in a single pass: user text is never searched for placeholders.
     Ok(page.replacen("@DATA@", &in_script(&data), 1))
 }
 
@@ -148,10 +149,10 @@ fn in_script(json: &str) -> String {
         .replace('\u{2029}', "\\u2029")
 }
 
-/// What the script is given, as JSON.
+/// The data for the script, as JSON.
 ///
 /// # Errors
-/// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
+/// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets.
 pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError> {
     let Excerpt {
         store,
@@ -160,7 +161,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     } = excerpt;
     let (report, all, points) = Report::with_runs(store, selection)?;
     let report = Report { units, ..report };
-    // The time left is that of the whole campaign.
+    // The remaining time is that of the whole campaign.
     let (work_done, eta_s) = if selection.is_everything() {
         let work = store.work()?;
         (ratio(work.done, work.total), store.time_left(&work)?)
@@ -189,7 +190,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         }));
     }
     let filmed = filmed(store, all.iter().zip(points), host)?;
-    let frames_each = (MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
+    let frames_each = (MAX_MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
     let mut movies = Map::new();
     for key in filmed {
         let film = match host {
@@ -201,13 +202,13 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     let mut failures = store.failures(FAILURES)?;
     failures.retain(|failure| selection.has(&failure.params));
     let others = json!({
-        // Whether a server can be asked for news.
+        // Whether a server provides updates.
         "live": host == PageHost::Server,
         "campaign": report.campaign, "selection": selection.to_string(), "text": store.campaign_text()?,
         "discard": report.discard, "cases": report.counts, "work_done": work_done.unwrap_or(1.0), "eta_s": eta_s,
         "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
         "quantities": COLUMNS.iter().filter(|column| !column.label.is_empty()).map(|column| quantity_data(units, column)).collect::<Vec<_>>(),
-        // How each point flows, as a state diagram has it.
+        // State of each point, as in a state diagram.
         "flows": flows_of(&report.points).iter().map(|flow| flow.map(Flow::name)).collect::<Vec<_>>(),
         "doubtful": report.doubtful, "with_doubtful": report.with_doubtful,
         "viscosity_label": units.label("viscosity", "mu"), "viscosity_factor": factor,
@@ -215,10 +216,10 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
             "F_crit/a²" => "shear stress σ*".into(),
             _ => units.label("shear stress σ*", "F_crit/a²"),
         },
-        // Movies by key; `true` for one that the server has.
+        // Movies by key; `true` for one on the server.
         "runs": runs, "movies": movies, "failures": failures, "provenance": report.provenance,
         "histogram_bin": BIN,
-        // The page's map goes on to the yellow that is lost on paper: its cells have a ground of their own.
+        // The map of the page includes the yellow end, since its cells have their own background.
         "look": {"markers": MARKERS, "heat": HEAT},
     });
     let document = Data {
@@ -232,8 +233,8 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
 }
 
-/// The runs whose layers are shown: all that keep frames where a server has them; in a file the first of every point before the second
-/// of any, so many that the file still opens.
+/// The runs with movies: on a server all that keep frames; in a file the first of every point
+/// before the second of any, up to a size that still opens.
 fn filmed<'r>(
     store: &Store,
     all: impl Iterator<Item = (&'r PointRun, usize)>,
@@ -250,12 +251,13 @@ fn filmed<'r>(
     }
     if host == PageHost::File {
         filmed.sort_by_key(|(number, _)| *number);
-        filmed.truncate(MOVIES);
+        filmed.truncate(MAX_MOVIES);
     }
     Ok(filmed.into_iter().map(|(_, run)| run.key.clone()).collect())
 }
 
-/// How many samples after a strain have a viscosity in each bin of its logarithm, from the first bin that has one.
+/// Histogram of the logarithm of the viscosity in the samples after a strain, from the first
+/// occupied bin.
 fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     for (_, viscosity) in trace.iter().filter(|(strain, viscosity)| {
@@ -272,7 +274,7 @@ fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
     Some(json!({"first": first, "counts": all}))
 }
 
-/// The movie of a run, at most so many frames.
+/// The movie of a run with a maximum number of frames.
 ///
 /// # Errors
 /// Those of [`Store::frames`].
@@ -283,7 +285,7 @@ pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportErr
     let alike = radii
         .windows(2)
         .all(|pair| pair[0].to_bits() == pair[1].to_bits());
-    // The typical strong force, so that a single spike does not make all others invisible.
+    // A typical strong force, so that a single spike does not hide all others.
     let mut forces: Vec<f64> = kept
         .iter()
         .flat_map(|kept| -> Vec<f64> {
@@ -303,7 +305,7 @@ pub fn movie(store: &Store, key: &str, frames: usize) -> Result<Value, ReportErr
     }))
 }
 
-/// One frame of a movie: a suspension is seen along the vorticity, with the height of each sphere towards the eye.
+/// One frame of a movie: a suspension is viewed along the vorticity, with the depth of each sphere.
 fn picture<S: Kept>(frame: &Frame<S>) -> Value {
     let places: Vec<f64> = frame
         .centres
@@ -336,12 +338,13 @@ fn picture<S: Kept>(frame: &Frame<S>) -> Value {
     picture
 }
 
-/// To three decimals, as much as can be seen.
+/// Rounded to three decimals, below the visible resolution.
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
 
-/// At most `most` points of a trace: of each stretch the lowest and the highest, so that no spike is lost.
+/// Thins a trace to at most `most` points: the minimum and maximum of each section, so that no
+/// spike is lost.
 fn thinned(trace: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     let short = |(strain, viscosity): (f64, f64)| {
         let digits = 10_f64.powf(4.0 - viscosity.abs().max(1e-9).log10().floor());

@@ -1,4 +1,5 @@
-//! The points of a campaign: what its store holds, averaged over the runs that differ only in their seed.
+//! The points of a campaign: what its store holds, averaged over the runs that differ only in their
+//! seed.
 
 use super::columns::{Column, Columns, measure};
 use super::error::ReportError;
@@ -28,29 +29,30 @@ const FAILURES_SHOWN: usize = 10;
 pub struct Report {
     /// Name of the campaign.
     pub campaign: String,
-    /// Which of its points it is about.
+    /// The selected points.
     pub selection: Selection,
-    /// Which columns its tables have.
+    /// The selected columns of its tables.
     pub columns: Columns,
     /// Their cases by state.
     pub counts: Counts,
-    /// Finished runs among them whose numbers are doubtful.
+    /// Number of finished runs among them with doubtful numbers.
     pub doubtful: u64,
-    /// Whether these are averaged all the same.
+    /// Whether these are averaged too.
     pub with_doubtful: bool,
-    /// What is discarded from every run.
+    /// The discarded start of every run.
     pub discard: Discard,
     /// Number of the segment whose averages they are, from 1, of runs that have segments.
     pub segment: Option<usize>,
     /// The points in the order of the file.
     pub points: Vec<Point>,
-    /// Their first failures, those that are alike together.
+    /// Their first failures, similar ones grouped.
     pub failures: Vec<FailureGroup>,
-    /// Seconds of computing their results took, over all workers.
+    /// Wall seconds of computing their results, summed over workers.
     pub computing: f64,
-    /// The same by the processor, as far as it is known.
+    /// Their CPU seconds, as far as known.
     pub processor: f64,
-    /// Whether some of its points share their runs, as friction has no effect at Γ = 0, nor has the shear rate without friction.
+    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor has the
+    /// shear rate without friction.
     pub shares_runs: bool,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
@@ -58,7 +60,7 @@ pub struct Report {
     pub keys: Vec<String>,
     /// The units of its numbers.
     pub units: Units,
-    /// What its start layers are called.
+    /// Names of its start layers.
     pub(crate) starts: Starts,
 }
 
@@ -73,23 +75,25 @@ pub struct Point {
     pub jammed: u64,
     /// Runs that failed: counted, not averaged.
     pub failed: u64,
-    /// Finished runs whose numbers are doubtful: counted, and averaged only if that was asked for.
+    /// Finished runs with doubtful numbers: counted, and averaged only on request.
     pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
-    /// Seeds that count: of a precision those of its batches so far, else all of the file.
+    /// Seeds that count: with a requested precision those of its batches so far, else all of the
+    /// file.
     pub seeds_wanted: u64,
-    /// Half width of the 95 % interval over the mean: of the quantity whose precision is asked for, else of the viscosity.
+    /// Half width of the 95 % interval over the mean, of the quantity with a requested precision,
+    /// else of the viscosity.
     pub precision: Option<f64>,
-    /// What is asked for, and what its rule says; `None` where the file says how many seeds.
+    /// The requested precision and the state of its rule; `None` for a fixed number of seeds.
     pub rule: Option<(Precision, Decision)>,
-    /// What to do about runs that are not steady.
+    /// Advice on runs that are not steady.
     pub advice: Option<String>,
-    /// What was measured, by column; not a number where nothing was.
+    /// Measured values, by column; NaN for missing ones.
     pub(super) measured: Box<[f64]>,
 }
 
-/// The runs of a point as they are averaged.
+/// The averaged runs of a point.
 pub(super) struct Runs<'r> {
     pub(super) all: Vec<&'r PointRun>,
     pub(super) averaged: Vec<&'r PointRun>,
@@ -97,15 +101,15 @@ pub(super) struct Runs<'r> {
 }
 
 impl Report {
-    /// Of what a store holds now about the points selected.
+    /// Reads the present results of the points selected.
     ///
     /// # Errors
-    /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets.
+    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
         Ok(Self::with_runs(store, selection)?.0)
     }
 
-    /// The same with the runs of its points, and the place of the point of each.
+    /// The report with the runs of its points, each with the index of its point.
     pub(super) fn with_runs(
         store: &Store,
         selection: &Selection,
@@ -120,7 +124,7 @@ impl Report {
         failures.retain(|failure| wanted.contains(failure.key.as_str()));
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
-        // A sum of nothing would be -0.
+        // An empty sum would be -0.
         let total = |time: fn(&PointRun) -> Option<f64>| {
             let times = once.iter().filter_map(|run| time(run));
             times.fold(0.0, |a, b| a + b)
@@ -217,7 +221,7 @@ pub(super) fn selected_runs(
 
 /// The first of each run that several points share.
 fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
-    // Only runs of these parameters are shared, and most campaigns have none.
+    // Only runs of these parameters are shared, which most campaigns lack.
     let is_shared = |run: &PointRun| run.params.friction == 0.0 || run.params.shear_rate == 0.0;
     if !runs.iter().any(is_shared) {
         return runs.iter().collect();
@@ -228,7 +232,8 @@ fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
         .collect()
 }
 
-/// The runs of the points of a campaign file as that writes them: a run that several points share belongs to each of them.
+/// The runs of the points as written in the campaign file: a run that several points share belongs
+/// to each.
 fn as_written(runs: Vec<PointRun>, text: &str) -> Vec<PointRun> {
     let points = WrittenPoints::of(text);
     if points.is_plain() {
@@ -271,7 +276,7 @@ impl Point {
         }
     }
 
-    /// What turning its numbers into physical units has to know of it.
+    /// The input for converting its numbers to physical units.
     pub(super) fn at(&self) -> At {
         At::new(&self.params, self.shear_rate())
     }
@@ -289,9 +294,9 @@ impl Point {
         })
     }
 
-    /// Its place along an axis: what was measured where rate or stress follow; not a number where nothing was.
+    /// Its position along an axis, measured where rate or stress is a result; NaN where unknown.
     pub(super) fn place(&self, axis: &Axis) -> f64 {
-        // Segments may impose something else than the grid.
+        // Segments may impose another rate or stress than the grid.
         if axis.is_of_shear() && axis.means_something(&self.params) {
             axis.number(&self.params)
         } else if axis.is_shear_rate() {
@@ -303,7 +308,8 @@ impl Point {
         }
     }
 
-    /// Whether soft contacts gave way by more than the roughness height, so that the spheres themselves overlapped.
+    /// Whether soft contacts yielded by more than the roughness height, so that the spheres
+    /// themselves overlapped.
     pub(super) fn overlaps_too_much(&self) -> bool {
         let height = self.params.roughness;
         height > 0.0
@@ -313,7 +319,7 @@ impl Point {
                 .is_some_and(|overlap| overlap > height)
     }
 
-    /// What a column of numbers says of it; `None` where nothing was measured.
+    /// Its value in a column of numbers; `None` for a missing one.
     pub(super) fn number(&self, name: &str) -> Option<f64> {
         match Column::named(name)?.cell(self)? {
             Value::Number(number) => Some(number),
@@ -321,7 +327,8 @@ impl Point {
         }
     }
 
-    /// The mean over runs in a column, and the half width of its interval in the one that belongs to it.
+    /// Stores the mean over runs in a column, and the half width of its interval in the associated
+    /// one.
     pub(super) fn estimate(&self, name: &str) -> Option<Estimate> {
         Some(Estimate {
             ci95: self.number(&format!("{name}_ci95")),
@@ -329,9 +336,9 @@ impl Point {
         })
     }
 
-    /// A point of which nothing is known but its viscosity and the numbers of runs averaged, jammed and failed.
+    /// A point with only its viscosity and the numbers of runs averaged, jammed and failed.
     #[cfg(test)]
-    pub(super) fn made_up(
+    pub(super) fn synthetic(
         params: Params,
         viscosity: Option<Estimate>,
         [seeds, jammed, failed]: [u64; 3],
@@ -369,12 +376,12 @@ impl Point {
 }
 
 impl Runs<'_> {
-    /// How many of all runs are so.
+    /// Number of runs that meet a condition.
     pub(super) fn number_of(&self, is_so: fn(&PointRun) -> bool) -> u64 {
         self.all.iter().filter(|run| is_so(run)).count() as u64
     }
 
-    /// Numbers of the runs averaged, of those that have one.
+    /// Values of the averaged runs that have one.
     pub(super) fn values(&self, number: impl Fn(&PointRun) -> Option<f64>) -> Vec<f64> {
         self.averaged.iter().filter_map(|run| number(run)).collect()
     }
@@ -412,7 +419,8 @@ impl Runs<'_> {
         wanted.unwrap_or(self.all.len()) as u64
     }
 
-    /// Half width of an interval over the mean: of the quantity whose precision is asked for, else of the viscosity.
+    /// Half width of an interval over the mean, of the quantity with a requested precision, else of
+    /// the viscosity.
     pub(super) fn precision(&self) -> Option<f64> {
         let measure = self
             .rule

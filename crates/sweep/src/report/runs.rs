@@ -1,4 +1,4 @@
-//! Runs one by one, and their samples: tables for other programs.
+//! Tables of single runs and of their samples, for other programs.
 
 mod meanings;
 
@@ -17,10 +17,10 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::io::Write;
 
-/// Rows of samples that are held at a time, so that the largest campaign fits into little memory.
+/// Rows of samples held in memory at the same time, so that large campaigns need little.
 const ROWS: usize = 50_000;
 
-/// How a table is written, by the ending of its file.
+/// Format of a table, by the ending of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum TableFormat {
     /// Comma-separated values.
@@ -30,17 +30,17 @@ pub enum TableFormat {
 }
 
 impl Excerpt<'_> {
-    /// A row for every run: key, state, axes, seed, and all that the store knows of its results.
+    /// One row per run: key, state, axes, seed, and all its stored results.
     ///
     /// # Errors
-    /// Trouble with the store.
+    /// An I/O or SQLite error.
     pub fn runs(&self) -> Result<Vec<DataColumn>, ReportError> {
         let wanted: HashMap<String, At> = selected_runs(self.store, self.selection)?
             .into_iter()
             .map(|run| (run.key.clone(), at(&run)))
             .collect();
         let mut table = self.store.runs()?;
-        // Numbers by which the tables of the store find each other.
+        // Row numbers that link the tables of the store.
         table.retain(|column| !["case_id", "process"].contains(&column.name.as_ref()));
         let keys = table.iter().find(|column| column.name == "key");
         let Some(Cells::Word(keys)) = keys.map(|column| &column.cells) else {
@@ -72,7 +72,8 @@ impl Excerpt<'_> {
         file.finish()
     }
 
-    /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary, then what was sampled, step by step.
+    /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary,
+    /// then the samples step by step.
     pub(crate) fn write_samples(
         &self,
         format: TableFormat,
@@ -109,8 +110,8 @@ impl Excerpt<'_> {
     }
 }
 
-/// What turning the numbers of a run into physical units has to know of it. Under an imposed stress its rate is that of its mean
-/// viscosity.
+/// The input for converting the numbers of a run to physical units. Under an imposed stress its
+/// rate is that of its mean viscosity.
 fn at(run: &PointRun) -> At {
     let rate = match run.params.last_shear() {
         (rate, None) => Some(rate),
@@ -119,12 +120,12 @@ fn at(run: &PointRun) -> At {
     At::new(&run.params, rate)
 }
 
-/// Turns the numbers of a column into physical units.
+/// Converts the numbers of a column to physical units.
 fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
     let Cells::Number(cells) = &mut column.cells else {
         return;
     };
-    if !units.are_asked_for() {
+    if !units.are_requested() {
         return;
     }
     if let Some(axis) = AXES.iter().find(|axis| axis.key == column.name) {
@@ -142,7 +143,7 @@ fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
     }
 }
 
-/// A table that is being written.
+/// A table during writing.
 enum TableFile<'w> {
     Csv(&'w mut (dyn Write + Send)),
     Parquet(ParquetFile<&'w mut (dyn Write + Send)>),
@@ -183,7 +184,8 @@ impl<'w> TableFile<'w> {
     }
 }
 
-/// The samples of a run as a table: in every row its key, its seed and its values on these axes. The columns alone without a run.
+/// The samples of a run as a table: each row has its key, seed and values on these axes. Without a
+/// run, only the columns.
 fn table_of(
     run: Option<(&PointRun, &[(u64, Sample)])>,
     axes: &[&Axis],
@@ -222,7 +224,7 @@ fn table_of(
 /// Samples as columns, of the fields of [`sample_fields`].
 ///
 /// # Errors
-/// None is known: the fields of a sample are numbers.
+/// Not expected: the fields of a sample are numbers.
 pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
     let mut table = numbered(sampled, sample_fields);
     for column in &mut table {
@@ -239,10 +241,10 @@ pub(super) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), Rep
     Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
 }
 
-/// The axes that set runs apart, besides what is sampled.
+/// The axes that distinguish runs, without sampled quantities.
 fn axes_of_samples(runs: &[PointRun]) -> Vec<&'static Axis> {
     AXES.iter()
-        // The rate is sampled: under an imposed stress it is no axis.
+        // The rate is sampled, so under an imposed stress it is not an axis.
         .filter(|axis| !axis.is_shear_rate())
         .filter(|axis| axis.varies(runs.iter().map(|run| run.params.as_ref())))
         .collect()

@@ -1,4 +1,4 @@
-//! What each segment of the runs of a campaign says, point by point.
+//! Results of each segment of the runs of a campaign, point by point.
 
 use super::axis_words::columns_of_axes;
 use super::columns::point_row;
@@ -21,14 +21,14 @@ use serde_json::{Map, Value as Json, json};
 /// The segments of the runs of a campaign.
 #[derive(Debug)]
 pub struct SegmentReport {
-    /// Its points, as tables have them.
+    /// Its points.
     report: Report,
     segments: Vec<PlannedSegment>,
-    /// Of each point that has averaged runs, each segment.
+    /// Each segment of each point with averaged runs.
     rows: Vec<Row>,
 }
 
-/// A segment of a point: its places in the report and among the segments, and what its runs say of it.
+/// A segment of a point: indices of the point and of the segment, and results of the runs.
 type Row = (usize, usize, PointSegment);
 
 /// A segment of the runs of a point.
@@ -43,12 +43,12 @@ struct PointSegment {
     trace: Vec<(f64, Estimate)>,
 }
 
-/// A number that runs have of a segment.
+/// A number of a segment.
 struct Number {
     name: &'static str,
     heading: &'static str,
     meaning: &'static str,
-    /// How soon it is left out on a narrow terminal, the highest first.
+    /// Rank at which it is dropped on a narrow terminal, the highest first.
     rank: u8,
     of: fn(&RunSegment, &Params) -> Option<f64>,
 }
@@ -86,14 +86,14 @@ const NUMBERS: [Number; 10] = [
     Number {
         name: "hydrodynamic_share",
         heading: "left by the\nreversal",
-        meaning: "viscosity in the first sample after a reversal over its mean before: what the fluid alone bears",
+        meaning: "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part",
         rank: 1,
         of: |s, _| Some(s.reversal?.hydrodynamic_share),
     },
     Number {
         name: "recovery_strain",
         heading: "strain of\nrecovery",
-        meaning: "strain after which half of the drop at a reversal is made up for; none where that is not so in some run",
+        meaning: "strain after which half of the drop at a reversal has recovered; none where some run does not recover it",
         rank: 1,
         of: |s, _| s.reversal?.recovery_strain,
     },
@@ -130,7 +130,7 @@ const NUMBERS: [Number; 10] = [
 /// A number of one cycle.
 type OfCycle = fn(&Cycle) -> Option<f64>;
 
-/// What single cycles have: name and value.
+/// Numbers of single cycles: name and value.
 const OF_CYCLES: [(&str, OfCycle); 4] = [
     ("eta_prime", |cycle| Some(cycle.viscosity[0])),
     ("eta_double_prime", |cycle| Some(cycle.viscosity[1])),
@@ -138,7 +138,7 @@ const OF_CYCLES: [(&str, OfCycle); 4] = [
     ("yield_strain", |cycle| cycle.yield_strain),
 ];
 
-/// Mean over the runs that have a finite value; `None` unless all of them do.
+/// Mean over runs; `None` unless all of them have a finite value.
 fn over_runs(runs: &[RunSegment], of: impl Fn(&RunSegment) -> Option<f64>) -> Option<Estimate> {
     let values: Option<Vec<f64>> = runs
         .iter()
@@ -148,7 +148,7 @@ fn over_runs(runs: &[RunSegment], of: impl Fn(&RunSegment) -> Option<f64>) -> Op
 }
 
 impl PointSegment {
-    /// Of the runs of a point.
+    /// Averages the runs of a point.
     fn of(runs: &[RunSegment], params: &Params) -> Self {
         let cycles = runs.iter().map(|run| run.cycles.len()).min().unwrap_or(0);
         let of_cycle = |cycle: usize| {
@@ -167,18 +167,18 @@ impl PointSegment {
 }
 
 impl SegmentReport {
-    /// Of the points selected.
+    /// Reads the points selected.
     ///
     /// # Errors
-    /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets, a campaign without segments, and where no run is
-    /// finished.
+    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, a
+    /// campaign without segments, and no finished run.
     pub fn of(store: &Store, selection: &Selection) -> Result<Self, ReportError> {
         let (report, runs, places) = Report::with_runs(store, selection)?;
         let segments = store.protocol()?.segments;
         if segments.is_empty() {
             return Err(ReportError::argument(
                 "FILE",
-                "the campaign has no segments: [[protocol.segment]] in its file makes them, see docs/protocols.md",
+                "the campaign has no segments: [[protocol.segment]] in its file defines them, see docs/protocols.md",
             ));
         }
         let mut of_point: Vec<Vec<Vec<RunSegment>>> =
@@ -204,7 +204,7 @@ impl SegmentReport {
         if rows.is_empty() {
             return Err(ReportError::argument(
                 "FILE",
-                "no run of these points is finished and without doubt",
+                "no run of these points is finished without doubtful numbers",
             ));
         }
         Ok(Self {
@@ -257,7 +257,7 @@ impl SegmentReport {
         sheet.shaped(shape, width)
     }
 
-    /// Name of the campaign, its segments, and at how many points there are runs.
+    /// Name of the campaign, number of its segments, and number of points with runs.
     pub fn summary(&self) -> String {
         let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
         places.dedup();
@@ -269,7 +269,7 @@ impl SegmentReport {
         )
     }
 
-    /// The object for programs; its names are a promise.
+    /// The object for programs, a stable interface.
     pub fn json(&self) -> Json {
         let mut points: Vec<Map<String, Json>> = Vec::new();
         let mut last = None;
@@ -336,7 +336,7 @@ impl SegmentReport {
         object
     }
 
-    /// A row for each segment of each point: all axes, the segment, numbers and their intervals.
+    /// One row per segment of each point: all axes, the segment, numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
         let mut table: Vec<DataColumn> = AXES
             .iter()
@@ -355,31 +355,29 @@ impl SegmentReport {
             count("segment", "number of the segment, from 1", &|row| {
                 row.1 as u64 + 1
             }),
-            // There is an axis `start` besides.
-            number(
-                "segment_start",
-                "strain of the run at which it begins",
-                &|s| Some(s.imposed.start),
-            ),
+            // `start` is the name of an axis.
+            number("segment_start", "strain of the run at its start", &|s| {
+                Some(s.imposed.start)
+            }),
             number(
                 "kept_from",
-                "strain of the run from which on it is averaged",
+                "strain of the run at which its averages start",
                 &|s| Some(s.kept_from()),
             ),
             number("end", "strain of the run at its end", &|s| Some(s.end())),
             number(
                 "segment_direction",
-                "sense of its shear, where it names one",
+                "sense of its shear, if it has its own",
                 &|s| s.imposed.direction,
             ),
             number(
                 "segment_shear_rate",
-                "its shear rate, where it names one",
+                "its shear rate, if it has its own",
                 &|s| s.imposed.shear_rate,
             ),
             number(
                 "segment_shear_stress",
-                "its shear stress, where it names one",
+                "its shear stress, if it has its own",
                 &|s| s.imposed.shear_stress,
             ),
             number("amplitude", "amplitude of its oscillation", &|s| {

@@ -1,4 +1,4 @@
-//! Some of a campaign's points: `--where KEY=VALUE[,VALUE..]`, where a value may be a range.
+//! Selection of points of a campaign: `--where KEY=VALUE[,VALUE..]`, where a value may be a range.
 
 use super::error::ReportError;
 use super::units::Units;
@@ -8,40 +8,41 @@ use crate::store::{PointRun, Store};
 use sd_core::Params;
 use std::fmt;
 
-/// Which points are meant: those with one of the given values on every axis named. The default is all of them.
+/// The selected points: those with one of the given values on every axis named; by default all.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
-    /// Axes and the values wanted on them.
-    wanted: Vec<(&'static Axis, Vec<Wanted>)>,
-    /// Whether runs with doubtful numbers are averaged as well.
+    /// Axes and the requested values.
+    wanted: Vec<(&'static Axis, Vec<RequestedValue>)>,
+    /// Whether runs with doubtful numbers are averaged too.
     pub(super) with_doubtful: bool,
 }
 
-/// What of a store is shown, one by one or on a page.
+/// The part of a store that is shown.
 #[derive(Clone, Copy)]
 pub struct Excerpt<'s> {
     /// The store.
     pub store: &'s Store,
-    /// Which of its points.
+    /// The selected points.
     pub selection: &'s Selection,
     /// The units of the numbers.
     pub units: Units,
 }
 
-/// A value as it was asked for.
+/// A requested value.
 #[derive(Debug, Clone)]
-enum Wanted {
-    /// A word.
+enum RequestedValue {
+    /// A keyword.
     Word(String),
-    /// All numbers from one to another, which may be the same.
+    /// A range of numbers, whose ends may be equal.
     Numbers(f64, f64),
 }
 
 impl Selection {
-    /// Reads `KEY=VALUE[,VALUE..]`; values of a key given twice are put together.
+    /// Reads `KEY=VALUE[,VALUE..]`; values of a repeated key are combined.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] on a key that is no axis, on no value, on a value that is no number where one is needed.
+    /// [`ReportError::Argument`] on a key that is not an axis, on a missing value, on a value that
+    /// should be a number.
     pub fn parse(texts: &[String]) -> Result<Self, ReportError> {
         let mut selection = Self::default();
         for text in texts {
@@ -55,13 +56,13 @@ impl Selection {
                 let meant = nearest(key.trim(), known.iter().copied());
                 let meant = meant.map_or_else(String::new, |axis| format!(" (did you mean {axis}?)"));
                 refused(format!(
-                    "{key:?} is no axis of a campaign{meant}; they are {}, and may be named by their symbols too",
+                    "{key:?} is not an axis of a campaign{meant}; the axes are {}, also by their symbols",
                     known.join(", ")
                 ))
             })?;
             let values = values
                 .split(',')
-                .map(|value| Wanted::read(axis, value.trim()))
+                .map(|value| RequestedValue::read(axis, value.trim()))
                 .collect::<Result<Vec<_>, _>>()?;
             match selection.wanted.iter_mut().find(|w| w.0.key == axis.key) {
                 Some((_, known)) => known.extend(values),
@@ -71,7 +72,7 @@ impl Selection {
         Ok(selection)
     }
 
-    /// The same points; runs with doubtful numbers are averaged with the others, or are not.
+    /// The same points, with or without runs with doubtful numbers in averages.
     #[must_use]
     pub fn with_doubtful(self, with_doubtful: bool) -> Self {
         Self {
@@ -80,17 +81,17 @@ impl Selection {
         }
     }
 
-    /// Whether averages count a run.
+    /// Whether averages include a run.
     pub(super) fn averages(&self, run: &PointRun) -> bool {
         run.is_sound() || (self.with_doubtful && run.is_doubtful())
     }
 
-    /// Whether all points are meant.
+    /// Whether all points are selected.
     pub fn is_everything(&self) -> bool {
         self.wanted.is_empty()
     }
 
-    /// Whether the point of these parameters is meant.
+    /// Whether the point of these parameters is selected.
     pub fn has(&self, params: &Params) -> bool {
         self.wanted.iter().all(|(axis, values)| {
             let value = axis.value(params);
@@ -98,10 +99,11 @@ impl Selection {
         })
     }
 
-    /// Makes sure that every value asked for is one that some point of the campaign has, and that some point has them all.
+    /// Checks that every requested value occurs at some point of the campaign, and all of them at
+    /// some point.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] with the values there are.
+    /// [`ReportError::Argument`] with the available values.
     pub fn check(&self, params: &[&Params]) -> Result<(), ReportError> {
         for (axis, values) in &self.wanted {
             for wanted in values {
@@ -115,24 +117,24 @@ impl Selection {
                 there.sort_by(Value::order);
                 let there: Vec<String> = there.iter().map(Value::to_string).collect();
                 return Err(refused(format!(
-                    "no point has {} = {wanted}; there are points with {}",
+                    "no point has {} = {wanted}; available: {}",
                     axis.key,
                     there.join(", ")
                 )));
             }
         }
         if !self.is_everything() && !params.iter().any(|p| self.has(p)) {
-            return Err(refused(format!("no point has {self} at once")));
+            return Err(refused(format!("no point has {self} together")));
         }
         Ok(())
     }
 }
 
-/// As it was given: `friction = 0.3, shear_rate = 0.1 or inf`.
+/// As text: `friction = 0.3, shear_rate = 0.1 or inf`.
 impl fmt::Display for Selection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (place, (axis, values)) in self.wanted.iter().enumerate() {
-            let values: Vec<String> = values.iter().map(Wanted::to_string).collect();
+            let values: Vec<String> = values.iter().map(RequestedValue::to_string).collect();
             let comma = if place > 0 { ", " } else { "" };
             write!(f, "{comma}{} = {}", axis.key, values.join(" or "))?;
         }
@@ -140,14 +142,11 @@ impl fmt::Display for Selection {
     }
 }
 
-impl Wanted {
+impl RequestedValue {
     /// Reads a value on an axis.
     fn read(axis: &Axis, text: &str) -> Result<Self, ReportError> {
         if text.is_empty() {
-            return Err(refused(format!(
-                "{} = what? The value is missing",
-                axis.key
-            )));
+            return Err(refused(format!("the value of {} is missing", axis.key)));
         }
         if !axis.is_numeric() {
             return Ok(Self::Word(text.to_lowercase()));
@@ -155,13 +154,13 @@ impl Wanted {
         let read = range(text).map(|[low, high]| Self::Numbers(low, high));
         read.ok_or_else(|| {
             refused(format!(
-                "{} = {text:?} is not a number, nor a range such as 0.6..0.7",
+                "{} = {text:?} is neither a number nor a range such as 0.6..0.7",
                 axis.key
             ))
         })
     }
 
-    /// Whether this is the value meant; numbers up to the last digits of a decimal fraction.
+    /// Whether a value matches; numbers up to the last digits of a decimal fraction.
     fn is(&self, value: Value) -> bool {
         let number = match value {
             Value::Word(word) => return matches!(self, Self::Word(wanted) if wanted == word),
@@ -179,7 +178,7 @@ impl Wanted {
     }
 }
 
-impl fmt::Display for Wanted {
+impl fmt::Display for RequestedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Word(word) => f.write_str(word),
@@ -189,7 +188,7 @@ impl fmt::Display for Wanted {
     }
 }
 
-/// Reads a range such as `0.01..100`; a number alone is both its ends.
+/// Reads a range such as `0.01..100`; a single number is both ends.
 pub(super) fn range(text: &str) -> Option<[f64; 2]> {
     let (low, high) = text.split_once("..").unwrap_or((text, text));
     let end = |text: &str| text.trim().replace('∞', "inf").parse::<f64>().ok();
@@ -280,13 +279,13 @@ mod tests {
                 "area_fraction, volume_fraction, sizes, size_ratio",
             ),
             ("friction=", "missing"),
-            ("friction=nan", "not a number"),
-            ("friction=many", "not a number"),
+            ("friction=nan", "neither a number"),
+            ("friction=many", "neither a number"),
             (
                 "friction=0.25",
-                "no point has friction = 0.25; there are points with 0.3",
+                "no point has friction = 0.25; available: 0.3",
             ),
-            ("contact=soft", "there are points with rigid"),
+            ("contact=soft", "available: rigid"),
         ] {
             let error = selection(&[text])
                 .and_then(|s| s.check(&[&point]))
@@ -309,6 +308,6 @@ mod tests {
             .unwrap()
             .check(&points.each_ref())
             .unwrap_err();
-        assert!(error.to_string().contains("at once"), "{error}");
+        assert!(error.to_string().contains("together"), "{error}");
     }
 }

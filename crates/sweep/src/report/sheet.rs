@@ -1,4 +1,4 @@
-//! Tables for people, on the screen and in LaTeX: which columns they have, and how their numbers are written.
+//! Tables for people, on the screen and in LaTeX: selection of columns and format of numbers.
 
 mod latex;
 mod points;
@@ -9,9 +9,9 @@ use super::text::styled;
 use crate::format::Uncertain;
 use comfy_table::CellAlignment;
 
-/// Columns of a terminal that a table fits into where nothing is known of it.
-const USUAL_WIDTH: usize = 80;
-/// Columns of a terminal between two columns of a table, and where it would be too wide otherwise.
+/// Default width of the terminal in columns.
+const DEFAULT_WIDTH: usize = 80;
+/// Spaces between two columns of a table, by default and in tables that would be too wide.
 const GAP: usize = 3;
 const NARROW_GAP: usize = 2;
 
@@ -25,10 +25,10 @@ pub enum NumberFormat {
     Si,
 }
 
-/// Which columns a table for people has.
+/// Options of a table for people.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shape {
-    /// All the usual ones, and not only as many as fit.
+    /// Whether all default columns are shown, not only as many as fit.
     pub wide: bool,
     /// How numbers are written.
     pub format: NumberFormat,
@@ -37,33 +37,33 @@ pub struct Shape {
 /// A table.
 #[derive(Debug)]
 pub(crate) struct Sheet {
-    /// Columns that every part of it begins with.
+    /// Number of leading columns that every part repeats.
     fixed: usize,
     columns: Vec<SheetColumn>,
     format: NumberFormat,
-    /// Columns of a terminal between two of its columns.
+    /// Spaces between two of its columns.
     gap: usize,
-    /// Whether there are more columns than it has.
+    /// Whether columns were left out.
     pub(crate) is_cut: bool,
 }
 
-/// What stands above a column, and how much the column matters.
+/// Heading and rank of a column.
 #[derive(Debug, Clone)]
 pub(crate) struct Head {
     /// Its name in tables for machines.
     pub(crate) name: &'static str,
-    /// What stands above it on the screen; may have two lines.
+    /// Heading on the screen; may have two lines.
     pub(crate) heading: String,
-    /// The same in print; may be longer.
+    /// Heading in print; may be longer.
     pub(crate) title: String,
     /// Its unit in print; empty for none.
     pub(crate) unit: &'static str,
-    /// How soon it is left out where there is no room, the highest first; 0 is never.
+    /// Rank at which it is dropped in a narrow table, the highest first; 0 for never.
     pub(crate) rank: u8,
 }
 
 impl Head {
-    /// The same words on the screen and in print.
+    /// The same heading on the screen and in print.
     pub(crate) fn new(
         name: &'static str,
         heading: impl Into<String>,
@@ -117,7 +117,7 @@ impl SheetColumn {
         lines.map(|line| line.chars().count()).max().unwrap_or(0)
     }
 
-    /// Whether there is nothing but words in it.
+    /// Whether it holds only text.
     fn is_of_words(&self) -> bool {
         let mut cells = self.cells.iter().flatten();
         cells.all(|cell| matches!(cell, Uncertain::Word(_)))
@@ -125,7 +125,7 @@ impl SheetColumn {
 }
 
 impl Sheet {
-    /// A table of these columns, of which the first `fixed` are always there.
+    /// A table of these columns; the first `fixed` are always shown.
     pub(crate) fn new(fixed: usize, columns: Vec<SheetColumn>, format: NumberFormat) -> Self {
         Self {
             fixed,
@@ -141,22 +141,22 @@ impl Sheet {
         self.columns.iter().any(|column| column.head.name == name)
     }
 
-    /// Columns of a terminal that it takes.
+    /// Its width in columns of a terminal.
     pub(crate) fn width(&self) -> usize {
         width(&self.columns, self.gap)
     }
 
-    /// All of it where a wide one is asked for, else what fits a terminal of this width.
+    /// The whole table if wide, else the columns that fit a terminal of this width.
     pub(crate) fn shaped(self, shape: Shape, width: Option<u16>) -> Self {
         if shape.wide { self } else { self.fitted(width) }
     }
 
-    /// Leaves out columns until it fits a terminal of this width.
+    /// Drops columns until it fits a terminal of this width.
     pub(crate) fn fitted(mut self, most: Option<u16>) -> Self {
         let most = room(most);
         while self.width() > most {
             let others = self.columns.iter().enumerate().skip(self.fixed);
-            // Of those that matter as little the last one.
+            // Among columns of equal rank, the last one.
             match others.max_by_key(|(_, column)| column.head.rank) {
                 Some((place, column)) if column.head.rank > 0 => {
                     self.columns.remove(place);
@@ -171,7 +171,8 @@ impl Sheet {
         self
     }
 
-    /// It as lines of text, in parts that fit into a width, each of which begins with the same columns. No number is ever split.
+    /// The table as lines of text, in parts that fit into a width and begin with the same columns.
+    /// Numbers are never split.
     pub(crate) fn text(&self, most: Option<u16>) -> String {
         let most = most.map_or(usize::MAX, usize::from);
         let (fixed, rest) = self.columns.split_at(self.fixed);
@@ -197,9 +198,9 @@ impl Sheet {
     }
 }
 
-/// Columns of a terminal that a table may take.
+/// Maximum width of a table in columns of a terminal.
 pub(crate) fn room(width: Option<u16>) -> usize {
-    width.map_or(USUAL_WIDTH, usize::from)
+    width.map_or(DEFAULT_WIDTH, usize::from)
 }
 
 fn width(columns: &[SheetColumn], gap: usize) -> usize {

@@ -6,23 +6,24 @@ use super::figure::{COLOURS, Colour, Format, Key, Mark, Origin, Picture, Range, 
 use super::starts::Starts;
 use super::units::Units;
 use crate::format::{count, significant};
-use crate::store::{Origin as Made, Store, Story};
+use crate::store::{CaseDetails, Origin as Made, Store};
 use crate::structure::{Link, Network, clusters};
 use crate::trajectory::{Kept, by_space};
 use sd_core::simulation::Frame;
 use std::f64::consts::PI;
 
-/// Width of the line of the largest force, and of what sets lines off from the spheres on each side, in a.
+/// Width of the line of the largest force, and of the outline of lines on each side, in a.
 const WIDEST: f64 = 0.35;
 const CASING: f64 = 0.04;
-/// Clusters that have a colour of their own, the largest first: black is that of the lines.
+/// Number of clusters with their own colour, the largest first; black is the colour of lines.
 const CLUSTERS: [Colour; 7] = [
     COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[5], COLOURS[6], COLOURS[4], COLOURS[7],
 ];
-/// Share of the numbers that lie beyond an open end of a scale: single spheres near jamming bear many times what others do.
+/// Fraction of numbers beyond an open end of a scale: near jamming, single spheres carry many times
+/// the load of others.
 const BEYOND: f64 = 0.02;
 
-/// What spheres are coloured by.
+/// Quantity that colours the spheres.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum SphereColour {
     /// Normal forces of its contacts over the surface of the sphere.
@@ -30,24 +31,24 @@ pub enum SphereColour {
     Pressure,
     /// Contacts of the sphere.
     Contacts,
-    /// Angular velocity along the vorticity: what it turns per strain until the next kept frame.
+    /// Angular velocity along the vorticity: rotation per strain until the next kept frame.
     Spin,
     /// Cluster of frictional contacts.
     Cluster,
 }
 
-/// What a picture shows of a run.
+/// Options of a picture.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SphereView {
-    /// The strain, of which the nearest kept frame is drawn; the last frame.
+    /// The strain, for the nearest kept frame; the last frame by default.
     pub strain: Option<f64>,
-    /// What spheres are coloured by.
+    /// Quantity that colours the spheres.
     pub colour: SphereColour,
-    /// Of a suspension, spheres whose centres have their vorticity coordinate in this range alone, in a.
+    /// In a suspension, only spheres with centres in this range along the vorticity, in a.
     pub slab: Option<Range>,
 }
 
-/// A picture, and what is on it.
+/// A picture and its content.
 #[derive(Debug)]
 pub struct SpherePicture {
     /// The file.
@@ -62,30 +63,33 @@ pub struct SpherePicture {
     pub contacts: usize,
 }
 
-/// Draws the spheres of a case, named by the beginning of its key or its number.
+/// Draws the spheres of a case, identified by the beginning of its key or its number.
 ///
 /// # Errors
-/// Trouble with the store, [`crate::store::StoreError::NoFrames`] without kept frames; [`ReportError::Argument`] on a strain outside the
-/// frames, and on a slab without spheres.
+/// An I/O or SQLite error, [`crate::store::StoreError::NoFrames`] without kept frames;
+/// [`ReportError::Argument`] on a strain outside the frames, and on a slab without spheres.
 pub fn draw_spheres(
     store: &Store,
     case: &str,
     view: SphereView,
     format: Format,
 ) -> Result<SpherePicture, ReportError> {
-    let story = store.story(case)?;
-    let frames = store.frames(&story.key, 1)?;
+    let details = store.details(case)?;
+    let frames = store.frames(&details.key, 1)?;
     let frames: Vec<_> = frames.iter().map(|kept| (kept.step, &kept.frame)).collect();
     let (layers, suspensions) = by_space(&frames);
-    let caption = caption(store, &story)?;
+    let caption = caption(store, &details)?;
     let drawn = if layers.is_empty() {
         drawn(&suspensions, view, caption)?
     } else {
         drawn(&layers, view, caption)?
     };
     let campaign = store.campaign_name()?;
-    let mut origin = vec![format!("campaign {campaign}"), format!("key {}", story.key)];
-    let program = story.origin.as_ref().map(Made::program);
+    let mut origin = vec![
+        format!("campaign {campaign}"),
+        format!("key {}", details.key),
+    ];
+    let program = details.origin.as_ref().map(Made::program);
     origin.extend(program.map(|program| format!("computed by {program}")));
     Ok(SpherePicture {
         file: draw_picture(
@@ -93,14 +97,14 @@ pub fn draw_spheres(
             &Origin::of_lines(&campaign, &origin),
             format,
         )?,
-        key: story.key,
+        key: details.key,
         strain: drawn.strain,
         spheres: drawn.spheres,
         contacts: drawn.contacts,
     })
 }
 
-/// A picture, and what is on it.
+/// A picture and its content.
 struct Drawn {
     picture: Picture,
     strain: f64,
@@ -108,16 +112,16 @@ struct Drawn {
     contacts: usize,
 }
 
-/// Which run a picture is of.
-fn caption(store: &Store, story: &Story) -> Result<Vec<String>, ReportError> {
-    let case = story.number.map_or_else(
-        || format!("case {}", &story.key[..8]),
+/// Caption with the run of a picture.
+fn caption(store: &Store, details: &CaseDetails) -> Result<Vec<String>, ReportError> {
+    let case = details.number.map_or_else(
+        || format!("case {}", &details.key[..8]),
         |number| format!("case {number}"),
     );
     let starts = Starts::of_store(store)?;
     let mut caption = vec![store.campaign_name()?, case];
-    caption.extend(all_named(&story.params, Units::default(), &starts));
-    caption.push(format!("seed {}", story.seed));
+    caption.extend(all_named(&details.params, Units::default(), &starts));
+    caption.push(format!("seed {}", details.seed));
     Ok(caption)
 }
 
@@ -140,7 +144,7 @@ fn drawn<S: Kept>(
         .collect();
     let is_deep = S::DIMENSIONS > 2;
     let shown = in_slab::<S>(&centres, view.slab, frame.side)?;
-    // Spheres from behind; those of a layer are beside each other, and their lines on all of them.
+    // Spheres from back to front; in a layer they do not overlap, and lines are above all of them.
     let mut order: Vec<(usize, [f64; 3])> = Vec::new();
     for (sphere, centre) in centres.iter().enumerate() {
         let depth = if is_deep { centre[2] } else { 0.0 };
@@ -154,7 +158,7 @@ fn drawn<S: Kept>(
     order.sort_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]));
     let forces = network.links.iter().map(|link| link.normal_force);
     let largest = forces.fold(0.0, f64::max);
-    // Of each sphere half of the line of each of its contacts.
+    // Each sphere draws half of the line of each of its contacts.
     let mut halves = vec![Vec::new(); centres.len()];
     for link in &network.links {
         let r = network.radii[link.i] + network.radii[link.j];
@@ -165,7 +169,8 @@ fn drawn<S: Kept>(
             halves[sphere].push((reach, strokes));
         }
     }
-    // Spheres, what sets lines off, lines; in depth the lines of a sphere lie on it, and all is in the first of these.
+    // Spheres, outlines of lines, lines; in a suspension the lines of a sphere lie on it, and all
+    // are in the first list.
     let mut marks = <[Vec<Mark>; 3]>::default();
     for (sphere, [x, y, _]) in order {
         marks[0].push(Mark::Sphere {
@@ -182,7 +187,7 @@ fn drawn<S: Kept>(
                 ends: [[x, y], [x + reach[0], y + reach[1]]],
                 width: strokes[number].1,
                 colour: strokes[number].0,
-                // In depth what sets a line off ends with its sphere.
+                // In a suspension the outline of a line ends with its sphere.
                 is_round: !is_deep || number == 1,
             }));
         }
@@ -206,7 +211,7 @@ fn drawn<S: Kept>(
     })
 }
 
-/// The line of a contact on what sets it off: colours and widths, in a.
+/// The line of a contact on its outline: colours and widths, in a.
 fn strokes(is_frictional: bool, width: f64) -> [(Colour, f64); 2] {
     let colours = if is_frictional {
         [Colour::WHITE, Colour::INK]
@@ -216,12 +221,12 @@ fn strokes(is_frictional: bool, width: f64) -> [(Colour, f64); 2] {
     [(colours[0], width + 2.0 * CASING), (colours[1], width)]
 }
 
-/// What lines mean.
+/// Key of the lines.
 fn explained(largest: f64) -> Vec<(Vec<(Colour, f64)>, String)> {
     if largest <= 0.0 {
         return Vec::new();
     }
-    // A round force that is not larger than the largest.
+    // A round force not above the largest.
     let power = 10.0_f64.powf(largest.log10().floor());
     let mut factors = [5.0, 2.0, 1.0].into_iter().map(|factor| factor * power);
     let round = factors.find(|force| *force <= largest).unwrap_or(largest);
@@ -239,7 +244,7 @@ fn explained(largest: f64) -> Vec<(Vec<(Colour, f64)>, String)> {
     ]
 }
 
-/// The frame nearest to a strain, or the last.
+/// The frame nearest to a strain, or the last one.
 fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, ReportError> {
     let last = frames.len() - 1;
     let Some(strain) = strain else {
@@ -250,14 +255,11 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
     let room = (to - from) / last.max(1) as f64 + 1e-3;
     if !(from - room..=to + room).contains(&strain) {
         let kept = if last == 0 {
-            format!(
-                "the only frame kept is that of strain {}",
-                significant(from, 4)
-            )
+            format!("the only frame is that of strain {}", significant(from, 4))
         } else {
             let [from, to] = [from, to].map(|strain| significant(strain, 4));
             format!(
-                "{} frames are kept, of strains from {from} to {to}",
+                "{} frames are kept, at strains from {from} to {to}",
                 last + 1
             )
         };
@@ -273,7 +275,7 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
         .unwrap_or(last))
 }
 
-/// Which spheres have their centres in a slab.
+/// Spheres with centres in a slab.
 fn in_slab<S: Kept>(
     centres: &[S::Vector],
     slab: Option<Range>,
@@ -299,7 +301,8 @@ fn in_slab<S: Kept>(
     Ok(shown)
 }
 
-/// The images of a sphere that are seen in the cell. Those above and below have another depth under cross shear.
+/// The images of a sphere that are visible in the cell. Those above and below have another depth
+/// under cross shear.
 fn images<S: Kept>(frame: &Frame<S>, [x, y, z]: [f64; 3], radius: f64) -> Vec<[f64; 3]> {
     let (side, offset, cross) = (frame.side, frame.offset, frame.cross_offset);
     let cells = (-1..=1).flat_map(|row| (-2..=2).map(move |column| [column, row].map(f64::from)));
@@ -314,7 +317,7 @@ fn images<S: Kept>(frame: &Frame<S>, [x, y, z]: [f64; 3], radius: f64) -> Vec<[f
     all.filter(is_seen).collect()
 }
 
-/// The colours of the spheres of a frame, and what they mean.
+/// The colours of the spheres of a frame, and their key.
 fn coloured<S: Kept>(
     frames: &[&Frame<S>],
     place: usize,
@@ -327,11 +330,11 @@ fn coloured<S: Kept>(
             numbered(&pressures(network), true, label)
         }
         SphereColour::Spin => {
-            // The last frame has the spin of the one before.
+            // The last frame takes the spin of the one before.
             let first = place.min(frames.len().saturating_sub(2));
             let Some([from, to]) = frames.get(first..first + 2) else {
                 let message =
-                    "spin is what spheres turn until the next kept frame, and only one is kept";
+                    "spin is the rotation until the next kept frame, and only one frame is kept";
                 return Err(ReportError::argument("--colour", message));
             };
             numbered(&spins(from, to), false, "spin along the vorticity (rate)")
@@ -351,7 +354,7 @@ fn coloured<S: Kept>(
     })
 }
 
-/// Colours of numbers on a scale, which nearly all of them lie on.
+/// Colours of numbers on a scale that covers nearly all of them.
 fn numbered(numbers: &[f64], from_zero: bool, label: &str) -> (Vec<Colour>, Key) {
     let mut sorted = numbers.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -394,7 +397,7 @@ fn contacts<S: Kept>(network: &Network<S>) -> Vec<usize> {
     contacts
 }
 
-/// What each sphere turns per strain about the vorticity from one frame to another, in rates.
+/// Rotation of each sphere about the vorticity per strain between two frames, in rates.
 fn spins<S: Kept>(from: &Frame<S>, to: &Frame<S>) -> Vec<f64> {
     let strain = to.strain - from.strain;
     let pairs = from.orientations.iter().zip(&to.orientations);

@@ -1,4 +1,5 @@
-//! What start layers are called: a table or a legend says `end of forward`, where the axis has a number.
+//! Names of start layers: tables and legends show `end of forward` instead of the number on the
+//! axis.
 
 use crate::axes::Axis;
 use crate::store::{Store, StoreError};
@@ -12,7 +13,7 @@ use toml::{Table, Value};
 pub(crate) struct Starts(Vec<(u64, String)>);
 
 impl Starts {
-    /// Of all points of a campaign in the order of its file, and of the text of that.
+    /// The names in a campaign, from its points in the order of the file and from its text.
     pub(super) fn of<'p>(text: &str, points: impl Iterator<Item = &'p Params>) -> Self {
         let mut numbers: Vec<u64> = Vec::new();
         for start in points.filter_map(|params| params.start.as_ref()) {
@@ -33,7 +34,7 @@ impl Starts {
                 written.push(start);
             }
         }
-        // Else two of them are the same layer.
+        // Otherwise two of them are the same layer.
         if numbers.is_empty() || numbers.len() != written.len() {
             return Self::default();
         }
@@ -59,25 +60,26 @@ impl Starts {
         )
     }
 
-    /// Of all points of a store.
+    /// The names in a store.
     pub(crate) fn of_store(store: &Store) -> Result<Self, StoreError> {
         let runs = store.point_runs()?;
         let points = runs.iter().map(|run| run.params.as_ref());
         Ok(Self::of(&store.campaign_text()?, points))
     }
 
-    /// The name of the layer that runs of some parameters begin with, if the axis is that of start layers and it has one.
+    /// The name of the start layer of some parameters, if the axis is that of start layers and
+    /// there is a name.
     pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<String> {
         let start = params.start.as_ref().filter(|_| axis.key == "start")?;
         self.name(start.number()).map(str::to_owned)
     }
 
-    /// Those of several campaigns together.
+    /// The names of several campaigns together.
     pub(super) fn together<'s>(all: impl Iterator<Item = &'s Self>) -> Self {
         Self(all.flat_map(|starts| starts.0.iter().cloned()).collect())
     }
 
-    /// Names of the values on an axis, by these as text.
+    /// Names of the values on an axis, by the values as text.
     pub(super) fn of_axis(&self, axis: &Axis) -> BTreeMap<String, &str> {
         let named = self.0.iter().filter(|_| axis.key == "start");
         named
@@ -92,7 +94,7 @@ impl Starts {
     }
 }
 
-/// A value that tells a point.
+/// A value that selects a point.
 fn word(value: &Value) -> String {
     match value {
         Value::String(word) => word.clone(),
@@ -102,7 +104,7 @@ fn word(value: &Value) -> String {
     }
 }
 
-/// A start layer as a campaign file has it, in words.
+/// Description of a start layer in a campaign file.
 fn stem(start: &Value) -> String {
     let file = |value: &Value| Path::new(value.as_str().unwrap_or_default()).to_owned();
     match start.get("store") {
@@ -151,7 +153,7 @@ mod tests {
         let other = names("{ store = \"fwd.sqlite\", point = { shear_rate = 2.0 } }");
         let ends = ["end of fwd, shear_rate = 1", "end of fwd, shear_rate = 2"];
         assert_eq!(other, some(["new layer", ends[0], ends[1]]));
-        // What cannot be told has no name.
+        // Ambiguous layers have no name.
         let same = names("{ store = \"old/fwd.sqlite\", point = { shear_rate = 1.0 } }");
         assert_eq!(same, [const { None }; 3]);
     }

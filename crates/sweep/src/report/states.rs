@@ -1,21 +1,22 @@
-//! How the points of a state diagram flow, and where the slope of their flow curves passes a limit.
+//! States of the points of a state diagram, and where the slope of their flow curves crosses a
+//! limit.
 
 use super::points::Point;
 use crate::axes::{AXES, Axis, Tag, identity};
 use std::collections::HashMap;
 
-/// How a point flows.
+/// State of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
-    /// d ln η/d ln σ < 1: not at all, or continuously thickening.
+    /// d ln η/d ln σ < 1: no or continuous thickening.
     Continuous,
-    /// d ln η/d ln σ ≥ 1: the shear rate does not rise with the stress.
+    /// d ln η/d ln σ ≥ 1: the shear rate does not increase with the stress.
     Discontinuous,
-    /// Most runs jam, and at some lower stress or rate they do not.
+    /// Most runs jam, but not at some lower stress or rate.
     ShearJammed,
     /// Most runs jam, and at every lower stress or rate too.
     Jammed,
-    /// No run came to its end.
+    /// No run was completed.
     Failed,
 }
 
@@ -29,7 +30,7 @@ impl Flow {
         Self::Failed,
     ];
 
-    /// What it is called.
+    /// Its name.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Continuous => "continuous",
@@ -41,13 +42,13 @@ impl Flow {
     }
 }
 
-/// Points that differ in nothing but the stress or the rate, the lowest first.
+/// Points that differ only in the stress or the rate, the lowest first.
 pub(super) struct FlowCurve<'p> {
     points: Vec<&'p Point>,
 }
 
 impl<'p> FlowCurve<'p> {
-    /// Of points in any order.
+    /// The curve of points in any order.
     pub(super) fn of(mut points: Vec<&'p Point>) -> Self {
         points.sort_by(|a, b| imposed(a).total_cmp(&imposed(b)));
         Self { points }
@@ -58,7 +59,7 @@ impl<'p> FlowCurve<'p> {
         &self.points
     }
 
-    /// ln σ and ln η of the points that flow at a finite stress, by their places.
+    /// ln σ and ln η of the points that flow at a finite stress, by index.
     fn flowing(&self) -> Vec<(usize, f64, f64)> {
         let of = |(place, point): (usize, &&Point)| {
             if is_jammed(point) {
@@ -71,8 +72,8 @@ impl<'p> FlowCurve<'p> {
         self.points.iter().enumerate().filter_map(of).collect()
     }
 
-    /// How each point flows; `None` where nothing is known yet. The slope at a point is that between its neighbours, or at an end from there
-    /// to the neighbour.
+    /// State of each point; `None` where it is unknown. The slope at a point is that between its
+    /// neighbours, or at an end that to its neighbour.
     pub(super) fn flows(&self) -> Vec<Option<Flow>> {
         let flowing = self.flowing();
         let mut slopes = vec![f64::NAN; self.points.len()];
@@ -104,11 +105,11 @@ impl<'p> FlowCurve<'p> {
         self.points.iter().zip(slopes).map(flow).collect()
     }
 
-    /// Where along an axis the slope first rises above a limit, and where it last falls below it.
+    /// Positions along an axis where the slope first rises above a limit and last falls below it.
     pub(super) fn crossings(&self, limit: f64, axis: &Axis) -> [Option<f64>; 2] {
         let flowing = self.flowing();
         let place = |at: usize| self.points[flowing[at].0].place(axis).ln();
-        // Between two points, at the middle of both.
+        // A slope between two points is assigned to their middle.
         let slopes: Vec<(f64, f64)> = (1..flowing.len())
             .map(|at| {
                 let middle = 0.5 * (place(at - 1) + place(at));
@@ -129,7 +130,8 @@ impl<'p> FlowCurve<'p> {
     }
 }
 
-/// The places of points that differ in nothing but the stress or the rate, together. Points of imposed stress and of imposed rate are apart.
+/// Groups of indices of points that differ only in the stress or the rate. Points of imposed stress
+/// and of imposed rate are in separate groups.
 pub(super) fn grouped(points: &[&Point]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut place_of: HashMap<Vec<Tag>, usize> = HashMap::new();
@@ -150,7 +152,7 @@ pub(super) fn grouped(points: &[&Point]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// How each of some points flows.
+/// State of each of some points.
 pub(super) fn flows_of(points: &[Point]) -> Vec<Option<Flow>> {
     let points: Vec<&Point> = points.iter().collect();
     let mut flows = vec![None; points.len()];
@@ -164,12 +166,12 @@ pub(super) fn flows_of(points: &[Point]) -> Vec<Option<Flow>> {
     flows
 }
 
-/// The stress or the rate that is imposed.
+/// The imposed stress or rate.
 fn imposed(point: &Point) -> f64 {
     point.params.shear_stress.unwrap_or(point.params.shear_rate)
 }
 
-/// Whether more of its runs jammed than did not.
+/// Whether most of its runs jammed.
 fn is_jammed(point: &Point) -> bool {
     point.jammed > point.seeds
 }
@@ -193,7 +195,7 @@ mod tests {
             shear_rate: 0.0,
             ..params()
         };
-        Point::made_up(params, viscosity.map(Estimate::bare), runs)
+        Point::synthetic(params, viscosity.map(Estimate::bare), runs)
     }
 
     fn flows(points: &[Point]) -> Vec<Option<Flow>> {
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_of_power_laws_tell_continuous_from_discontinuous() {
+    fn slopes_of_power_laws_distinguish_continuous_from_discontinuous() {
         use Flow::{Continuous, Discontinuous};
         let law = |power: f64| -> Vec<Point> {
             let at = |k: i32| 2.0_f64.powi(k);

@@ -1,4 +1,4 @@
-//! What to do about a point whose runs are not steady: what `discard` or `strain` would change.
+//! Advice for a point whose runs are not steady: suitable values of `discard` or `strain`.
 
 use super::error::ReportError;
 use crate::campaign::{Discard, Protocol};
@@ -6,7 +6,8 @@ use crate::format::significant;
 use crate::statistics::{Drift, Steadiness, mser_5};
 use crate::store::{PointRun, Store};
 
-/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read only then.
+/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read
+/// only then.
 pub(super) fn advice(
     store: &Store,
     drift: Option<Drift>,
@@ -25,26 +26,26 @@ pub(super) fn advice(
     let found = if drift.drifts() {
         let halves = drift.halves.mean;
         format!(
-            "the second half of the strain kept lies {} % {} the first",
+            "the mean over the second half of the kept strain is {} % {} that over the first",
             percent(halves),
             direction(halves)
         )
     } else {
         let start = drift.start.mean;
         format!(
-            "its first quarter lies {} % {} the rest: the start is not forgotten",
+            "the mean over its first quarter is {} % {} that over the rest: the initial transient persists",
             percent(start),
             direction(start)
         )
     };
-    Ok(Some(format!("{found}; {}", cure(&traces, protocol))))
+    Ok(Some(format!("{found}; {}", remedy(&traces, protocol))))
 }
 
-/// What would help, judged by the same runs.
-fn cure(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
+/// The remedy suggested by the same runs.
+fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
     let longer = || {
         format!(
-            "no part of the run is steady: longer runs are needed, such as strain = {}",
+            "not in steady state: longer runs are needed, such as strain = {}",
             2.0 * protocol.strain
         )
     };

@@ -1,4 +1,4 @@
-//! Structure of the points of a campaign, from the frames that its store keeps.
+//! Structure of the points of a campaign, from the frames in its store.
 
 mod data;
 
@@ -22,13 +22,13 @@ use std::collections::HashMap;
 /// Structure of the points of a campaign.
 #[derive(Debug)]
 pub struct StructureReport {
-    /// Its points, as tables have them.
+    /// Its points.
     report: Report,
-    /// What those of them look like of which frames are kept, by their place in the report.
+    /// Structure of the points with frames, by index in the report.
     points: Vec<(usize, Structure)>,
 }
 
-/// What a figure of structure shows.
+/// Kind of a figure of structure.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum StructureKind {
     /// g(r), from the distances of g(r, θ), each over 0.05 a.
@@ -36,20 +36,21 @@ pub enum StructureKind {
     PairDistribution,
     /// g(r, θ) of one point in the plane of flow and gradient.
     PairMap,
-    /// Share of contacts by the angle of their normals from the flow towards the gradient.
+    /// Fraction of contacts by the angle of their normals from the flow towards the gradient.
     ContactAngle,
-    /// The same, each contact counting as its normal force.
+    /// The same, weighted by the normal force.
     ForceAngle,
     /// Probability density of normal forces over their mean.
     NormalForce,
-    /// The same of friction forces.
+    /// The same for friction forces.
     TangentialForce,
-    /// Share of spheres in clusters of frictional contacts by size.
+    /// Fraction of spheres in clusters of frictional contacts by size.
     ClusterSize,
 }
 
-/// Columns of the table for people: name, heading, significant digits, and how soon it is left out, the highest first.
-const USUAL: [(&str, &str, u8); 9] = [
+/// Columns of the table for people: name, heading, significant digits, and rank at which it is
+/// dropped, the highest first.
+const DEFAULT: [(&str, &str, u8); 9] = [
     ("coordination", "contacts\nof a sphere", 0),
     ("frictional_coordination", "frictional", 1),
     ("largest_cluster", "largest\ncluster", 1),
@@ -61,17 +62,18 @@ const USUAL: [(&str, &str, u8); 9] = [
     ("sticking", "sticking", 3),
 ];
 
-/// Share of the bins of a map that lie beyond the upper end of its scale: contact stands out too far.
+/// Fraction of the bins of a map beyond the upper end of its scale: the contact peak is too high.
 const MAP_BEYOND: f64 = 0.02;
 
-/// A whole number of a structure: name, meaning, and where it is.
+/// A whole number of a structure: name, meaning, and accessor.
 type Count = (&'static str, &'static str, fn(&Structure) -> u64);
 
 impl StructureReport {
-    /// Of the points selected, or of one run alone, by the beginning of its key or its number.
+    /// Reads the points selected, or a single run by the beginning of its key or its number.
     ///
     /// # Errors
-    /// Trouble with the store; [`ReportError::Argument`] on a selection that no point meets, and where no frames are kept.
+    /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, and
+    /// without frames.
     pub fn of(
         store: &Store,
         selection: &Selection,
@@ -129,7 +131,7 @@ impl StructureReport {
         points.map(|(place, _)| &self.report.points[*place].params)
     }
 
-    /// The axes that tell its points apart.
+    /// The axes that distinguish its points.
     fn axes(&self) -> Vec<&'static Axis> {
         let varies = |axis: &&Axis| axis.varies(self.params());
         AXES.iter().filter(varies).collect()
@@ -161,7 +163,7 @@ impl StructureReport {
                 columns.push(column(Head::new(name, heading, "", rank), cells));
             }
         };
-        for (name, heading, rank) in USUAL {
+        for (name, heading, rank) in DEFAULT {
             add(name, heading, rank, &|structure| structure.scalar(name));
         }
         add("fabric_deviator", "fabric\ndeviator", 3, &|s| {
@@ -171,7 +173,7 @@ impl StructureReport {
         sheet.shaped(shape, width)
     }
 
-    /// Name of the campaign, how many runs and frames there are, and at how many points.
+    /// Name of the campaign, and numbers of runs, frames and points.
     pub fn summary(&self) -> String {
         let sum = |of: fn(&Structure) -> u64| self.points.iter().map(|(_, s)| of(s)).sum::<u64>();
         format!(
@@ -213,12 +215,13 @@ impl StructureReport {
         draw_graphs_of(&graphs, axes, format, &origin)
     }
 
-    /// Draws g(r, θ) of the only point around a sphere, which it shows twice: a pair has two opposite angles.
+    /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite
+    /// angles.
     fn draw_map(&self, format: Format) -> Result<Vec<u8>, ReportError> {
         let [(place, structure)] = self.points.as_slice() else {
             let keys: Vec<&str> = self.axes().iter().map(|axis| axis.key).collect();
             let message = format!(
-                "a map shows one point, and here are {}, which differ in {}: choose one with --where KEY=VALUE",
+                "a map shows one point, but there are {}, which differ in {}: choose one with --where KEY=VALUE",
                 self.points.len(),
                 keys.join(", ")
             );
@@ -314,7 +317,7 @@ fn of_run(
     Ok(sums)
 }
 
-/// The edges of bins with these middles, of which neighbours are nearly alike.
+/// The edges of bins with these centres, which vary slowly.
 fn edges(middles: &[f64]) -> Vec<f64> {
     let mut edges: Vec<f64> = middles
         .windows(2)
@@ -336,7 +339,7 @@ fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<
             .collect()
     };
     match kind {
-        // Which is no curve.
+        // A map is not a curve.
         StructureKind::PairMap => (["", ""], Vec::new()),
         StructureKind::PairDistribution => {
             let (r, angles, rows) = &structure.with_angle;

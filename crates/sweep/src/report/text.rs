@@ -1,4 +1,4 @@
-//! The report for people: a table, and under it what its columns mean.
+//! The report for people: a table with an explanation of its columns.
 
 mod notes;
 
@@ -18,13 +18,13 @@ pub(super) fn styled(width: Option<u16>) -> Table {
     table
         .load_style(presets::UTF8_HORIZONTAL_ONLY.row_separator(LineStyle::none()))
         .set_content_arrangement(ContentArrangement::Dynamic);
-    // Not a terminal: as wide as it needs to be, for files and pipes.
+    // Not a terminal: unlimited width, for files and pipes.
     table.set_width(width.unwrap_or(u16::MAX));
     table
 }
 
-/// A table for a terminal of this width as text, in which no word and no number is split over lines: rather is it wider than the
-/// terminal.
+/// A table for a terminal of this width as text. Words and numbers are not split over lines, even
+/// if it gets wider than the terminal.
 pub(crate) fn table<R: Into<Row>>(
     width: Option<u16>,
     heads: impl Into<Row>,
@@ -49,28 +49,28 @@ pub(crate) fn table<R: Into<Row>>(
         }
     }
     for (column, length) in table.column_iter_mut().zip(longest) {
-        // A space on either side.
+        // One space on either side.
         let width = u16::try_from(length + 2).unwrap_or(u16::MAX);
         column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
     }
     table.to_string()
 }
 
-/// What is said of runs with doubtful numbers.
+/// Note on runs with doubtful numbers.
 pub(super) fn doubtful(report: &Report) -> String {
     let what = if report.with_doubtful {
-        "averaged with the others, as --with-doubtful asks"
+        "averaged with the others because of --with-doubtful"
     } else {
-        "not averaged; --with-doubtful averages them too"
+        "not averaged; --with-doubtful includes them"
     };
     let have = if report.doubtful == 1 { "has" } else { "have" };
     format!(
-        "{} {have} doubtful numbers: {what}. `sweep show` says why",
+        "{} {have} doubtful numbers: {what}. `sweep show` gives the reason",
         counted(report.doubtful, "finished run")
     )
 }
 
-/// What the columns of a table are, a line each.
+/// Explanation of the columns of a table, one line each.
 fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     if report
@@ -78,7 +78,7 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
         .iter()
         .any(|p| p.params.shear_stress.is_some())
     {
-        lines.push("σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Runs that jam bear that stress at rest.".into());
+        lines.push("σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Jammed runs carry that stress at rest.".into());
     }
     let chosen = report.columns.chosen().unwrap_or_default();
     lines.extend(
@@ -97,7 +97,7 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
             )
         }
         Discard::Strain(strain) => format!("after a strain of {strain}"),
-        Discard::Auto => "after the strain MSER-5 picks at each point".into(),
+        Discard::Auto => "after the strain chosen by MSER-5 at each point".into(),
     };
     let known = [
         (

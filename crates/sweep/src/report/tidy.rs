@@ -1,4 +1,5 @@
-//! Tidy tables as text: one row per point, one column per quantity, for pandas, R, `DuckDB` and papers.
+//! Tidy tables as text: one row per point, one column per quantity, for pandas, R, `DuckDB` and
+//! papers.
 //!
 //! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
 
@@ -11,7 +12,8 @@ use crate::data::csv_rows;
 use crate::format::short;
 use std::io::Write;
 
-/// Writes the points as comma-separated values: a header row of names, numbers in full, nothing where there is none.
+/// Writes the points as comma-separated values: a header row of names, numbers in full, missing
+/// values empty.
 pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let columns = report.columns.all();
     let rows = report.points.iter().map(|point| {
@@ -32,7 +34,7 @@ pub(crate) fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), Re
     about(&point_table(report), out)
 }
 
-/// Writes the points as a Markdown table with units in its head, without the columns that have nothing to say.
+/// Writes the points as a Markdown table with units in its head, without empty columns.
 pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
     let matters = |name| {
         // The rate that follows from an imposed stress is a result.

@@ -1,4 +1,5 @@
-//! Physical units: what the numbers of a campaign are for spheres of a given radius in a given fluid.
+//! Physical units: conversion of the numbers of a campaign for spheres of a given radius in a given
+//! fluid.
 //!
 //! ```text
 //! length          a                          force           F_crit
@@ -6,8 +7,9 @@
 //! stress          mu rate, F_crit/a²         velocity        a rate
 //! stiffness       F_crit/a, 6π mu a rate     dashpot         mu a
 //! ```
-//! Without the critical load F_crit there is no time: rates and stresses then stay as they are. At the plateaus Γ = 0 and Γ = ∞ stresses
-//! and velocities are multiples of a rate that has no value, and are left out.
+//! Without the critical load F_crit there is no time scale, so rates and stresses are not
+//! converted. At the plateaus Γ = 0 and Γ = ∞ stresses and velocities are multiples of an
+//! undetermined rate and are left out.
 
 use super::error::ReportError;
 use crate::axes::Axis;
@@ -15,11 +17,11 @@ use sd_core::Params;
 use sd_core::law::StiffnessUnit;
 use std::f64::consts::PI;
 
-/// The units of tables and figures; the default is those of the program.
+/// The units of tables and figures; by default those of the program.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Units(Option<Physical>);
 
-/// A layer in the laboratory, in SI.
+/// SI values of a real layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Physical {
     /// Radius a in m.
@@ -30,17 +32,17 @@ struct Physical {
     critical_load: Option<f64>,
 }
 
-/// What a conversion has to know of a point besides the unit of a number.
+/// Input of a conversion at a point besides the unit of a number.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct At {
-    /// Shear rate Γ; `None` where it is not known.
+    /// Shear rate Γ; `None` where it is unknown.
     shear_rate: Option<f64>,
     /// Whether stiffnesses are multiples of 6π mu a rate, and not of F_crit/a.
     by_flow: bool,
 }
 
 impl At {
-    /// A point with these parameters, where it is sheared at this rate.
+    /// A point with these parameters and this shear rate.
     pub(super) fn new(params: &Params, shear_rate: Option<f64>) -> Self {
         Self {
             shear_rate,
@@ -48,7 +50,7 @@ impl At {
         }
     }
 
-    /// A point of which only the shear rate matters.
+    /// A point with only a shear rate.
     pub(super) fn rate(shear_rate: Option<f64>) -> Self {
         Self {
             shear_rate,
@@ -57,7 +59,7 @@ impl At {
     }
 }
 
-/// The word for shear rates Γ among units.
+/// The name of shear rates Γ among units.
 pub(super) const RATE: &str = "Γ";
 
 /// Decimal prefixes.
@@ -75,7 +77,7 @@ const PREFIXES: [(&str, f64); 11] = [
     ("G", 1e9),
 ];
 
-/// What may be given: its name, its unit, an example.
+/// Arguments: name, unit, example.
 const KEYS: [(&str, &str, &str); 3] = [
     ("a", "m", "1um"),
     ("mu", "Pas", "1mPas"),
@@ -83,10 +85,11 @@ const KEYS: [(&str, &str, &str); 3] = [
 ];
 
 impl Units {
-    /// Reads `a=1um,mu=1mPas,f_crit=10pN`; `f_crit` may be left out.
+    /// Reads `a=1um,mu=1mPas,f_crit=10pN`; `f_crit` is optional.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] on a name that is none, a unit of another kind, a number that is not above 0.
+    /// [`ReportError::Argument`] on an unknown name, a unit of another kind, a number that is not
+    /// positive.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         let mut values: [Option<f64>; 3] = [None; 3];
         for part in text.split(',') {
@@ -107,7 +110,7 @@ impl Units {
             let (name, unit, example) = KEYS[place];
             values[place] = Some(quantity(value.trim(), unit).ok_or_else(|| {
                 refused(format!(
-                    "{name} = {value:?} is no number above 0 with a unit of {unit}; write it as {name}={example}"
+                    "{name} = {value:?} is not a positive number with a unit of {unit}; write it as {name}={example}"
                 ))
             })?);
         }
@@ -123,13 +126,13 @@ impl Units {
         })))
     }
 
-    /// Whether any are asked for.
-    pub(super) fn are_asked_for(&self) -> bool {
+    /// Whether physical units are requested.
+    pub(super) fn are_requested(&self) -> bool {
         self.0.is_some()
     }
 
-    /// What numbers of a unit become at a point: their unit, and what they are multiplied by, which is `None` where there is no finite
-    /// scale. `None` where they stay as they are.
+    /// Conversion of numbers of a unit at a point: the new unit, and the factor, which is `None`
+    /// without a finite scale. `None` if they are not converted.
     fn converted(&self, unit: &str, at: At) -> Option<(&'static str, Option<f64>)> {
         let Physical {
             radius,
@@ -159,19 +162,19 @@ impl Units {
         })
     }
 
-    /// The word of a unit after conversion.
+    /// Name of a unit after conversion.
     pub(super) fn word<'u>(&self, unit: &'u str) -> &'u str {
         self.converted(unit, At::rate(None))
             .map_or(unit, |(word, _)| word)
     }
 
-    /// What a number of this unit is multiplied by at a point; `None` where it has no finite scale.
+    /// Factor for a number of this unit at a point; `None` without a finite scale.
     pub(super) fn factor(&self, unit: &str, at: At) -> Option<f64> {
         self.converted(unit, at)
             .map_or(Some(1.0), |(_, factor)| factor)
     }
 
-    /// The unit that the values on an axis have been converted to; `None` where they are as they were.
+    /// The unit to which the values on an axis are converted; `None` if they are not.
     pub(super) fn of_axis(&self, axis: &Axis) -> Option<&'static str> {
         let unit = dimension_of(axis);
         Some(self.word(unit)).filter(|word| *word != unit)
@@ -188,7 +191,8 @@ impl Units {
         }
     }
 
-    /// A place along an axis; 0 and infinity stay, and what has no finite scale is not a number.
+    /// A position along an axis; 0 and infinity are unchanged, and values without a finite scale
+    /// become NaN.
     pub(super) fn along(&self, axis: &Axis, at: At, place: f64) -> f64 {
         if self.of_axis(axis).is_none() || place == 0.0 || place.is_infinite() {
             return place;
@@ -197,13 +201,13 @@ impl Units {
         factor.map_or(f64::NAN, |factor| factor * place)
     }
 
-    /// What a relative viscosity is multiplied by.
+    /// Factor for a relative viscosity.
     pub(super) fn viscosity_factor(&self) -> f64 {
         self.0.map_or(1.0, |physical| physical.viscosity)
     }
 
-    /// What a measured quantity is called in a figure: its unit beside its name once it has one, and then no symbol of a number
-    /// without one.
+    /// Label of a measured quantity in a figure: with a unit after conversion, and then without the
+    /// symbol of a pure number.
     pub(super) fn label(&self, name: &str, unit: &str) -> String {
         let word = self.word(unit);
         if word == unit {
@@ -217,10 +221,10 @@ impl Units {
         }
     }
 
-    /// Makes sure that a quantity can be converted.
+    /// Checks that a quantity can be converted.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] where it needs the critical load and none is given.
+    /// [`ReportError::Argument`] if it needs the critical load and none is given.
     pub(super) fn reach(&self, name: &str, unit: &str) -> Result<(), ReportError> {
         let needs_load = ["mu rate", "F_crit/a²", "a rate"].contains(&unit);
         match self.0 {
@@ -233,21 +237,23 @@ impl Units {
         }
     }
 
-    /// The error where nothing of what is shown has a scale: at the plateaus stresses and velocities are known up to the rate only.
+    /// The error if nothing shown has a scale: at the plateaus stresses and velocities are known
+    /// only up to the rate.
     pub(super) fn without_scale() -> ReportError {
         refused(
-            "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known as multiples of the shear rate only, and have no physical \
+            "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known only as multiples of the shear rate, and have no physical \
              value; leave --units out, or choose other points",
         )
     }
 }
 
-/// A name without the symbol at its end, of a quantity that is a pure number only in the units of the program.
+/// A name without its final symbol, for a quantity that is a pure number only in the units of the
+/// program.
 fn without_symbol(name: &str) -> &str {
     name.trim_end_matches(" Γ").trim_end_matches(" σ*")
 }
 
-/// The unit of the values on an axis, with the word for shear rates.
+/// The unit of the values on an axis, including shear rates.
 pub(super) fn dimension_of(axis: &Axis) -> &'static str {
     if axis.is_shear_rate() {
         RATE
@@ -294,7 +300,7 @@ mod tests {
             ("a=1um", "mu"),
             ("a=1um,mu=1mPas,g=3", "f_crit"),
             ("a=1uN,mu=1mPas", "a=1um"),
-            ("a=0um,mu=1mPas", "above 0"),
+            ("a=0um,mu=1mPas", "positive"),
             ("a=1um,a=2um", "twice"),
             ("a", "KEY=VALUE"),
         ] {
@@ -303,7 +309,7 @@ mod tests {
         }
     }
 
-    /// σ = η mu rate = σ* F_crit/a², and k = k* F_crit/a = (k* /Γ) 6π mu a rate, whichever way they are computed.
+    /// σ = η mu rate = σ* F_crit/a², and k = k* F_crit/a = (k* /Γ) 6π mu a rate, in both forms.
     #[test]
     fn stresses_are_the_same_by_rate_and_by_load() {
         let units = Units::parse("a=2um,mu=1.5mPas,f_crit=0.3nN").unwrap();

@@ -7,36 +7,37 @@ use crate::model::replay::replay;
 use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
-use crate::system::clock::{Clock, Spent};
+use crate::system::clock::{Clock, ElapsedTime};
 use sd_core::Sample;
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
-/// Computing time between checkpoints is at least this many times what the last one cost: under 1 % goes to them.
+/// Minimum computing time between checkpoints, as a multiple of the duration of the last one: they
+/// take less than 1 %.
 const CHECKPOINT_SHARE: u32 = 100;
 
-/// How many times what it is expected to take a case may be computed for, unless the user says how long.
+/// Default limit of the computing time of a case, as a multiple of its estimate.
 const WALL_FACTOR: f64 = 50.0;
-/// Cases are computed for at least this long: estimates of short ones say little.
+/// Lower bound of that limit: estimates of short cases are unreliable.
 const LEAST_WALL_LIMIT: Duration = Duration::from_mins(30);
 
-/// A run under way. Outside the part that may panic, so that what was computed is there afterwards.
+/// A run in progress. Held outside the code that may panic, so that its results survive.
 #[derive(Default)]
 struct Run {
-    /// The layer, once it is made.
+    /// The layer, once it exists.
     simulation: Option<AnySimulation>,
-    /// The layer before the step under way: a panic may leave the simulation in pieces.
+    /// The layer before the current step: a panic may leave the simulation in an invalid state.
     before: Option<AnySnapshot>,
     record: Record,
 }
 
-/// What was measured in a run.
+/// Measurements of a run.
 #[derive(Default)]
 struct Record {
     samples: Vec<(u64, Sample)>,
-    /// Seconds computed before this process went on with it.
-    before: Spent,
-    /// Times it went on from a checkpoint.
+    /// Seconds computed before this process resumed it.
+    before: ElapsedTime,
+    /// Number of times it was resumed from a checkpoint.
     resumed: u32,
     /// Frames not in the store yet. They are written before the checkpoint that follows them.
     frames: Vec<(u64, AnyFrame)>,
@@ -47,7 +48,7 @@ enum End {
     Done,
     /// The layer jammed.
     Jammed,
-    /// Asked to stop.
+    /// A stop was requested.
     Stopped,
     /// Failed, with a message: an error of the solver, or a limit.
     Failed(String, Option<sd_core::Error>),
@@ -57,12 +58,12 @@ enum End {
 #[derive(Clone, Copy)]
 struct WallLimit {
     seconds: f64,
-    /// Whether nobody chose it.
+    /// Whether it is the default.
     is_default: bool,
 }
 
 impl WallLimit {
-    /// The one chosen, or else many times what the case is expected to take.
+    /// The limit chosen, or else a multiple of the estimate.
     fn of(chosen: Option<Duration>, case: &Case) -> Self {
         chosen.map_or_else(
             || Self {
@@ -76,17 +77,17 @@ impl WallLimit {
         )
     }
 
-    /// What a case is told that took longer.
+    /// Message of a case that took longer.
     fn message(self) -> String {
         if self.is_default {
             format!(
-                "took longer than {} of computing, {WALL_FACTOR} times what it was expected to take; \
+                "took longer than {} of computing, {WALL_FACTOR} times its estimate; \
                  `sweep run --retry-failed --max-wall-time SECONDS` gives it longer",
                 crate::format::duration(self.seconds)
             )
         } else {
             format!(
-                "took longer than the {} s of computing a case may take",
+                "took longer than the limit of {} s of computing per case",
                 self.seconds
             )
         }
@@ -96,7 +97,7 @@ impl WallLimit {
 impl End {
     /// The solver failed.
     fn of(error: sd_core::Error) -> Self {
-        // Step and strain are kept beside the message.
+        // Step and strain are stored separately from the message.
         let message = match &error {
             sd_core::Error::Step { source, .. } => source.to_string(),
             other => other.to_string(),
@@ -111,7 +112,7 @@ impl Run {
         self.simulation.as_ref().map_or(0, AnySimulation::steps)
     }
 
-    /// The last whole state of the layer.
+    /// The last valid state of the layer.
     fn last_state(&self) -> Option<AnySnapshot> {
         let now = || self.simulation.as_ref().map(AnySimulation::snapshot);
         self.before.clone().or_else(now)
@@ -120,7 +121,7 @@ impl Run {
 
 impl Record {
     /// Bytes of the checkpoint of a run.
-    fn checkpoint(&self, simulation: &AnySimulation, spent: Spent) -> Vec<u8> {
+    fn checkpoint(&self, simulation: &AnySimulation, spent: ElapsedTime) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
             samples: self.samples.clone(),
@@ -135,7 +136,7 @@ impl Record {
 }
 
 impl Shared<'_> {
-    /// Computes a case and keeps what comes of it. A result is given back, to be kept with others.
+    /// Computes a case and stores its outcome. A result is returned, to be stored with others.
     pub(super) fn compute(
         &self,
         worker: usize,
@@ -165,19 +166,19 @@ impl Shared<'_> {
         };
         self.options.progress.end_case(worker, result.is_ok());
         if matches!(result, Ok(None) | Err(_)) {
-            self.tell_end(claim, state, steps, spent.cpu_s);
+            self.print_end(claim, state, steps, spent.cpu_s);
         }
         result
     }
 
-    /// Says that a case ended.
-    fn tell_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
+    /// Reports the end of a case.
+    fn print_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
         tracing::info!(case = claim.key, state, steps, cpu_s, "finished");
         self.options.progress.ended(claim, state, steps, cpu_s);
     }
 
-    /// What is kept of a run that came to its end.
-    fn finished(&self, state: State, mut run: Run, spent: Spent) -> Finished {
+    /// The result of a completed run.
+    fn finished(&self, state: State, mut run: Run, spent: ElapsedTime) -> Finished {
         // The store keeps samples one by one.
         let samples = std::mem::take(&mut run.record.samples);
         let layer = run.simulation.as_ref();
@@ -195,7 +196,7 @@ impl Shared<'_> {
         }
     }
 
-    /// Keeps results of cases, and tells their ends.
+    /// Stores results of cases and reports their ends.
     pub(super) fn keep_ended(&self, ended: &[(&Claim, Finished)]) -> Result<(), StoreError> {
         if ended.is_empty() {
             return Ok(());
@@ -205,7 +206,7 @@ impl Shared<'_> {
             .map(|(claim, finished)| (*claim, finished))
             .collect();
         let owned = self.store().finish(&runs)?;
-        // Another machine may have computed the beginning of one that was resumed.
+        // A resumed run may have been started on another machine.
         let records: Vec<costs::Record> = runs
             .iter()
             .filter(|(_, finished)| finished.resumed == 0)
@@ -226,7 +227,7 @@ impl Shared<'_> {
                     claim.case.label()
                 ));
             }
-            self.tell_end(
+            self.print_end(
                 claim,
                 finished.state.name(),
                 finished.steps,
@@ -236,12 +237,12 @@ impl Shared<'_> {
         Ok(())
     }
 
-    /// Keeps how far a run has come, and gives its case back.
+    /// Stores the progress of a run and releases its case.
     fn stopped(
         &self,
         claim: &Claim,
         run: &Run,
-        spent: Spent,
+        spent: ElapsedTime,
     ) -> Result<Option<Finished>, StoreError> {
         if let Some(layer) = run.simulation.as_ref().filter(|layer| layer.steps() > 0) {
             let bytes = run.record.checkpoint(layer, spent);
@@ -251,7 +252,8 @@ impl Shared<'_> {
         Ok(None)
     }
 
-    /// A clock for one run. A run alone is shared among all threads of the process, another is computed by one of them.
+    /// A clock for one run. A single run uses all threads of the process; otherwise each run uses
+    /// one thread.
     fn clock(&self) -> Clock {
         if self.options.workers == 1 {
             Clock::of_process()
@@ -260,7 +262,7 @@ impl Shared<'_> {
         }
     }
 
-    /// The run of a claimed case: from its newest good checkpoint, or from nothing.
+    /// The run of a claimed case, from its newest valid checkpoint or from its start.
     fn resume(&self, claim: &Claim) -> Result<Run, StoreError> {
         for checkpoint in &claim.checkpoints {
             let refused = match checkpoint {
@@ -281,7 +283,7 @@ impl Shared<'_> {
                                 before: None,
                                 record: Record {
                                     samples: good.samples.clone(),
-                                    before: Spent {
+                                    before: ElapsedTime {
                                         wall_s: good.wall_time_s,
                                         cpu_s: good.cpu_time_s,
                                     },
@@ -296,18 +298,18 @@ impl Shared<'_> {
                 Err(damage) => damage.to_string(),
             };
             self.options.progress.note(&format!(
-                "a checkpoint of {} cannot be used ({refused}): going on from the one before",
+                "a checkpoint of {} cannot be used ({refused}): continuing from the one before",
                 claim.case.label()
             ));
         }
         if !claim.checkpoints.is_empty() {
-            // Those left could otherwise outrank the fresh ones, which have fewer steps.
+            // Remaining old checkpoints could otherwise outrank new ones, which have fewer steps.
             self.store().drop_checkpoints(claim)?;
         }
         Ok(Run::default())
     }
 
-    /// Step after step until the run ends in some way.
+    /// Makes steps until the run ends.
     fn simulate(
         &self,
         worker: usize,
@@ -362,7 +364,7 @@ impl Shared<'_> {
                 Err(error) => return Ok(End::of(error)),
             };
             if !can_be_kept(&sample) {
-                let message = "what was measured is not a number".to_owned();
+                let message = "a measured value is not a number".to_owned();
                 return Ok(End::Failed(message, None));
             }
             if sampled {
@@ -390,7 +392,7 @@ impl Shared<'_> {
         }
     }
 
-    /// Keeps a failure; the campaign goes on.
+    /// Stores a failure; the campaign continues.
     fn fail(
         &self,
         claim: &Claim,
@@ -399,7 +401,7 @@ impl Shared<'_> {
         error: Option<&sd_core::Error>,
     ) -> Result<Option<Finished>, StoreError> {
         self.options.progress.failed(&claim.case, &message);
-        let (pair, gap) = error.map_or((None, None), culprit);
+        let (pair, gap) = error.map_or((None, None), error_location);
         let step = match error {
             Some(sd_core::Error::Step { step, .. }) => *step,
             _ => run.steps(),
@@ -419,10 +421,10 @@ impl Shared<'_> {
     }
 }
 
-/// The pair and the gap an error names.
-fn culprit(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
+/// The pair and the gap in an error.
+fn error_location(error: &sd_core::Error) -> (Option<(u64, u64)>, Option<f64>) {
     match error {
-        sd_core::Error::Step { source, .. } => culprit(source),
+        sd_core::Error::Step { source, .. } => error_location(source),
         sd_core::Error::Overlap { i, j, gap, .. } => (Some((*i as u64, *j as u64)), Some(*gap)),
         sd_core::Error::BadPair { i, j, .. } => (Some((*i as u64, *j as u64)), None),
         _ => (None, None),

@@ -1,18 +1,18 @@
-//! What can end a run of a campaign as a whole. Cases that fail are no errors: they are in the store.
+//! Errors that end a run of a campaign. Failed cases are no errors: they are in the store.
 
 use crate::store::StoreError;
 
-/// Why computing could not begin, or had to end.
+/// Why computing could not start or had to end.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum RunnerError {
-    /// Threads or signal handlers the system would not give.
+    /// Threads or signal handlers that could not be created.
     #[error("cannot start {what}: {reason}")]
     #[diagnostic(help(
         "nothing was computed; close other programs of yours, or give fewer --workers"
     ))]
     Start {
-        /// What was asked for.
+        /// The resource.
         what: &'static str,
         /// What the system said.
         reason: String,

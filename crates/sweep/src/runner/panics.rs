@@ -1,15 +1,15 @@
-//! A panic in one run is that run's failure, with its message, and not a mess on the screen.
+//! A panic in a run becomes the failure of that run, with its message, and prints nothing.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
 thread_local! {
-    /// `Some` while panics of this thread are to be kept: the message of the last one.
+    /// `Some` while panics of this thread are captured: the message of the last one.
     static KEPT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Keeps panics inside [`catch`] off the screen; all others go where they always went.
+/// Suppresses the output of panics inside [`catch`]; all others are printed as usual.
 pub(super) fn capture_in_workers() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -27,7 +27,7 @@ pub(super) fn capture_in_workers() {
     });
 }
 
-/// Does something; gives the message back if it panics.
+/// Calls a function; returns the message if it panics.
 pub(super) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     KEPT.set(Some(String::new()));
     let result = catch_unwind(AssertUnwindSafe(work));

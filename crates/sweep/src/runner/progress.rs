@@ -1,4 +1,4 @@
-//! What a user sees of a run: bars on a terminal, a line now and then in a log, or nothing.
+//! Progress display of a run: bars on a terminal, lines at intervals in a log, or nothing.
 
 mod bars;
 mod event;
@@ -10,7 +10,7 @@ use crate::system::lock;
 use crate::text::visible::visible;
 use bars::{bar_width, line, room, terminal_width};
 use clap::ValueEnum;
-use event::UnderWay;
+use event::RunningCase;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use overall::Overall;
 use sd_core::Params;
@@ -19,12 +19,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Parts the overall bar is divided into.
+/// Number of divisions of the overall bar.
 const PARTS: u64 = 10_000;
-/// Time from lines of JSON to the next.
+/// Interval between lines of JSON.
 const JSON_EVERY: Duration = Duration::from_secs(1);
 
-/// How progress is shown.
+/// Style of the progress display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Style {
     /// Bars on a terminal.
@@ -39,8 +39,9 @@ pub enum Style {
 }
 
 impl Style {
-    /// Says something on standard error, before or after a run. Nobody may read it, which is no reason to stop.
-    pub fn tell(self, text: &str) {
+    /// Prints a note on standard error, before or after a run. Standard error may be closed, which
+    /// is no reason to stop.
+    pub fn note(self, text: &str) {
         let line = match self {
             Self::Bars | Self::Lines => text.to_owned(),
             Self::Json => event::note(text),
@@ -50,14 +51,14 @@ impl Style {
     }
 }
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Standing {
-    /// Share of its work that is done, 0 to 1.
+pub struct CampaignProgress {
+    /// Fraction of its work that is done, 0 to 1.
     pub fraction: f64,
-    /// Its cases by state, as of the last look into the store.
+    /// Its cases by state, as last read from the store.
     pub counts: Counts,
-    /// The same in words, with the time left.
+    /// The same as text, with the remaining time.
     pub message: String,
 }
 
@@ -67,14 +68,14 @@ pub struct Progress {
     bars: MultiProgress,
     overall: ProgressBar,
     workers: Vec<Worker>,
-    /// How far the campaign is.
+    /// Progress of the campaign.
     campaign: Mutex<Overall>,
-    told: Mutex<Vec<Told>>,
+    reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
 }
 
-/// A failure that was told.
-struct Told {
+/// A failure that was reported.
+struct ReportedFailure {
     /// Parameters of the case, without its shear rate.
     params: Params,
     message: String,
@@ -86,14 +87,14 @@ struct Told {
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
     bar: ProgressBar,
-    case: Mutex<Option<UnderWay>>,
+    case: Mutex<Option<RunningCase>>,
     /// Steps of its case done.
     steps: AtomicU64,
     viscosity: AtomicU64,
 }
 
 impl Progress {
-    /// For so many workers; lines go to `log`.
+    /// A display for a number of workers; lines go to `log`.
     pub fn new(style: Style, workers: usize, log: Box<dyn Write + Send>) -> Self {
         let target = if style == Style::Bars {
             ProgressDrawTarget::stderr_with_hz(8)
@@ -128,7 +129,7 @@ impl Progress {
             overall,
             workers,
             campaign: Mutex::new(Overall::new()),
-            told: Mutex::new(Vec::new()),
+            reported: Mutex::new(Vec::new()),
             log: Mutex::new(log),
         }
     }
@@ -144,14 +145,15 @@ impl Progress {
         let left = counts.pending + counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
-                "{left} of {} cases to do, {} at a time",
+                "{left} of {} cases to do, {} in parallel",
                 counts.total(),
                 self.workers.len()
             ));
         }
     }
 
-    /// What the store says about all processes together. There may be more to do than before, where a precision is asked for.
+    /// Updates the progress of all processes from the store. The remaining work may increase where
+    /// a precision is requested.
     pub(super) fn see(&self, work: &Work) {
         let mut campaign = lock(&self.campaign);
         campaign.total = work.total;
@@ -160,7 +162,7 @@ impl Progress {
         campaign.counts = work.counts;
     }
 
-    /// A worker begins a case that is so many steps on.
+    /// A worker starts a case, at some step.
     pub(super) fn start_case(&self, worker: usize, claim: &Claim, steps: u64) {
         let Some(worker) = self.workers.get(worker) else {
             return;
@@ -170,7 +172,7 @@ impl Progress {
         worker.viscosity.store(unknown, Ordering::Relaxed);
         worker.bar.reset();
         worker.bar.set_length(claim.case.steps);
-        *lock(&worker.case) = Some(UnderWay::of(claim, steps));
+        *lock(&worker.case) = Some(RunningCase::of(claim, steps));
     }
 
     /// A worker did a step.
@@ -224,27 +226,27 @@ impl Progress {
         }
     }
 
-    /// How far the campaign is, as it was last drawn.
-    pub fn standing(&self) -> Standing {
+    /// Progress of the campaign, as last drawn.
+    pub fn standing(&self) -> CampaignProgress {
         let campaign = lock(&self.campaign);
-        Standing {
+        CampaignProgress {
             fraction: campaign.fraction(),
             counts: campaign.counts,
             message: campaign.message(),
         }
     }
 
-    /// A case failed. Of those that fail in the same way whatever their shear rate only the first is told.
+    /// A case failed. Of similar failures at different shear rates only the first is reported.
     pub(super) fn failed(&self, case: &Case, message: &str) {
         let alike = without_shear(&case.params);
         {
-            let mut told = lock(&self.told);
-            let mut all = told.iter_mut();
+            let mut reported = lock(&self.reported);
+            let mut all = reported.iter_mut();
             if let Some(known) = all.find(|t| t.params == alike && t.message == message) {
                 known.more += 1;
                 return;
             }
-            told.push(Told {
+            reported.push(ReportedFailure {
                 params: alike,
                 message: message.to_owned(),
                 label: case.label(),
@@ -254,7 +256,7 @@ impl Progress {
         self.note(&format!("failed: {}: {message}", case.label()));
     }
 
-    /// Something the user should know, above the bars or in the log.
+    /// A note to the user, above the bars or in the log.
     pub fn note(&self, text: &str) {
         let text = &*visible(text);
         match self.style {
@@ -269,7 +271,7 @@ impl Progress {
         }
     }
 
-    /// A case ended, in this state, after so many steps and seconds of processor.
+    /// A case ended, with its state, steps and CPU seconds.
     pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
         if let Some(state) = State::of(state) {
             lock(&self.campaign).counts.end(state);
@@ -279,13 +281,14 @@ impl Progress {
         }
     }
 
-    /// How often the store is to be asked, where that is told.
+    /// Interval of updates from the store, where they are reported.
     pub(super) fn every(&self) -> Option<Duration> {
         (self.style == Style::Json).then_some(JSON_EVERY)
     }
 
-    /// Lines of JSON, if these are asked for: one for every case under way, and one for the campaign as the store has just been seen.
-    pub(super) fn tell_standing(&self) {
+    /// Lines of JSON, if requested: one per running case, and one for the campaign as just read
+    /// from the store.
+    pub(super) fn print_progress(&self) {
         if self.style != Style::Json {
             return;
         }
@@ -303,13 +306,13 @@ impl Progress {
         self.line(&line);
     }
 
-    /// Takes the bars away, and says how many failures were not told.
+    /// Removes the bars and notes how many failures were not reported.
     pub(super) fn end(&self) {
-        let told = std::mem::take(&mut *lock(&self.told));
-        for told in told.iter().filter(|told| told.more > 0) {
+        let reported = std::mem::take(&mut *lock(&self.reported));
+        for reported in reported.iter().filter(|reported| reported.more > 0) {
             self.note(&format!(
                 "{} more runs failed as did {}",
-                told.more, told.label
+                reported.more, reported.label
             ));
         }
         for worker in &self.workers {
@@ -327,7 +330,7 @@ impl Progress {
         let _ = writeln!(lock(&self.log), "{text}");
     }
 
-    /// Progress of the campaign, with what is done until now.
+    /// Progress of the campaign, including running cases.
     fn advanced(&self) -> MutexGuard<'_, Overall> {
         let here: f64 = self.workers.iter().map(Worker::cost).sum();
         let mut campaign = lock(&self.campaign);

@@ -1,6 +1,6 @@
-//! Signals: the first asks for a stop after a checkpoint, the second aborts at once. While no case is under way the first
-//! does so too. What comes within a second of the first says the same once more: programs such as `timeout` send their signal
-//! to the process and to its group.
+//! Signals: the first requests a stop after a checkpoint, the second aborts. While no case is
+//! running the first aborts too. Signals within a second of the first are duplicates: programs such
+//! as `timeout` send their signal to the process and to its group.
 
 use super::RunnerError;
 use crate::exit;
@@ -10,25 +10,25 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// A signal this soon after the first is the same one again.
+/// Signals within this time after the first are duplicates.
 const ECHO: Duration = Duration::from_secs(1);
 
-/// Whether a stop was asked for, and by which signal.
+/// A stop request, with its signal.
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<Asked>);
+pub struct Stop(Arc<StopRequest>);
 
-/// What the thread of the signals and the others share.
+/// State shared by the signal thread and the others.
 #[derive(Debug, Default)]
-struct Asked {
+struct StopRequest {
     /// The first signal, 0 before.
     signal: AtomicI32,
     /// Whether there is anything to checkpoint.
     under_way: AtomicBool,
-    /// Whether signals never end the process by themselves.
+    /// Whether signals other than INT never end the process.
     patient: bool,
-    /// Whether the process is another program's, and never ended here.
+    /// Whether the process belongs to another program and is never ended here.
     hosted: bool,
-    /// When the time given to the run is up.
+    /// Deadline of the run.
     deadline: OnceLock<Instant>,
 }
 
@@ -37,12 +37,12 @@ struct Asked {
 pub enum Reason {
     /// A signal.
     Signal(i32),
-    /// The time given to it is up.
+    /// The time limit.
     TimeLimit,
 }
 
 impl Reason {
-    /// The exit code that says so.
+    /// The corresponding exit code.
     pub const fn exit_code(self) -> u8 {
         match self {
             Self::Signal(signal) => exit::stopped_by(signal),
@@ -55,32 +55,32 @@ impl Stop {
     /// Listens to INT, TERM, HUP and USR1 from now on.
     ///
     /// # Errors
-    /// [`RunnerError::Start`] if the system does not let us.
+    /// [`RunnerError::Start`] if the system refuses.
     pub fn on_signals() -> Result<Self, RunnerError> {
-        Self::listen(Asked::default())
+        Self::listen(StopRequest::default())
     }
 
-    /// The same for a task of a scheduler, which may send several signals at the end and KILL after them: none but INT ends
-    /// the process before it has published what it has.
+    /// The same for a task of a scheduler, which may send several signals at the end and then KILL:
+    /// only INT ends the process before it has published its results.
     ///
     /// # Errors
     /// As [`Stop::on_signals`].
     pub fn for_a_task() -> Result<Self, RunnerError> {
-        Self::listen(Asked {
+        Self::listen(StopRequest {
             patient: true,
-            ..Asked::default()
+            ..StopRequest::default()
         })
     }
 
-    /// For a program that listens to signals itself and says when to stop; it is never ended by this.
+    /// For a program that handles signals itself and requests stops; this never ends it.
     pub fn by_hand() -> Self {
-        Self(Arc::new(Asked {
+        Self(Arc::new(StopRequest {
             hosted: true,
-            ..Asked::default()
+            ..StopRequest::default()
         }))
     }
 
-    /// Asks for a stop, as this signal would.
+    /// Requests a stop, like this signal.
     pub fn ask(&self, signal: i32) {
         let _ = (self.0.signal).compare_exchange(0, signal, Ordering::SeqCst, Ordering::SeqCst);
     }
@@ -91,7 +91,7 @@ impl Stop {
     }
 
     /// Listens from now on.
-    fn listen(asked: Asked) -> Result<Self, RunnerError> {
+    fn listen(asked: StopRequest) -> Result<Self, RunnerError> {
         let refused = |error: std::io::Error| RunnerError::Start {
             what: "signal handlers",
             reason: error.to_string(),
@@ -124,12 +124,12 @@ impl Stop {
         Ok(stop)
     }
 
-    /// The signal that asked for a stop.
+    /// The signal that requested a stop.
     pub fn signal(&self) -> Option<i32> {
         Some(self.0.signal.load(Ordering::SeqCst)).filter(|signal| *signal != 0)
     }
 
-    /// Why the run is to stop, if it is.
+    /// The reason to stop, if any.
     pub fn reason(&self) -> Option<Reason> {
         let is_late = || {
             self.0
@@ -143,19 +143,20 @@ impl Stop {
         }
     }
 
-    /// Asks for a stop after this time from now; the first time given counts.
+    /// Requests a stop after this time; only the first call counts.
     pub fn after(&self, time: Duration) {
         if let Some(end) = Instant::now().checked_add(time) {
             let _ = self.0.deadline.set(end);
         }
     }
 
-    /// From now on there are cases to checkpoint, or none any more.
-    pub(super) fn set_under_way(&self, under_way: bool) {
+    /// Sets whether there are cases to checkpoint.
+    pub(super) fn set_running(&self, under_way: bool) {
         self.0.under_way.store(under_way, Ordering::SeqCst);
     }
 
-    /// Ends the program here and now. The store stands for this: what is not committed never was.
+    /// Ends the program immediately. This is safe for the store, since uncommitted changes are
+    /// discarded.
     pub(super) fn exit(reason: Reason) -> ! {
         std::process::exit(reason.exit_code().into())
     }
@@ -166,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stop_by_hand_says_its_first_signal_and_ends_no_process() {
+    fn a_manual_stop_reports_its_first_signal_and_ends_no_process() {
         let stop = Stop::by_hand();
         assert_eq!(stop.signal(), None);
         stop.ask(SIGINT);

@@ -1,23 +1,25 @@
-//! When the numbers of a finished run are doubtful: they came out, and are kept, but are not averaged as if they were good.
+//! Criteria for doubtful numbers of a finished run: these are stored, but not averaged.
 //!
-//! The rules are declared here alone, each with its threshold and the reason for it; the store keeps which of them a run
-//! broke, and tables, figures and the page count such runs.
+//! The rules are declared here alone, each with its threshold and the reason for it; the store
+//! keeps which of them a run broke, and tables, figures and the page count such runs.
 
 use crate::statistics::{mean, ratio};
 use sd_core::simulation::Counters;
 use sd_core::{ContactScheme, Params, Sample};
 
-/// Share of contact problems that may be left unconverged. Sound runs near jamming have 1 to 2.5 %.
+/// Maximum fraction of unconverged contact problems. Good runs near jamming have 1 to 2.5 %.
 const UNCONVERGED: f64 = 0.05;
-/// Largest residual of a contact problem, in a·rate. Over a step of 0.005 a contact then misses its condition by 5e-4 a, a
-/// twentieth of a usual roughness height; sound runs stay below 1e-6.
+/// Largest residual of a contact problem, in a·rate. Over a step of 0.005 a contact then violates
+/// its condition by 5e-4 a, a twentieth of a typical roughness height; good runs stay below 1e-6.
 const RESIDUAL: f64 = 0.1;
-/// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by three quarters of it. Steps
-/// hold gaps at half of it or more where they can; the worst of the published runs comes to 0.35.
+/// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by
+/// three quarters of it. Steps hold gaps at half of it or more where they can; the worst of the
+/// published runs reaches 0.35.
 const HELD: f64 = 0.25;
-/// Share of the mean viscosity that one sample may carry: without it the mean would be less than half of what it is.
+/// Maximum contribution of one sample to the mean viscosity: without it the mean would fall by
+/// half.
 const CARRIED: f64 = 0.5;
-/// Fewest samples of which one may be blamed for the mean.
+/// Minimum number of samples for that rule.
 const FEW: usize = 10;
 
 /// Why a run is doubtful.
@@ -25,13 +27,13 @@ const FEW: usize = 10;
 pub enum Doubt {
     /// Too many contact problems did not converge.
     Unconverged,
-    /// A contact problem was left far from solved.
+    /// A contact problem kept a large residual.
     Residual,
     /// Rough surfaces overlap under rigid contacts.
     Overlap,
     /// A viscosity that no suspension has.
     BelowOne,
-    /// One sample carries the mean.
+    /// One sample dominates the mean.
     OneSample,
 }
 
@@ -56,14 +58,14 @@ impl Doubt {
         }
     }
 
-    /// What was found, in words.
+    /// Description of the finding.
     pub fn meaning(self) -> String {
         match self {
             Self::Unconverged => format!(
                 "more than {} % of the contact problems did not converge",
                 100.0 * UNCONVERGED
             ),
-            Self::Residual => format!("a contact problem was left with a residual above {RESIDUAL}"),
+            Self::Residual => format!("a contact problem ended with a residual above {RESIDUAL}"),
             Self::Overlap => format!(
                 "a gap fell below {HELD} of the roughness height under rigid contacts"
             ),
@@ -71,13 +73,13 @@ impl Doubt {
                  under contacts that store no energy"
                 .into(),
             Self::OneSample => format!(
-                "one sample carries more than {} % of the mean viscosity",
+                "one sample contributes more than {} % of the mean viscosity",
                 100.0 * CARRIED
             ),
         }
     }
 
-    /// Those named in a text, separated by commas; names that there are not are passed over.
+    /// The rules named in a text, separated by commas; unknown names are ignored.
     pub fn read(names: &str) -> Vec<Self> {
         names
             .split(',')
@@ -85,13 +87,14 @@ impl Doubt {
             .collect()
     }
 
-    /// As [`Doubt::read`] reads them.
+    /// In the format of [`Doubt::read`].
     pub fn write(doubts: &[Self]) -> String {
         let names: Vec<&str> = doubts.iter().map(|doubt| doubt.name()).collect();
         names.join(",")
     }
 
-    /// The rules that a finished run broke: `counters` of all of it, `samples` from the discarded strain on.
+    /// The rules that a finished run broke: `counters` of the whole run, `samples` after the
+    /// discarded strain.
     pub fn of(params: &Params, counters: &Counters, samples: &[&Sample]) -> Vec<Self> {
         Self::ALL
             .into_iter()
@@ -117,7 +120,7 @@ impl Doubt {
             Self::BelowOne => {
                 mean_of(|sample| sample.viscosity).is_some_and(|mean| mean < 1.0)
                     || mean_of(|sample| sample.viscosity_stresslet).is_some_and(|mean| mean < 0.0)
-                    || (!stores_energy(params)
+                    || (!can_release_energy(params)
                         && samples.iter().any(|sample| sample.viscosity < 0.0))
             }
             Self::OneSample => {
@@ -130,7 +133,8 @@ impl Doubt {
     }
 }
 
-/// Whether contacts do not give way. The paper's steps hold no gaps, and say so in their smallest gap.
+/// Whether contacts are rigid. The paper's steps do not hold gaps, which shows in their smallest
+/// gap.
 pub(crate) fn is_rigid(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid => true,
@@ -139,8 +143,9 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
     }
 }
 
-/// Whether springs, a repulsion or adhesion can give back work: then a viscosity may fall below 0 for a moment.
-fn stores_energy(params: &Params) -> bool {
+/// Whether springs, a repulsion or adhesion can release energy: then a viscosity may briefly fall
+/// below 0.
+fn can_release_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,
         ContactScheme::Laws(laws) => laws.is_soft() || laws.adhesion > 0.0,

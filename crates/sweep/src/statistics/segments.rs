@@ -1,4 +1,4 @@
-//! What a run says of one of its segments: averages, what a reversal leaves of the stress, harmonics of an oscillation.
+//! Results of a segment of a run: averages, stress after a reversal, harmonics of an oscillation.
 
 use super::{Averages, mean};
 use crate::protocol::PlannedSegment;
@@ -6,13 +6,14 @@ use sd_core::model::phase;
 use sd_core::{Params, Sample};
 use std::f64::consts::PI;
 
-/// Least share of its largest value by which a viscosity must rise for the strain of its rise to be told.
+/// Minimum rise of a viscosity, over its largest value, for which the strain of the rise is
+/// determined.
 const LEAST_RISE: f64 = 0.01;
 
-/// What one run says of a segment.
+/// Results of one run in a segment.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RunSegment {
-    /// Over what is kept of the segment.
+    /// Averages over the segment after its discarded strain.
     pub(crate) averages: Averages,
     /// Strain since its start, and viscosity.
     pub(crate) trace: Vec<(f64, f64)>,
@@ -20,27 +21,29 @@ pub(crate) struct RunSegment {
     pub(crate) reversal: Option<Reversal>,
     /// Of an oscillation, cycle by cycle.
     pub(crate) cycles: Vec<Cycle>,
-    /// How many of these, the last ones, are averaged.
+    /// Number of last cycles that are averaged.
     pub(crate) averaged_cycles: usize,
 }
 
-/// What a reversal does to the stress.
+/// Response of the stress to a reversal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reversal {
-    /// The viscosity in the first sample after it over its mean before it: what the fluid alone bears.
+    /// The viscosity in the first sample after it over its mean before it: the hydrodynamic part.
     pub(crate) hydrodynamic_share: f64,
-    /// Strain after which half of the drop is made up for, for the first time.
+    /// Strain at which half of the drop has first recovered.
     pub(crate) recovery_strain: Option<f64>,
 }
 
 /// One cycle of an oscillation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cycle {
-    /// η′ and η″ in mu: the stress is γ0 ω (η′ cos ωt + η″ sin ωt) and higher harmonics, where the strain is γ0 sin ωt.
+    /// η′ and η″ in mu: the stress is γ0 ω (η′ cos ωt + η″ sin ωt) and higher harmonics, where the
+    /// strain is γ0 sin ωt.
     pub(crate) viscosity: [f64; 2],
-    /// The same of the third harmonic, cos 3ωt and sin 3ωt.
+    /// The same for the third harmonic, cos 3ωt and sin 3ωt.
     pub(crate) third: [f64; 2],
-    /// Strain since a turning point after which the viscosity has risen half way from its least to its largest value of the half cycle.
+    /// Strain from a turning point until the viscosity has risen half way from its minimum to its
+    /// maximum in the half cycle.
     pub(crate) yield_strain: Option<f64>,
 }
 
@@ -50,7 +53,7 @@ impl Cycle {
         self.third[0].hypot(self.third[1]) / self.viscosity[0].hypot(self.viscosity[1])
     }
 
-    /// The cycle with the mean stress of some; `None` of none.
+    /// The cycle with the mean stress of several; `None` without cycles.
     pub(crate) fn mean(cycles: &[Self]) -> Option<Self> {
         let of = |value: fn(&Self) -> f64| mean(&cycles.iter().map(value).collect::<Vec<_>>());
         let yields: Vec<f64> = cycles
@@ -66,7 +69,7 @@ impl Cycle {
 }
 
 impl RunSegment {
-    /// Of a segment of a run, by its number from 0, from the samples of the run.
+    /// The results of a segment, by its number from 0, from the samples of the run.
     pub(crate) fn of(
         params: &Params,
         segments: &[PlannedSegment],
@@ -116,7 +119,7 @@ impl RunSegment {
         })
     }
 
-    /// The mean of the last cycles of an oscillation, those that are averaged.
+    /// The mean of the averaged last cycles of an oscillation.
     pub(crate) fn oscillation(&self) -> Option<Cycle> {
         let first = self.cycles.len().checked_sub(self.averaged_cycles)?;
         Cycle::mean(&self.cycles[first..])
@@ -132,10 +135,10 @@ fn first_above(trace: &[(f64, f64)], value: f64) -> Option<f64> {
     Some(from + (to - from) * (value - low) / (high - low))
 }
 
-/// The cycles of an oscillation from the viscosities in it: each stands for the strain up to the middles between it and its neighbours, over
-/// which the flow is integrated exactly.
+/// The cycles of an oscillation from the viscosities in it: each represents the strain up to the
+/// midpoints to its neighbours, over which the flow is integrated exactly.
 fn cycles(trace: &[(f64, f64)], amplitude: f64, time_step: f64, number: f64) -> Vec<Cycle> {
-    // A sample is taken in a step, or at its start, and stands for its middle.
+    // A sample is taken in a step, or at its start, and represents its middle.
     let middle = |k: usize| trace[k].0 + 0.5 * time_step;
     (0..crate::format::count(number))
         .filter_map(|cycle| {
@@ -183,7 +186,8 @@ fn cycles(trace: &[(f64, f64)], amplitude: f64, time_step: f64, number: f64) -> 
         .collect()
 }
 
-/// The strain at which the viscosity of a half cycle has risen half way from its least to its largest value.
+/// The strain at which the viscosity of a half cycle has risen half way from its minimum to its
+/// maximum.
 fn rise(half: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
     let own: Vec<(f64, f64)> = half.collect();
     let least = own.iter().map(|spot| spot.1).reduce(f64::min)?;
@@ -213,7 +217,8 @@ mod tests {
 
     const STEP: f64 = 0.01;
 
-    /// A trace with a viscosity that depends on the strain since the start, in which `every` step is sampled.
+    /// A trace with a viscosity that depends on the strain since the start, in which `every` step
+    /// is sampled.
     fn trace(strain: f64, every: usize, viscosity: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
         let steps = crate::format::count(strain / STEP);
         (0..steps)
@@ -251,7 +256,8 @@ mod tests {
 
     #[test]
     fn a_stress_that_follows_the_strain_is_elastic() {
-        // The viscosity after each turning point rises with the strain since then: η = 1 + s, s = 1 ± sin ωt in units of γ0.
+        // The viscosity after each turning point rises with the strain since then: η = 1 + s, s = 1
+        // ± sin ωt in units of γ0.
         let viscosity = |strain: f64| {
             let x = phase(strain / 0.5);
             1.0 + if x.cos() > 0.0 {

@@ -1,32 +1,33 @@
-//! Whether a run is steady: drift between the parts of it that are kept, the start that is to be left out, and how long the
-//! viscosity remembers.
+//! Steadiness of a run: drift between its kept parts, the initial transient to discard, and the
+//! correlation time of the viscosity.
 
 use super::{Estimate, mean, student};
 
-/// Parts of the strain kept that are compared.
+/// Number of parts of the kept strain that are compared.
 pub(crate) const PARTS: usize = 4;
-/// A difference counts as one beyond chance at this level, both sides together 1 %.
+/// Significance level of a difference, two-sided 1 %.
 const BEYOND_CHANCE: f64 = 0.995;
-/// Runs from which on differences are judged.
+/// Minimum number of runs for a test.
 const LEAST_RUNS: usize = 3;
-/// The window over which correlations are summed, in correlation times.
+/// Window of the sum of correlations, in correlation times.
 const WINDOW: f64 = 5.0;
 /// Samples of a batch.
 const BATCH: usize = 5;
 
-/// What a run tells about steadiness.
+/// Measures of steadiness of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steadiness {
-    /// Means over the four equal parts of the samples kept, the earliest first.
+    /// Means over the four equal parts of the kept samples, the earliest first.
     pub parts: [f64; PARTS],
-    /// Samples apart that count as independent ones: see [`correlation_samples`].
+    /// Correlation time in samples: see [`correlation_samples`].
     pub correlation: f64,
     /// Variance of the samples.
     pub variance: f64,
 }
 
 impl Steadiness {
-    /// Of the samples kept of a run; `None` of fewer than eight, or of ones that are not finite.
+    /// Computes them from the kept samples of a run; `None` for fewer than eight, or for values
+    /// that are not finite.
     pub fn of(values: &[f64]) -> Option<Self> {
         if values.len() < 2 * PARTS || values.iter().any(|value| !value.is_finite()) {
             return None;
@@ -43,12 +44,13 @@ impl Steadiness {
     }
 }
 
-/// Integrated autocorrelation time of a series, in samples: a mean over n of them is as good as one over n/τ independent ones.
+/// Integrated autocorrelation time of a series, in samples: a mean over n of them has the error of
+/// one over n/τ independent ones.
 ///
 /// ```text
 /// τ = 1 + 2 Σ_{t=1}^{W} ρ(t),   W the first with W ≥ 5 τ(W)
 /// ```
-/// `None` of fewer than two values; 1 of a constant.
+/// `None` for fewer than two values; 1 for a constant.
 ///
 /// # Source
 /// A. Sokal, Monte Carlo methods in statistical mechanics (1997), section 3.
@@ -74,21 +76,22 @@ pub(crate) fn correlation_samples(values: &[f64]) -> Option<f64> {
             break;
         }
     }
-    // The estimate is a noisy one, and no series is much better than independent samples.
+    // The estimate is noisy, and no series is much better than independent samples.
     Some(time.max(0.5))
 }
 
-/// The start of a series that is best left out, in samples, and whether that is as much as may be left out: then there is no
-/// sign that the rest is steady.
+/// The optimal start of a series to discard, in samples, and whether it is the maximum allowed:
+/// then nothing indicates that the rest is steady.
 ///
 /// ```text
 /// d = argmin_{d ≤ m/2} Σ_{j≥d} (y_j − ȳ_d)² / (m − d)²      of the means y_j over batches of five samples
 /// ```
-/// `None` of fewer than four batches, or of values that are not finite.
+/// `None` for fewer than four batches, or for values that are not finite.
 ///
 /// # Source
-/// MSER-5: K. P. White, Simulation 69, 323 (1997); K. P. White, M. J. Cobb and S. C. Spratt, Proc. Winter Simulation Conf. (2000),
-/// 755; at most half, as K. Hoad, S. Robinson and R. Davies, J. Oper. Res. Soc. 61, 1642 (2010).
+/// MSER-5: K. P. White, Simulation 69, 323 (1997); K. P. White, M. J. Cobb and S. C. Spratt, Proc.
+/// Winter Simulation Conf. (2000), 755; at most half, as K. Hoad, S. Robinson and R. Davies, J.
+/// Oper. Res. Soc. 61, 1642 (2010).
 pub(crate) fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
     let batches: Vec<f64> = values.chunks_exact(BATCH).filter_map(mean).collect();
     if batches.len() < 4 || batches.iter().any(|batch| !batch.is_finite()) {
@@ -108,15 +111,15 @@ pub(crate) fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
 /// Whether the runs of a point drift, judged from the same parts of all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drift {
-    /// Second half of the strain kept less the first, over the mean.
+    /// Second half of the kept strain minus the first, over the mean.
     pub halves: Estimate,
-    /// First quarter of the strain kept less the rest, over the mean.
+    /// First quarter of the kept strain minus the rest, over the mean.
     pub start: Estimate,
     runs: usize,
 }
 
 impl Drift {
-    /// Of the parts of every run; `None` of no run.
+    /// Computes it from the parts of every run; `None` without runs.
     pub(crate) fn of(runs: &[[f64; PARTS]]) -> Option<Self> {
         let whole: Vec<f64> = runs.iter().filter_map(|parts| mean(parts)).collect();
         let centre = mean(&whole)?.abs();
@@ -131,12 +134,13 @@ impl Drift {
         })
     }
 
-    /// Whether the halves differ by more than chance explains.
+    /// Whether the halves differ significantly.
     pub(crate) fn drifts(&self) -> bool {
         self.beyond_chance(&self.halves)
     }
 
-    /// Whether the first quarter differs from the rest by more than chance explains: the start is not forgotten.
+    /// Whether the first quarter differs significantly from the rest: the initial transient
+    /// persists.
     pub(crate) fn remembers_start(&self) -> bool {
         self.beyond_chance(&self.start)
     }
@@ -156,12 +160,13 @@ mod tests {
     use rand::{Rng as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// An autoregressive series of coefficient `memory`, whose correlation time is (1 + memory)/(1 − memory).
+    /// An autoregressive series of coefficient `memory`, whose correlation time is (1 + memory)/(1
+    /// − memory).
     fn series(memory: f64, length: usize, seed: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut noise = || {
             let uniform = |word: u64| (word >> 11) as f64 / (1_u64 << 53) as f64;
-            // A sum of twelve uniform numbers is near enough to a normal one.
+            // A sum of twelve uniform numbers is approximately normal.
             (0..12).map(|_| uniform(random.next_u64())).sum::<f64>() - 6.0
         };
         let mut value = noise() / (1.0 - memory * memory).sqrt();
@@ -198,7 +203,7 @@ mod tests {
             s.variance * s.correlation / 400.0
         };
         let told = mean(&runs.iter().map(of_run).collect::<Vec<_>>()).unwrap();
-        // Correlations within a run are taken about its own mean, which hides a little of them.
+        // Correlations within a run are relative to its own mean, which reduces them slightly.
         assert!((0.8..1.1).contains(&(told / scatter)), "{told} {scatter}");
     }
 
@@ -223,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn drift_is_told_from_chance() {
+    fn drift_is_distinguished_from_chance() {
         let runs = |slope: f64| -> Vec<[f64; PARTS]> {
             let run = |seed| {
                 let mut values = series(0.5, 200, seed);
@@ -238,10 +243,10 @@ mod tests {
         assert!(!steady.drifts() && !steady.remembers_start());
         let rising = Drift::of(&runs(0.02)).unwrap();
         assert!(rising.drifts());
-        // Second half less first: 100 samples apart, over a mean of 12.
+        // Second half minus first: 100 samples apart, over a mean of 12.
         assert!((rising.halves.mean - 2.0 / 12.0).abs() < 0.05);
         let two = Drift::of(&runs(0.02)[..2]).unwrap();
-        assert!(!two.drifts(), "two runs do not tell");
+        assert!(!two.drifts(), "two runs are too few");
         // One in a hundred steady points is flagged by chance.
         let flagged = (0..300)
             .filter(|point| {

@@ -1,33 +1,36 @@
-//! How many seeds a point gets when a campaign asks for a precision and not for a number.
+//! Stopping rule: the number of seeds of a point when a campaign requests a precision.
 //!
-//! Seeds are computed in batches, and the rule looks at a point only where a batch is complete:
+//! Seeds are computed in batches, and the rule evaluates a point only after a complete batch:
 //! ```text
 //! n₁ = at_least,   n_{k+1} = n_k + max(2, n_k/5, rounded up),   at most at_most
 //! w(n) = t(0.975, n − 1) s/√n / |mean|                of the runs averaged among the first n
 //! stop at n_k if w (1 + 2/n) ≤ precision at n_{k−1} and at n_k, or n_k = at_most
 //! ```
-//! So the seeds that count are a function of their results alone, whoever computed them and in whatever order they finished.
+//! So the seeds that count depend only on their results, not on who computed them or on their
+//! order.
 //!
-//! A rule that stops on the data stops a little too often where the scatter happens to look small, and intervals then hold the
-//! true mean less often than they say. Looking twice and the factor 1 + 2/n, which is that of Chow and Robbins in kind, keep that
-//! small: see the test `intervals_hold_the_mean_almost_as_often_as_they_say`.
+//! A sequential rule stops slightly too often when the scatter happens to look small, and intervals
+//! then contain the true mean less often than stated. The confirmation by a second batch and the
+//! factor 1 + 2/n, of the kind used by Chow and Robbins, limit this effect: see the test
+//! `intervals_hold_the_mean_almost_as_often_as_they_say`.
 //!
-//! Runs that jammed or failed use up their seed and are not averaged. A point of whose first batch fewer than two runs can be
-//! averaged gets no more seeds.
+//! Jammed and failed runs use up their seed and are not averaged. A point with fewer than two
+//! averaged runs in its first batch gets no more seeds.
 //!
-//! Source: Y. S. Chow and H. Robbins, Ann. Math. Stat. 36, 457 (1965); A. M. Law and W. D. Kelton, Oper. Res. 30, 641 (1982).
+//! Source: Y. S. Chow and H. Robbins, Ann. Math. Stat. 36, 457 (1965); A. M. Law and W. D. Kelton,
+//! Oper. Res. 30, 641 (1982).
 
 use super::Estimate;
 use serde::{Deserialize, Serialize};
 
-/// Seeds of a batch over those before it, one over this.
+/// A batch has 1 over this times the number of seeds before it.
 const SHARE: usize = 5;
-/// Least seeds of a batch after the first.
+/// Minimum number of seeds of a batch after the first.
 const LEAST: usize = 2;
-/// The guard 1 + GUARD/n against a scatter that looks small by chance.
+/// The factor 1 + GUARD/n guards against a scatter that is small by chance.
 const GUARD: f64 = 2.0;
 
-/// The quantity whose precision counts.
+/// The quantity with a requested precision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
@@ -66,21 +69,21 @@ impl Measure {
     }
 }
 
-/// What a campaign asks for at a point: seeds until the precision is reached.
+/// The precision requested at a point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[expect(clippy::struct_field_names, reason = "the words of the campaign file")]
 pub struct Precision {
     /// Half width of the 95 % interval over the mean; in (0, 1].
     pub precision: f64,
-    /// Of what.
+    /// The quantity.
     pub quantity: Measure,
     /// Seeds of the first batch, at least 2.
     pub at_least: usize,
-    /// Most seeds.
+    /// Maximum number of seeds.
     pub at_most: usize,
 }
 
-/// What became of the run of a seed.
+/// Outcome of the run of a seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// Not ended yet.
@@ -91,7 +94,7 @@ pub enum Outcome {
     Lost,
 }
 
-/// How a point stands.
+/// State of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -99,18 +102,18 @@ pub enum Verdict {
     Open,
     /// The precision is reached.
     Reached,
-    /// It is not, with as many seeds as there may be.
+    /// The precision is not reached with the maximum number of seeds.
     AtMost,
     /// Fewer than two runs of the first batch can be averaged.
     TooFewRuns,
 }
 
-/// What the rule says about a point.
+/// Decision of the rule about a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
-    /// So many seeds count, the first ones.
+    /// Number of first seeds that count.
     pub wanted: usize,
-    /// How the point stands.
+    /// State of the point.
     pub verdict: Verdict,
     /// Half width of the 95 % interval over the mean at the last complete batch.
     pub reached: Option<f64>,
@@ -119,12 +122,12 @@ pub struct Decision {
 }
 
 impl Precision {
-    /// Seeds at the end of the batch that follows so many seeds.
+    /// Number of seeds after the batch that follows a number of seeds.
     fn next(&self, seeds: usize) -> usize {
         (seeds + seeds.div_ceil(SHARE).max(LEAST)).min(self.at_most)
     }
 
-    /// What the rule says, given what became of the seeds in their order.
+    /// Applies the rule to the outcomes of the seeds, in order.
     pub fn decide(&self, runs: &[Outcome]) -> Decision {
         let mut decision = Decision {
             wanted: self.at_least.min(self.at_most),
@@ -163,18 +166,19 @@ impl Precision {
         }
     }
 
-    /// What the next batch of an open point is worth: by how much it will narrow the interval, relative to the mean, if the
-    /// scatter stays as it is. Nothing beyond the precision counts. Infinite before the first batch is complete.
+    /// Gain of the next batch of an open point: the expected decrease of the interval relative to
+    /// the mean, at unchanged scatter and not beyond the precision. Infinite before the first batch
+    /// is complete.
     pub fn gain(&self, decision: &Decision) -> f64 {
         let Some(width) = decision.reached else {
             return f64::INFINITY;
         };
         let after = width * (decision.complete as f64 / decision.wanted as f64).sqrt();
-        // A point that only has to be confirmed gains its confirmation.
+        // For a point that only needs confirmation, the gain is the confirmation.
         (width - after.max(self.precision)).max(0.1 * (width - after))
     }
 
-    /// Seeds the precision will take if runs scatter by so much relative to their mean, at least two of them measured.
+    /// Expected number of seeds at a relative scatter of runs, from at least two measured runs.
     pub fn foreseen(&self, scatter: f64) -> usize {
         let mut seeds = self.at_least.min(self.at_most);
         let mut narrow_before = false;
@@ -205,7 +209,7 @@ fn values(runs: &[Outcome], seeds: usize) -> Option<Vec<f64>> {
     Some(values)
 }
 
-/// Half width of the 95 % interval of the mean over the mean; `None` of fewer than two values.
+/// Half width of the 95 % interval of the mean over the mean; `None` for fewer than two values.
 pub(crate) fn relative_half_width(values: &[f64]) -> Option<f64> {
     let estimate = Estimate::of(values)?;
     let width = estimate.ci95? / estimate.mean.abs();

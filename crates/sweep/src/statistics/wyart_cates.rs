@@ -4,30 +4,32 @@
 //! η = A (1 − c/c_J)⁻²,    c_J = f c_m + (1 − f) c_0,    f = exp(−(σ_c/σ)^β)
 //! ```
 //!
-//! Without friction a layer jams at `c_0`, where friction acts on all contacts at `c_m`; `f` is the share of contacts whose load is above
-//! the critical one. Fitted are logarithms of viscosities, each weighted by the scatter of its runs.
+//! A layer jams at `c_0` without friction, and at `c_m` with friction at all contacts; `f` is the
+//! fraction of contacts above the critical load. The fit uses logarithms of viscosities, weighted
+//! by the scatter of runs.
 
 use super::{quantile, student_95};
 use nalgebra::{SMatrix, SVector};
 
-/// How many parameters there are.
+/// Number of parameters.
 pub(crate) const PARAMETERS: usize = 5;
 /// Their names, in the order of [`Fit::values`].
 pub(crate) const NAMES: [&str; PARAMETERS] = ["c_0", "c_m", "sigma_c", "beta", "prefactor"];
-/// Error of a viscosity that is granted besides the scatter of its runs, relative: the model is no law.
+/// Relative error of a viscosity added to the scatter of its runs, since the model is approximate.
 const FLOOR: f64 = 0.01;
-/// Steps of one fit at most, and the relative gain of a step below which it has converged.
+/// Maximum steps of a fit, and the relative gain of a step below which it has converged.
 const STEPS: usize = 200;
 const CONVERGED: f64 = 1e-10;
-/// The quantile of the normal distribution that makes a 95 % interval.
+/// The quantile of the normal distribution for a 95 % interval.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
-/// Starts that are followed to their ends.
+/// Number of starts that are iterated to convergence.
 const FOLLOWED: usize = 6;
 
-/// Parameters as they are fitted: c_0, c_m, ln σ_c, ln β, ln A.
+/// Fitted parameters: c_0, c_m, ln σ_c, ln β, ln A.
 type Inner = SVector<f64, PARAMETERS>;
 
-/// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included, and the viscosities of its runs.
+/// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included,
+/// and the viscosities of its runs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Datum {
     /// c or φ.
@@ -43,16 +45,16 @@ pub(crate) struct Datum {
 pub(crate) struct Fit {
     /// c_0, c_m, σ_c, β, A.
     pub values: [f64; PARAMETERS],
-    /// Their 95 % intervals by bootstrap over the runs; `None` where no point has two.
+    /// Their 95 % intervals by bootstrap over runs; `None` if no point has two runs.
     pub intervals: Option<[[f64; 2]; PARAMETERS]>,
-    /// ln η of each point less that of the fit.
+    /// ln η of each point minus that of the fit.
     pub residuals: Vec<f64>,
-    /// Replicates of the bootstrap that the intervals are from.
+    /// Number of bootstrap replicates of the intervals.
     pub replicates: usize,
 }
 
 impl Fit {
-    /// The viscosity of the fit; infinite where it has none.
+    /// The viscosity of the fit; infinite where it diverges.
     pub(crate) fn viscosity(&self, fraction: f64, stress: f64) -> f64 {
         let [c_0, c_m, sigma_c, beta, prefactor] = self.values;
         let inner = Inner::from([c_0, c_m, sigma_c.ln(), beta.ln(), prefactor.ln()]);
@@ -60,7 +62,8 @@ impl Fit {
     }
 }
 
-/// Fits the model, and estimates intervals by so many replicates of the bootstrap. `None` where no parameters describe the points.
+/// Fits the model, with intervals by a number of bootstrap replicates. `None` if no parameters
+/// describe the points.
 pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
     let errors = errors(data);
     let heights: Vec<f64> = data.iter().map(|datum| mean(&datum.runs).ln()).collect();
@@ -83,7 +86,8 @@ pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
             found.extend(problem.descend(best).map(|(inner, _)| inner));
         }
     }
-    // Quantiles, as single replicates may lie far off; farther out by as much as Student's quantile is above the normal one.
+    // Quantiles, since single replicates may be outliers; widened by the ratio of Student's
+    // quantile to the normal one.
     let factor = student_95(freedom as f64).filter(|_| found.len() > 1);
     let factor = factor.map(|quantile| quantile / NORMAL_95);
     let intervals = factor.map(|factor| {
@@ -112,7 +116,7 @@ pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
     })
 }
 
-/// A parameter as it is said: all but the two fractions are fitted by their logarithms.
+/// A parameter in its own unit: all but the two fractions are fitted by their logarithms.
 fn outer(place: usize, inner: f64) -> f64 {
     if place < 2 { inner } else { inner.exp() }
 }
@@ -124,7 +128,8 @@ fn logarithm(inner: &Inner, fraction: f64, stress: f64) -> Option<f64> {
     (room > 0.0).then(|| inner[4] - 2.0 * room.ln())
 }
 
-/// Relative error of the viscosity of each point, from the scatter of all runs about the means of their points.
+/// Relative error of the viscosity of each point, from the pooled scatter of runs about the means
+/// of their points.
 fn errors(data: &[Datum]) -> Vec<f64> {
     let (mut squares, mut freedom) = (0.0, 0.0);
     for datum in data {
@@ -149,8 +154,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Logarithms of the means of runs drawn with replacement. A mean of n drawn runs scatters as the mean of n runs does where it is moved away
-/// from that by √(n/(n−1)).
+/// Logarithms of bootstrap means. Deviations are scaled by √(n/(n−1)), so that they scatter like
+/// the mean of n runs.
 fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"bootstrap");
@@ -159,7 +164,7 @@ fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
     let mut draw = |below: usize| {
         let mut bytes = [0; 8];
         random.fill(&mut bytes);
-        // The bias of a remainder is far below what any number of replicates shows.
+        // The bias of a remainder is negligible at any number of replicates.
         usize::try_from(u64::from_le_bytes(bytes) % below as u64).unwrap_or(0)
     };
     data.iter()
@@ -171,13 +176,13 @@ fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
             }
             let drawn: f64 = (0..n).map(|_| datum.runs[draw(n)]).sum::<f64>() / n as f64;
             let moved = own + (n as f64 / (n as f64 - 1.0)).sqrt() * (drawn - own);
-            // A few runs that scatter by more than their mean.
+            // Too few runs, with a scatter above their mean.
             if moved > 0.0 { moved.ln() } else { drawn.ln() }
         })
         .collect()
 }
 
-/// What is fitted.
+/// The data of the fit.
 struct Problem<'d> {
     data: &'d [Datum],
     /// ln η of each point.
@@ -200,7 +205,8 @@ impl Problem<'_> {
         best.map(|(inner, _)| inner)
     }
 
-    /// Parameters to begin with: c_0 and c_m above all fractions by different amounts, σ_c among the stresses.
+    /// Initial parameters: c_0 and c_m above all fractions by different amounts, σ_c within the
+    /// stresses.
     fn starts(&self) -> Vec<Inner> {
         let densest = self
             .data
@@ -254,7 +260,7 @@ impl Problem<'_> {
         Some(residuals.iter().map(|residual| residual * residual).sum())
     }
 
-    /// Levenberg's and Marquardt's method from these parameters: the ones it ends at, and their cost.
+    /// The Levenberg-Marquardt method from these parameters: final parameters and cost.
     fn descend(&self, start: Inner) -> Option<(Inner, f64)> {
         let (mut inner, mut cost) = (start, self.cost(&start)?);
         let mut damping = 1e-3;
@@ -298,7 +304,8 @@ impl Problem<'_> {
         Some((inner, cost))
     }
 
-    /// Derivatives of the residuals by a parameter, towards where no point is jammed.
+    /// Derivatives of the residuals by a parameter, with a difference in the direction away from
+    /// jamming.
     fn derivative(&self, inner: &Inner, residuals: &[f64], place: usize) -> Option<Vec<f64>> {
         [1e-7, -1e-7].into_iter().find_map(|step| {
             let mut moved = *inner;
@@ -322,7 +329,7 @@ mod tests {
     const TRUTH: [f64; PARAMETERS] = [0.84, 0.73, 0.4, 1.1, 1.3];
 
     /// Runs of layers that follow the model, with a scatter.
-    fn made_up(seed: u64, scatter: f64, runs: usize) -> Vec<Datum> {
+    fn synthetic(seed: u64, scatter: f64, runs: usize) -> Vec<Datum> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let truth = Fit {
             values: TRUTH,
@@ -352,7 +359,7 @@ mod tests {
 
     #[test]
     fn parameters_of_exact_data_are_recovered() {
-        let fit = fit(&made_up(1, 0.0, 1), 20).unwrap();
+        let fit = fit(&synthetic(1, 0.0, 1), 20).unwrap();
         for ((name, value), truth) in NAMES.iter().zip(fit.values).zip(TRUTH) {
             assert!((value / truth - 1.0).abs() < 1e-5, "{name}: {value}");
         }
@@ -368,7 +375,7 @@ mod tests {
     fn intervals_hold_the_parameters_as_often_as_they_say() {
         let mut inside = [0; PARAMETERS];
         for seed in 0..100 {
-            let fit = fit(&made_up(seed, 0.08, 6), 150).unwrap();
+            let fit = fit(&synthetic(seed, 0.08, 6), 150).unwrap();
             let intervals = fit.intervals.unwrap();
             for (k, [low, high]) in intervals.into_iter().enumerate() {
                 inside[k] += u32::from(low < TRUTH[k] && TRUTH[k] < high);
@@ -382,7 +389,7 @@ mod tests {
 
     #[test]
     fn the_same_data_have_the_same_intervals() {
-        let data = made_up(7, 0.1, 4);
+        let data = synthetic(7, 0.1, 4);
         assert_eq!(fit(&data, 30), fit(&data, 30));
     }
 }

@@ -1,10 +1,10 @@
-//! Taking a campaign file into its store.
+//! Entering a campaign file into its store.
 
-use super::digest::{self, Altered, Sealed};
+use super::digest::{self, DigestMismatch, Sealed};
 use super::inventory::Adoption;
 use super::log::{self, Mark};
 use super::place;
-use super::processes::{self, AtWork};
+use super::processes::{self, ActiveProcess};
 use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
 use super::statements::{Statements, harden};
@@ -31,8 +31,8 @@ pub(super) const SEALED: Sealed = Sealed {
 };
 
 impl Store {
-    /// Opens the store of a campaign, makes it if it is not there, and takes the campaign into it: see [`Store::adopt`]. A new
-    /// store appears at its path with all its cases in it, or not at all.
+    /// Opens the store of a campaign, creates it if missing, and enters the campaign: see
+    /// [`Store::adopt`]. A new store appears at its path with all its cases, or not at all.
     ///
     /// # Errors
     /// Those of [`Store::open`] and [`Store::adopt`].
@@ -51,7 +51,7 @@ impl Store {
         Ok((store, adoption))
     }
 
-    /// Makes a store of a campaign; `None` if another process was faster.
+    /// Creates a store of a campaign; `None` if another process was faster.
     fn create(
         path: &Path,
         campaign: &Campaign,
@@ -75,7 +75,7 @@ impl Store {
             .tempfile_in(folder)
             .map_err(|error| unwritable(crate::disk::reason_against(path).unwrap_or(error)))?;
         let failed = |error| StoreError::sqlite(path, error, false);
-        // Nobody else knows it, and what is cut short is thrown away.
+        // No other process knows the file, and an incomplete one is discarded.
         let connection = Connection::open(draft.path()).map_err(failed)?;
         connection
             .execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN")
@@ -111,14 +111,14 @@ impl Store {
         Ok(Some((store, adoption)))
     }
 
-    /// Makes the cases of the store those of the campaign, and enters this process, which computes them. Cases already there keep
-    /// all they have; cases that left the grid stay stored, without a position. Runs that were computed farther than is requested
-    /// now are cut, and those that were not computed as far go on. From here on no other version of the campaign is let in for as
-    /// long as this process lives.
+    /// Sets the cases of the store to those of the campaign, and registers this process, which
+    /// computes them. Existing cases keep their data; cases that left the grid stay stored, without
+    /// a position. Runs longer than now requested are cut, and shorter ones are continued. While
+    /// this process lives, no other version of the campaign is accepted.
     ///
     /// # Errors
-    /// [`StoreError::OtherCampaign`], [`StoreError::AtWork`] while another process computes what another version of the
-    /// campaign requests, and trouble with the file. Nothing is changed then.
+    /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes
+    /// another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
     pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
         let entry = Entry::of(campaign, order, &self.path)?;
         let me = self.process.clone();
@@ -127,8 +127,9 @@ impl Store {
         if last.as_ref().is_some_and(|last| last.name != campaign.name) {
             return Err(self.other_campaign(last, campaign));
         }
-        let conflicting =
-            |connection: &Connection| AtWork::conflicting(connection, id, &entry.request.hash);
+        let conflicting = |connection: &Connection| {
+            ActiveProcess::conflicting(connection, id, &entry.request.hash)
+        };
         if let Some(other) = self.read(conflicting(&self.connection))? {
             return Err(self.at_work(&entry.request, other));
         }
@@ -140,7 +141,7 @@ impl Store {
             }
             if last.as_ref().is_none_or(|last| entry.differs(last)) {
                 entry.enter(connection, last.is_none())?;
-                settle::go_on_from_shorter_runs(connection, campaign)?;
+                settle::continue_shorter_runs(connection, campaign)?;
             }
             match me {
                 Some(me) => Ok(Ok(me)),
@@ -167,7 +168,7 @@ impl Store {
         }
     }
 
-    /// Lets a store that is only read be seen as this version of its campaign requests it.
+    /// Shows a read-only store as this version of its campaign requests it.
     pub(super) fn show_as_requested(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
         let Some(last) = self.read(LastRun::of(&self.connection))? else {
             return self.read(Err(no_campaign()));
@@ -180,7 +181,7 @@ impl Store {
             return Ok(());
         }
         let entry = Entry::of(campaign, Order::default(), &self.path)?;
-        // What is copied must be whole: readers compare digests with what is shown.
+        // Copies must be complete: readers compare digests with the data shown.
         self.point_runs()?;
         let shown = schema::shadow(&self.connection)
             .and_then(|()| entry.enter(&self.connection, false))
@@ -195,7 +196,7 @@ impl Store {
     /// The protocol last run.
     ///
     /// # Errors
-    /// Trouble with the file, or an entry that cannot be read.
+    /// An I/O or SQLite error, or an unreadable entry.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
         let text = self.of_campaign(2)?;
         self.json(serde_json::from_str(&text))
@@ -206,7 +207,7 @@ impl Store {
         self.of_campaign(0)
     }
 
-    /// The campaign file last run, to the letter.
+    /// The text of the campaign file last run.
     pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
         self.of_campaign(1)
     }
@@ -220,10 +221,10 @@ impl Store {
 }
 
 fn no_campaign() -> rusqlite::Error {
-    Altered::error("it holds no campaign")
+    DigestMismatch::error("it holds no campaign")
 }
 
-/// The campaign as a store was last run with it.
+/// The version of the campaign last run with a store.
 struct LastRun {
     name: String,
     text: String,
@@ -234,7 +235,7 @@ struct LastRun {
 }
 
 impl LastRun {
-    /// `None` in a new store; a damaged one is written anew.
+    /// `None` in a new store; a damaged entry is rewritten.
     fn of(connection: &Connection) -> rusqlite::Result<Option<Self>> {
         let read = |row: &Row<'_>| {
             Ok(Self {
@@ -243,7 +244,7 @@ impl LastRun {
                 protocol: row.get(2)?,
                 file: row.get(3)?,
                 request: row.get(4)?,
-                // No digest covers it: what cannot be read is written anew.
+                // No digest covers it: an unreadable value is rewritten.
                 priority: connection
                     .value("SELECT priority FROM campaign", [])
                     .unwrap_or_default()
@@ -251,13 +252,13 @@ impl LastRun {
             })
         };
         match SEALED.all(connection, "true", [], read) {
-            Err(error) if Altered::in_error(&error).is_some() => Ok(None),
+            Err(error) if DigestMismatch::in_error(&error).is_some() => Ok(None),
             last => Ok(last?.pop()),
         }
     }
 }
 
-/// A version of a campaign that is taken into a store.
+/// A version of a campaign to enter into a store.
 struct Entry<'c> {
     campaign: &'c Campaign,
     order: Order<'c>,
@@ -277,7 +278,7 @@ impl<'c> Entry<'c> {
         })
     }
 
-    /// Whether there is anything to write.
+    /// Whether anything must be written.
     fn differs(&self, last: &LastRun) -> bool {
         last.text != self.campaign.text
             || last.protocol != self.protocol
@@ -285,7 +286,7 @@ impl<'c> Entry<'c> {
             || last.priority != self.order.priority.words()
     }
 
-    /// Makes the cases of a store those of the campaign.
+    /// Sets the cases of a store to those of the campaign.
     fn enter(&self, connection: &Connection, is_new: bool) -> rusqlite::Result<()> {
         let text = |text: &str| Value::Text(text.to_owned());
         let row = [
@@ -306,7 +307,7 @@ impl<'c> Entry<'c> {
             schema::index(connection)?;
         }
         rules::enter(connection, self.campaign)?;
-        // What failed beyond the strain that is requested now may well get as far as that.
+        // Runs that failed beyond the strain requested now can reach that strain.
         states::reopen(
             connection,
             "state = 'failed' AND counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
@@ -316,7 +317,7 @@ impl<'c> Entry<'c> {
         rules::apply_all(connection)
     }
 
-    /// Writes new cases, and gives known ones their places in the file.
+    /// Writes new cases, and updates the position of known ones.
     fn enter_cases(&self, connection: &Connection) -> rusqlite::Result<()> {
         connection.execute(
             "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
@@ -342,7 +343,8 @@ impl<'c> Entry<'c> {
              cost = excluded.cost,
                  steps = excluded.steps, turn = {turn}"
         ))?;
-        // In the order of work: cases that are computed one after the other lie side by side, and so will what comes of them.
+        // In the order of work, so that cases computed in sequence, and their results, are adjacent
+        // in the file.
         let mut order: Vec<usize> = (0..ranks.len()).collect();
         order.sort_by_key(|position| ranks[*position]);
         for position in order {
@@ -367,12 +369,12 @@ impl<'c> Entry<'c> {
 #[derive(Default)]
 pub(super) struct Points {
     known: HashMap<i64, i64>,
-    /// The one met last: cases of a point come one after the other in their file.
+    /// The last one seen: cases of a point are consecutive in the file.
     last: Option<(Params, i64)>,
 }
 
 impl Points {
-    /// The number of the point of some parameters, which is entered if it is not there.
+    /// The number of the point of some parameters, which is entered if missing.
     pub(super) fn place(
         &mut self,
         connection: &Connection,
@@ -393,7 +395,7 @@ impl Points {
     }
 }
 
-/// The number of a point, which is entered if it is not there.
+/// The number of a point, which is entered if missing.
 fn number_of(connection: &Connection, row: &[Value], digest: i64) -> rusqlite::Result<i64> {
     let known = "SELECT id FROM points WHERE digest = ?1";
     if let Some(place) = connection.value(known, [digest])? {

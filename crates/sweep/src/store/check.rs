@@ -1,7 +1,8 @@
-//! Whether all of a store is what was written; and what is damaged made pending again, to be computed with the same digits.
+//! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the
+//! same digits.
 
 use super::campaign;
-use super::digest::{Altered, altered, reseal};
+use super::digest::{DigestMismatch, altered, reseal};
 use super::log::Mark;
 use super::schema::{self, axis_columns};
 use super::statements::Statements;
@@ -13,12 +14,13 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Largest file whose structure is looked at before a run, in bytes: this takes less than half a second.
+/// Largest file whose structure is checked before a run, in bytes: this takes less than half a
+/// second.
 const CHEAP: u64 = 64 << 20;
-/// Selects the size of a file, as it says itself, in bytes.
+/// Selects the size of a file in bytes, from its header.
 pub(super) const SIZE: &str =
     "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
-/// Tables with what was computed of a case.
+/// Tables with results of cases.
 pub(super) const OF_CASES: [&str; 6] = [
     "samples",
     "frames",
@@ -28,8 +30,8 @@ pub(super) const OF_CASES: [&str; 6] = [
     "failures",
 ];
 
-/// Tables with a digest in each row, what a row is in words, and a statement that selects of each row what the digest covers, the
-/// digest, and its number.
+/// Tables with a digest in each row, a description of a row, and a statement that selects the
+/// columns covered by the digest, the digest, and the row number.
 fn kinds() -> Vec<(&'static str, &'static str, String)> {
     let sealed = [
         campaign::SEALED,
@@ -51,12 +53,12 @@ fn kinds() -> Vec<(&'static str, &'static str, String)> {
         .collect()
 }
 
-/// Something that is not what was written.
+/// A damaged entry.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// Key of the run it belongs to.
     pub key: Option<String>,
-    /// What it is.
+    /// Description.
     pub what: String,
 }
 
@@ -69,33 +71,33 @@ impl Finding {
     }
 }
 
-/// What was found in a store.
+/// Findings of a check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Checked {
-    /// Runs that were looked at.
+    /// Number of runs checked.
     pub runs: u64,
-    /// What is damaged.
+    /// Damaged entries.
     pub findings: Vec<Finding>,
-    /// What is lost with a log, in words.
+    /// Description of changes lost with a log.
     pub warning: Option<String>,
 }
 
-/// A part of a store that is forgotten as a whole, by its number.
+/// A part of a store that is deleted as a whole, by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Part {
     /// A run.
     Run(i64),
-    /// The grid, which is entered anew.
+    /// The grid, which is entered again.
     Grid,
     Process(i64),
     Point(i64),
 }
 
-/// All that is damaged in a store whose pages can be read, each part with the first that was found.
+/// All damage in a store with readable pages, each part with its first finding.
 #[derive(Default)]
 struct Damage {
     parts: BTreeMap<Part, String>,
-    /// Runs whose rows among the cases are damaged themselves.
+    /// Runs with damaged rows in the table of cases.
     rows: BTreeSet<i64>,
 }
 
@@ -125,7 +127,7 @@ impl Damage {
             [],
         )?;
         for case in orphaned {
-            damage.add(Part::Run(case), "the process that computed it is not there");
+            damage.add(Part::Run(case), "the process that computed it is missing");
         }
         for table in OF_CASES {
             let astray = format!(
@@ -144,23 +146,24 @@ impl Damage {
         self.parts.entry(part).or_insert_with(|| what.to_owned());
     }
 
-    /// Takes an error about the grid or the campaign for damage of the grid.
+    /// Records an error about the grid or the campaign as damage of the grid.
     fn unless_altered(&mut self, result: rusqlite::Result<()>) -> rusqlite::Result<()> {
         match result {
-            Err(error) if Altered::in_error(&error).is_some() => {
-                self.add(Part::Grid, &Altered::words(&error));
+            Err(error) if DigestMismatch::in_error(&error).is_some() => {
+                self.add(Part::Grid, &DigestMismatch::words(&error));
                 Ok(())
             }
             other => other,
         }
     }
 
-    /// That every case has its point and its key, and the state that goes with its result and its failures.
+    /// Checks that every case has its point and key, and a state consistent with its result and
+    /// failures.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let looked = points::look(connection, "c.id", "true", |row, known| {
             if let Err(error) = known {
                 let case = row.get(12)?;
-                self.add(Part::Run(case), &Altered::words(&error));
+                self.add(Part::Run(case), &DigestMismatch::words(&error));
                 self.rows.insert(case);
             }
             Ok(())
@@ -168,7 +171,7 @@ impl Damage {
         self.unless_altered(looked)
     }
 
-    /// That the samples of every case are what was written.
+    /// Checks the digest of the samples of every case.
     fn look_at_samples(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut digests = samples::digests(connection)?;
         let written: Vec<(i64, i64)> = connection.all(
@@ -186,7 +189,7 @@ impl Damage {
         Ok(())
     }
 
-    /// As it is told.
+    /// As a finding.
     fn findings(&self, connection: &Connection) -> Vec<Finding> {
         let key = |case: &i64| {
             let key = connection.value("SELECT key FROM cases WHERE id = ?1", [case]);
@@ -204,7 +207,8 @@ impl Damage {
         parts.map(finding).collect()
     }
 
-    /// Forgets what is damaged: runs are pending again, cases and points are entered anew with the campaign.
+    /// Deletes damaged parts: runs become pending, cases and points are entered again with the
+    /// campaign.
     fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
         for part in self.parts.keys() {
             match part {
@@ -233,14 +237,14 @@ impl Damage {
         }
         let is_of_grid = |part: &Part| matches!(part, Part::Grid | Part::Point(_));
         if !self.rows.is_empty() || self.parts.keys().any(is_of_grid) {
-            // What the store was last run with is entered again.
+            // The version last run is entered again.
             connection.run("UPDATE campaign SET request = '', digest = 0", [])?;
         }
         Ok(())
     }
 }
 
-/// Makes a case pending with nothing to it.
+/// Resets a case to pending, without data.
 fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     for table in OF_CASES {
         connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
@@ -252,12 +256,12 @@ fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     states::reopen(connection, "id = ?2", &[case]).map(|_| ())
 }
 
-/// What `SQLite` finds wrong with the structure of a store.
+/// Faults of the structure of a store found by `SQLite`.
 fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
     let mut found: Vec<String> = connection.values("PRAGMA main.integrity_check(20)", [])?;
-    // Values that no column of ours can have are found by other means.
+    // Invalid values of columns are found by other checks.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
-    // SQLite looks whether an index of some cases has all of its rows, and not whether it has more.
+    // SQLite checks that a partial index has all of its rows, but not that it has no others.
     for (index, which) in schema::partial_indices() {
         let entries = |how: &str| {
             let count = format!("SELECT count(*) FROM cases {how} WHERE {which}");
@@ -270,10 +274,10 @@ fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
     Ok(found)
 }
 
-/// Compares all of a store with what was written, and looks at its structure. Only reads.
+/// Checks all digests and the structure of a store. Reads only.
 ///
 /// # Errors
-/// A file that is missing, no store, of another schema, or cannot be read at all.
+/// A file that is missing, unreadable, not a store, or of another schema.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let store = Store::open_read_only(path)?;
     let connection = &store.connection;
@@ -301,25 +305,26 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
 }
 
 impl Store {
-    /// Makes damaged runs pending again, so that they are computed again, with the same digits. Says which.
+    /// Resets damaged runs to pending, so that they are recomputed with the same digits. Returns
+    /// these runs.
     pub(crate) fn forget_damaged(&mut self) -> Result<Vec<Finding>, StoreError> {
         let mut findings = Vec::new();
         if self.number(SIZE, [])? <= CHEAP {
             let found = self.read(structure(&self.connection))?;
             if !found.is_empty() {
-                // Indices are made anew from the tables; what is wrong then is beyond that.
+                // Rebuilds indices from the tables; remaining faults cannot be repaired this way.
                 self.write(|connection| {
                     connection.execute_batch("REINDEX")?;
                     match structure(connection)?.first() {
                         None => Ok(()),
-                        Some(what) => Err(Altered::error(what.trim().replace('\n', " "))),
+                        Some(what) => Err(DigestMismatch::error(what.trim().replace('\n', " "))),
                     }
                 })?;
                 findings.extend(found.iter().map(|what| Finding::of_no_run(what)));
             }
         }
         let damage = || {
-            // All of it is of one moment.
+            // Reads one consistent state.
             let transaction = self.connection.unchecked_transaction()?;
             Damage::of(&transaction)
         };
@@ -335,10 +340,10 @@ impl Store {
     }
 }
 
-/// Takes what a store holds now for what was written: for whoever changed it by other means than this program, and means it.
+/// Accepts the present contents of a store as written, for intended changes by other programs.
 ///
 /// # Errors
-/// Trouble with the file.
+/// An I/O or SQLite error.
 pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
     let accepted = || -> rusqlite::Result<()> {
         let connection = Connection::open(path)?;

@@ -1,4 +1,4 @@
-//! Checkpoints of runs: the last two of each are kept.
+//! Checkpoints of runs: the store keeps the last two of each.
 
 use super::statements::Statements;
 use super::{Checkpoint, Damage};
@@ -18,7 +18,7 @@ pub(super) fn of(
     )
 }
 
-/// Writes a checkpoint, its generation, steps, process and data, in place of another one.
+/// Replaces a checkpoint: generation, steps, process and data.
 pub(super) fn put(
     connection: &Connection,
     case: i64,

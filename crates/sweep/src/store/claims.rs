@@ -8,10 +8,10 @@ use crate::system::process::now;
 use rusqlite::{Connection, params};
 use std::time::Duration;
 
-/// Most short cases that are claimed together.
+/// Maximum number of short cases that are claimed together.
 const BATCH_CASES: usize = 1024;
-/// Cases looked at to tell whether those that are pending keep the other workers busy.
-const LOOKED_AT: usize = 4096;
+/// Number of cases examined to decide whether the pending ones keep the other workers busy.
+const CASES_EXAMINED: usize = 4096;
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -21,17 +21,19 @@ pub struct Claim {
     pub key: String,
     /// The case.
     pub case: Case,
-    /// What its checkpoints hold, the newest first; then its last state, if it was finished when less was requested of it.
+    /// Its checkpoints, the newest first; then its last state, if it was finished at a shorter
+    /// requested length.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
 }
 
 impl Store {
-    /// Claims the next cases: those that were begun before any that was not, and otherwise by the order of work, but that a case
-    /// is not left for last which would then keep one of `workers` busy while the others have nothing to do. Short cases are
-    /// claimed together, as many as `batch` takes by their estimates; a case that was begun, or takes longer, alone.
+    /// Claims the next cases: started ones first, then in the order of work, except that an
+    /// expensive case is not left for last, where it would keep one of `workers` busy while the
+    /// others idle. Short cases are claimed together, up to an estimated time of `batch`; started
+    /// and longer cases are claimed alone.
     ///
     /// # Errors
-    /// Trouble with the file, or a case that cannot be read.
+    /// An I/O or SQLite error, or an unreadable case.
     pub fn claim(&mut self, workers: usize, batch: Duration) -> Result<Vec<Claim>, StoreError> {
         let me = self.me();
         self.write(|connection| {
@@ -66,8 +68,8 @@ impl Store {
                 let mut kept = Vec::new();
                 if steps_done > 0 {
                     kept = checkpoints::of(connection, id)?;
-                    // More may be requested than was computed to an end before.
-                    kept.extend(ends::end_to_go_on_from(connection, id)?);
+                    // More strain may be requested than the finished run had.
+                    kept.extend(ends::resumable_end(connection, id)?);
                 }
                 let case = Case {
                     params,
@@ -86,12 +88,12 @@ impl Store {
         })
     }
 
-    /// Keeps a checkpoint of a running case in place of the older of the two kept so far.
+    /// Stores a checkpoint of a running case in place of the older of its two.
     ///
-    /// Not synced to the disk at once: a killed process loses nothing, a power cut the last few.
+    /// Not synced immediately: a killed process loses none, a power cut the last few.
     ///
     /// # Errors
-    /// [`StoreError::ClaimLost`], and trouble with the file.
+    /// [`StoreError::ClaimLost`], and I/O or SQLite errors.
     pub fn keep(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write_relaxed(|connection| {
@@ -115,17 +117,18 @@ impl Store {
         owned.then_some(()).ok_or_else(|| claim.lost())
     }
 
-    /// Drops the checkpoints of a running case and its last state, none of which can be used.
+    /// Deletes the checkpoints of a running case and its last state, which are all unusable.
     pub(crate) fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
         self.write(|connection| {
             checkpoints::drop_all(connection, claim.id)?;
-            // Nor can its end be used, which was tried last.
+            // Its last state, tried last, is unusable too.
             ends::drop_state(connection, claim.id)
         })
     }
 
-    /// Whether cases are pending or under way, perhaps with others, who may die and leave them to us.
-    pub(crate) fn anything_left(&self) -> Result<bool, StoreError> {
+    /// Whether cases are pending or running, also in other processes, whose cases return here if
+    /// they die.
+    pub(crate) fn has_open_cases(&self) -> Result<bool, StoreError> {
         self.read(self.connection.has(
             "SELECT 1 WHERE EXISTS (SELECT 1 FROM cases WHERE state = 'pending' AND counts)
                  OR EXISTS (SELECT 1 FROM cases WHERE state = 'running' AND counts)",
@@ -133,7 +136,7 @@ impl Store {
         ))
     }
 
-    /// Gives cases back: they wait to go on from their last checkpoints.
+    /// Releases cases: they become pending, to continue from their last checkpoints.
     pub(crate) fn release<'c>(
         &mut self,
         claims: impl IntoIterator<Item = &'c Claim>,
@@ -149,7 +152,7 @@ impl Store {
 }
 
 impl Claim {
-    /// The error that this case is no longer ours.
+    /// The error that this process no longer owns the case.
     pub(crate) fn lost(&self) -> StoreError {
         StoreError::ClaimLost {
             key: self.key.clone(),
@@ -157,7 +160,7 @@ impl Claim {
     }
 }
 
-/// The cases that come next in the order of work: one, or as many short ones as make a batch.
+/// The next cases in the order of work: one, or a batch of short ones.
 fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Result<Vec<i64>> {
     let mut query = connection.prepare_cached(
         "SELECT id, cost, steps_done > 0 OR deaths > 0 FROM cases WHERE state = 'pending' AND counts
@@ -166,7 +169,8 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
     let mut rows = query.query([BATCH_CASES * workers.max(1)])?;
     let (mut batch, mut work, mut others) = (Vec::new(), 0.0, 0.0);
     while let Some(row) = rows.next()? {
-        // One that was begun, or whose process died, is taken alone: it is known then which one kills processes.
+        // A case that was started, or whose process died, is claimed alone, to identify a case that
+        // kills processes.
         let (id, cost, is_alone): (i64, f64, bool) = (row.get(0)?, row.get(1)?, row.get(2)?);
         if batch.is_empty() {
             (work, batch) = (cost, vec![id]);
@@ -174,7 +178,7 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
                 break;
             }
         } else if others < work * (workers as f64 - 1.0) {
-            // Each of the others gets as much.
+            // The other workers get equal shares.
             others += cost;
         } else if is_alone || work + cost > batch_s || batch.len() >= BATCH_CASES {
             break;
@@ -186,7 +190,8 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
     Ok(batch)
 }
 
-/// The most expensive pending case, if the rest of what is pending would not keep the other workers busy for as long as it takes.
+/// The most expensive pending case, if the other pending cases would not keep the other workers
+/// busy for its duration.
 fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i64>> {
     if workers < 2 {
         return Ok(None);
@@ -196,12 +201,12 @@ fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i
              AND counts
          ORDER BY cost DESC LIMIT ?1",
     )?;
-    let mut rows = query.query(params![LOOKED_AT, SUSPECT])?;
+    let mut rows = query.query(params![CASES_EXAMINED, SUSPECT])?;
     let Some(first) = rows.next()? else {
         return Ok(None);
     };
     let (id, cost, has_its_turn): (i64, f64, bool) = (first.get(0)?, first.get(1)?, first.get(2)?);
-    // Those that were begun come first in any case, and those that kill their processes last.
+    // Started cases always come first, and cases that kill their processes last.
     if has_its_turn {
         return Ok(None);
     }

@@ -1,6 +1,7 @@
-//! Digests of what a store holds: written with every row that is averaged or shown later, and compared by whoever reads it.
+//! Digests of the contents of a store, written with every row that is averaged or shown later, and
+//! checked by readers.
 //!
-//! `SQLite` notices a page that is out of its place; it does not notice a changed digit.
+//! `SQLite` detects a misplaced page, but not a changed digit.
 
 use super::statements::Statements;
 use rusqlite::types::{Type, Value, ValueRef};
@@ -8,21 +9,21 @@ use rusqlite::{Connection, Params, Row, params_from_iter};
 use std::fmt;
 use std::ops::Range;
 
-/// A digest under way. Values of unlike types or in another order give another one.
+/// A digest being computed. It depends on the types and the order of the values.
 #[derive(Default)]
 pub(super) struct Digest(blake3::Hasher, Vec<u8>);
 
-/// Bytes that are hashed together: many small pieces cost more than one.
+/// Number of bytes hashed together: many small pieces cost more than one.
 const PIECE: usize = 16 << 10;
 
 impl Digest {
-    /// Takes in a value as the store keeps it: what is not a number is nothing.
+    /// Adds a value in its stored form: NaN is null.
     pub(super) fn add<'v>(&mut self, value: impl Into<ValueRef<'v>>) {
         let (tag, bytes): (u8, &[u8]) = match value.into() {
             ValueRef::Null => (0, &[]),
             ValueRef::Integer(whole) => (1, &whole.to_le_bytes()),
             ValueRef::Real(real) if real.is_nan() => (0, &[]),
-            // A zero loses its sign in a column of a store.
+            // A column of a store drops the sign of zero.
             ValueRef::Real(0.0) => (2, &[0; 8]),
             ValueRef::Real(real) => (2, &real.to_bits().to_le_bytes()),
             ValueRef::Text(text) => (3, text),
@@ -40,14 +41,14 @@ impl Digest {
         }
     }
 
-    /// Takes in several values.
+    /// Adds several values.
     #[must_use]
     pub(super) fn with<'v>(mut self, values: impl IntoIterator<Item = &'v Value>) -> Self {
         values.into_iter().for_each(|value| self.add(value));
         self
     }
 
-    /// Takes in columns of a row.
+    /// Adds columns of a row.
     pub(super) fn with_row(
         mut self,
         row: &Row<'_>,
@@ -78,14 +79,15 @@ pub(super) struct Sealed {
     pub(super) table: &'static str,
     /// The columns that the digest covers, in their order.
     pub(super) columns: &'static str,
-    /// Whether it covers the key of the case of a row after these.
+    /// Whether it also covers the key of the case, after these.
     pub(super) with_key: bool,
-    /// A row, in words.
+    /// Description of a row.
     pub(super) words: &'static str,
 }
 
 impl Sealed {
-    /// Selects of rows `t`, and their cases `c` where there is a key, what the digest covers, the digest, and the number of the row.
+    /// Selects from rows `t`, and from their cases `c` where there is a key, the columns covered by
+    /// the digest, the digest, and the row number.
     pub(super) fn select(&self) -> String {
         let (key, cases) = if self.with_key {
             (", c.key", " JOIN cases c ON c.id = t.case_id")
@@ -97,10 +99,10 @@ impl Sealed {
         format!("SELECT t.{columns}{key}, t.digest, t.rowid FROM {table} t{cases}")
     }
 
-    /// The rows that meet a condition, read from the columns that the digest covers.
+    /// Reads the rows that meet a condition, from the columns that the digest covers.
     ///
     /// # Errors
-    /// [`Altered`] if one is not what was written, and those of the query.
+    /// [`DigestMismatch`] if one was changed, and those of the query.
     pub(super) fn all<T>(
         &self,
         connection: &Connection,
@@ -111,14 +113,14 @@ impl Sealed {
         let query = format!("{} WHERE {condition}", self.select());
         let mut all = Vec::new();
         each(connection, &query, parameters, |row, is_whole, _| {
-            Altered::unless(is_whole, self.words)?;
+            DigestMismatch::unless(is_whole, self.words)?;
             all.push(read(row)?);
             Ok(())
         })?;
         Ok(all)
     }
 
-    /// Makes sure that the rows that meet a condition are what was written.
+    /// Checks the digests of the rows that meet a condition.
     pub(super) fn check(
         &self,
         connection: &Connection,
@@ -129,7 +131,8 @@ impl Sealed {
         Ok(())
     }
 
-    /// Writes a row in place of any other with its number, the key of its case, and `more` that the digest does not cover.
+    /// Inserts or replaces a row, with the key of its case, and `more` columns that the digest does
+    /// not cover.
     pub(super) fn put(
         &self,
         connection: &Connection,
@@ -150,7 +153,7 @@ impl Sealed {
         )
     }
 
-    /// Writes the digests of the rows that meet a condition anew.
+    /// Updates the digests of the rows that meet a condition.
     pub(super) fn seal(
         &self,
         connection: &Connection,
@@ -162,7 +165,8 @@ impl Sealed {
     }
 }
 
-/// Calls `each` with rows, whether what stands before the column `digest` is what was written, and the digest of it as it is now.
+/// Calls `each` with rows, a flag whether the columns before `digest` match it, and their present
+/// digest.
 pub(super) fn each(
     connection: &Connection,
     query: &str,
@@ -179,7 +183,7 @@ pub(super) fn each(
     Ok(())
 }
 
-/// Rows whose digest is not the one of their contents, by their numbers in the last column, and what it is.
+/// Rows with a wrong digest, by their numbers in the last column, each with the right digest.
 pub(super) fn altered(
     connection: &Connection,
     query: &str,
@@ -195,7 +199,7 @@ pub(super) fn altered(
     Ok(altered)
 }
 
-/// Writes the digests of rows of a table anew.
+/// Updates the digests of rows of a table.
 pub(super) fn reseal(
     connection: &Connection,
     table: &str,
@@ -209,12 +213,12 @@ pub(super) fn reseal(
         .try_for_each(|row| connection.run(&rewrite, row))
 }
 
-/// Something that is not what it was when it was written.
+/// Contents that differ from what was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Altered(String);
+pub(super) struct DigestMismatch(String);
 
-impl Altered {
-    /// The error about a row, in words, unless it is what was written.
+impl DigestMismatch {
+    /// An error with the description of a row, unless it matches its digest.
     pub(super) fn unless(is_whole: bool, row: &str) -> rusqlite::Result<()> {
         if is_whole {
             return Ok(());
@@ -227,12 +231,12 @@ impl Altered {
         rusqlite::Error::FromSqlConversionFailure(0, Type::Null, Box::new(Self(what.into())))
     }
 
-    /// An error of a query in words.
+    /// The message of an error of a query.
     pub(super) fn words(error: &rusqlite::Error) -> String {
         Self::in_error(error).map_or_else(|| error.to_string(), Self::to_string)
     }
 
-    /// What an error of a query is about, if it is about this.
+    /// The description in an error of a query, if it is a mismatch.
     pub(super) fn in_error(error: &rusqlite::Error) -> Option<&Self> {
         match error {
             rusqlite::Error::FromSqlConversionFailure(_, _, inner) => inner.downcast_ref(),
@@ -241,15 +245,15 @@ impl Altered {
     }
 }
 
-impl fmt::Display for Altered {
+impl fmt::Display for DigestMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
 }
 
-impl std::error::Error for Altered {}
+impl std::error::Error for DigestMismatch {}
 
-/// A count as the store keeps it.
+/// A count in its stored form.
 pub(super) fn whole(count: u64) -> Value {
     Value::Integer(i64::try_from(count).unwrap_or(i64::MAX))
 }

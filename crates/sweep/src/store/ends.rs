@@ -1,4 +1,4 @@
-//! How far runs were computed, and their last states, from which they go on.
+//! The ends of runs: steps computed, and last states from which runs continue.
 
 use super::digest::{Sealed, whole};
 use super::statements::Statements;
@@ -16,16 +16,16 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "the end of a run",
 };
 
-/// How far a run was computed.
+/// Steps computed of a run.
 #[derive(Debug, Clone)]
 pub(super) struct RunEnd {
     pub(super) steps: u64,
     pub(super) jammed: bool,
-    /// What all these steps met.
+    /// Counters of these steps.
     pub(super) counters: Counters,
     pub(super) wall_time_s: f64,
     pub(super) cpu_time_s: f64,
-    /// Times it went on from a checkpoint.
+    /// Number of times it was resumed from a checkpoint.
     pub(super) resumed: u32,
     pub(super) process: i64,
     pub(super) finished_at: i64,
@@ -34,7 +34,7 @@ pub(super) struct RunEnd {
 }
 
 impl RunEnd {
-    /// Writes it in place of any other of the case with this key.
+    /// Stores it for the case with this key, replacing any other.
     pub(super) fn write(
         &self,
         connection: &Connection,
@@ -64,10 +64,10 @@ impl RunEnd {
         SEALED.put(connection, Some(key), &values, &[("case_id", case.into())])
     }
 
-    /// The end of the run of a case, if it was computed to one.
+    /// The end of the run of a case, if it was completed.
     ///
     /// # Errors
-    /// Those of the query, and [`Altered`](super::digest::Altered) if it is not what was written.
+    /// Those of the query, and [`DigestMismatch`](super::digest::DigestMismatch) if it was changed.
     pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Self>> {
         Ok(SEALED
             .all(connection, "t.case_id = ?1", [case], Self::read)?
@@ -100,7 +100,7 @@ impl RunEnd {
         })
     }
 
-    /// Counters of the first steps of it: of a run cut short those of its last sample.
+    /// Counters of its first steps: for a cut run those of its last sample.
     pub(super) fn counters_at(&self, steps: u64, samples: &[(u64, Sample)]) -> Counters {
         match samples.last() {
             Some((_, last)) if steps < self.steps => last.counters,
@@ -109,19 +109,19 @@ impl RunEnd {
     }
 }
 
-/// Steps to which a case was computed, if it was computed to an end.
+/// Number of steps of a completed run.
 pub(super) fn steps_of(connection: &Connection, case: i64) -> rusqlite::Result<Option<u64>> {
     connection.value("SELECT steps FROM ends WHERE case_id = ?1", [case])
 }
 
-/// Forgets the last state of a run, which proved to be of no use.
+/// Deletes the unusable last state of a run.
 pub(super) fn drop_state(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     connection.run("UPDATE ends SET state = NULL WHERE case_id = ?1", [case])?;
     SEALED.seal(connection, "t.case_id = ?1", [case])
 }
 
-/// The last state of a run that was computed to an end, with all its samples, so that it can go on.
-pub(super) fn end_to_go_on_from(
+/// The last state of a completed run, with all its samples, from which it can continue.
+pub(super) fn resumable_end(
     connection: &Connection,
     case: i64,
 ) -> rusqlite::Result<Option<Result<Checkpoint, Damage>>> {

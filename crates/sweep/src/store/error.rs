@@ -1,6 +1,6 @@
-//! What can be wrong with a store.
+//! Errors of stores.
 
-use super::digest::Altered;
+use super::digest::DigestMismatch;
 use crate::disk::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
@@ -9,26 +9,26 @@ use std::path::{Path, PathBuf};
 /// Why the store could not be opened or used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the message of each says what its fields are")]
+#[expect(missing_docs, reason = "the message of each explains its fields")]
 pub enum StoreError {
     /// No such file.
     #[error("there is no store at {}", path.display())]
-    #[diagnostic(help("`sweep run CAMPAIGN.toml` makes one, by default results/NAME.sqlite"))]
+    #[diagnostic(help("`sweep run CAMPAIGN.toml` creates one, by default results/NAME.sqlite"))]
     Missing { path: PathBuf },
-    /// A folder, a pipe, a device or a socket where a store is meant.
+    /// A folder, a pipe, a device or a socket instead of a store.
     #[error("{} is {what}", path.display())]
     #[diagnostic(help(
         "name a store, such as results/quickstart.sqlite, or a campaign file, such as sweeps/quickstart.toml"
     ))]
     NotAFile { path: PathBuf, what: &'static str },
-    /// A store with the log of another one beside it, or of another day of its own.
+    /// A store beside the log of another one, or of an older state of its own.
     #[error("the log {} does not belong to {}: it was written for another store, or before this file was put there", log.display(), path.display())]
     #[diagnostic(help(
-        "nothing was changed; `sweep merge NEW.sqlite {}` takes what the store holds without this log into a new one",
+        "nothing was changed; `sweep merge NEW.sqlite {}` copies the contents of the store without this log into a new one",
         path.display()
     ))]
     ForeignLog { path: PathBuf, log: PathBuf },
-    /// A store in which something is not what was written.
+    /// A damaged store.
     #[error("{} is damaged: {what}", path.display())]
     #[diagnostic(help(
         "`sweep run` computes damaged runs again, with the same digits, and `sweep check {0}` lists them; from a file that cannot \
@@ -37,20 +37,20 @@ pub enum StoreError {
     ))]
     Damaged {
         path: PathBuf,
-        /// What was found.
+        /// The damage.
         what: String,
     },
     /// The file or its directory cannot be written.
     #[error("cannot write a store at {}: {source}", path.display())]
     #[diagnostic(help("choose another place with --store FILE"))]
     Unwritable { path: PathBuf, source: io::Error },
-    /// A file that is something else.
+    /// A file of another kind.
     #[error("{} is not a store of sweep", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
     NotAStore { path: PathBuf },
     /// A store of another schema.
     #[error(
-        "{} has schema {found}, and this program knows schema {known}: it was made by another version of sweep", path.display()
+        "{} has schema {found}, but this program supports schema {known}: it was made by another version of sweep", path.display()
     )]
     #[diagnostic(help(
         "nothing was changed in it; use the version that made it, or choose another place with --store FILE"
@@ -68,28 +68,28 @@ pub enum StoreError {
         found: String,
         wanted: String,
     },
-    /// A store on which another process computes what another version of the campaign asks for.
+    /// A store on which another process computes another version of the campaign.
     #[error(
-        "process {pid} on {host} computes {} on {}, and {} asks for other runs under the same name",
+        "process {pid} on {host} computes {} on {}, and {} has other runs under the same name",
         theirs.display(), path.display(), ours.display()
     )]
     #[diagnostic(help(
         "nothing was changed; wait until that process has ended, or give this campaign another `name` or another --store FILE"
     ))]
-    AtWork {
+    ActiveProcess {
         path: PathBuf,
         ours: PathBuf,
         theirs: PathBuf,
         pid: u32,
         host: String,
     },
-    /// A store into which another version of the campaign was taken meanwhile.
+    /// A store into which another version of the campaign was entered meanwhile.
     #[error(
-        "{} now holds the campaign as {} asks for it, and not as {} does",
+        "{} now holds the campaign of {}, not that of {}",
         path.display(), theirs.display(), ours.display()
     )]
     #[diagnostic(help(
-        "what is finished stays in it; give the same command again once the other one has ended, or give this campaign another \
+        "finished runs stay in it; repeat the command once the other one has ended, or give this campaign another \
          `name` or another --store FILE"
     ))]
     Displaced {
@@ -104,7 +104,7 @@ pub enum StoreError {
         if known.is_empty() { "other shards by another one".to_owned() } else { format!("the store holds build {known}") }
     )]
     #[diagnostic(help(
-        "nothing was merged: bits repeat on the same build only. --allow-mixed-versions merges it all the same, and keeps \
+        "nothing was merged: bits repeat on the same build only. --allow-mixed-versions merges it anyway, and keeps \
          a record of that in the store"
     ))]
     OtherBuild {
@@ -112,24 +112,24 @@ pub enum StoreError {
         build: String,
         known: String,
     },
-    /// The file was taken away while it was in use.
+    /// The file was removed or replaced while in use.
     #[error("the store {} was {what} while it was in use", path.display())]
     #[diagnostic(help(
-        "what this process wrote since is lost with it, and nothing was left behind; restore the store from a copy, or give the \
-         same command again to begin anew"
+        "later changes of this process are lost with it; restore the store from a copy, or repeat the \
+         command to start again"
     ))]
     Gone {
         path: PathBuf,
-        /// What was done to it.
+        /// What happened to it.
         what: &'static str,
     },
-    /// Another process took the case over; what this one computed of it does not count.
+    /// Another process took over the case; the results of this one are discarded.
     #[error("case {key} was taken over by another process")]
     ClaimLost { key: String },
-    /// A case that is not in the store, or is named by too little.
+    /// A missing case, or an ambiguous name.
     #[error("{given:?} is {what} of {}", path.display())]
     #[diagnostic(help(
-        "a case is named by the beginning of its key, or by its number in the campaign file, from 1"
+        "identify a case by the beginning of its key, or by its number in the campaign file, from 1"
     ))]
     Case {
         path: PathBuf,
@@ -138,11 +138,9 @@ pub enum StoreError {
     },
     /// A run without frames.
     #[error("no frames of case {key} are stored")]
-    #[diagnostic(help(
-        "`sweep run CAMPAIGN.toml --trajectory` keeps frames of the runs it computes"
-    ))]
+    #[diagnostic(help("`sweep run CAMPAIGN.toml --trajectory` keeps the frames of its runs"))]
     NoFrames { key: String },
-    /// I/O failed, or `SQLite`.
+    /// An I/O or `SQLite` error.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]
     Sqlite {
@@ -150,7 +148,7 @@ pub enum StoreError {
         what: String,
         advice: &'static str,
         under_way: bool,
-        /// Whether it may pass without a change to the command: a full disk, a lock.
+        /// Whether it may be temporary: a full disk, a lock.
         passing: bool,
         #[source]
         source: Box<rusqlite::Error>,
@@ -158,7 +156,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// The error about an entry that cannot be understood.
+    /// The error about an invalid entry.
     pub(super) fn unreadable(path: &Path, why: &dyn std::fmt::Display) -> Self {
         Self::Damaged {
             path: path.to_owned(),
@@ -166,16 +164,16 @@ impl StoreError {
         }
     }
 
-    /// Makes sense of an error of `SQLite`.
+    /// Converts an error of `SQLite`.
     pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
-        if let Some(altered) = Altered::in_error(&source) {
+        if let Some(altered) = DigestMismatch::in_error(&source) {
             return Self::Damaged {
                 path: path.to_owned(),
                 what: altered.to_string(),
             };
         }
         let path = path.to_owned();
-        // Values that cannot be what is read, rows and tables that are not there.
+        // Invalid values, missing rows and tables.
         let message = source.to_string();
         if source.sqlite_error_code().is_none() || message.contains("no such ") {
             return Self::Damaged {
@@ -184,7 +182,7 @@ impl StoreError {
             };
         }
         let code = source.sqlite_error_code().map(|code| match code {
-            // The index of the log, for one, can then not be made.
+            // For example, the index of the log cannot be created.
             ErrorCode::SystemIoFailure | ErrorCode::CannotOpen if is_full(&path) => {
                 ErrorCode::DiskFull
             }
@@ -204,15 +202,15 @@ impl StoreError {
             }
             Some(ErrorCode::ReadOnly) => (
                 "the file or its directory is read-only".into(),
-                "it can be read all the same; make it writable, or choose another place with --store FILE",
+                "it can still be read; make it writable, or choose another place with --store FILE",
             ),
             Some(ErrorCode::DiskFull) => (
-                "the disk is full, or the quota on it used up".into(),
-                "make room and give the same command again: it goes on from the last change that was written",
+                "the disk is full, or the quota used up".into(),
+                "free some space and repeat the command: it continues from the last change that was written",
             ),
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => (
                 "another program holds the lock".into(),
-                "close programs that write to this file, and give the same command again",
+                "close programs that write to this file, and repeat the command",
             ),
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
                 return Self::Damaged {
@@ -221,12 +219,12 @@ impl StoreError {
                 };
             }
             Some(ErrorCode::OperationInterrupted) => (
-                "reading it takes longer than a store of this size can take".into(),
-                "it may be no store of sweep, or lie on a disk that hardly answers",
+                "reading it takes too long for a store of this size".into(),
+                "it may not be a store of sweep, or be on a disk that does not respond",
             ),
             _ => (
                 source.to_string(),
-                "give the same command again; if that does not help, `sweep check FILE` says whether the store is damaged",
+                "repeat the command; if that does not help, `sweep check FILE` shows whether the store is damaged",
             ),
         };
         Self::Sqlite {
@@ -239,7 +237,8 @@ impl StoreError {
         }
     }
 
-    /// Whether the store failed, and not the command: it struck while cases were being computed, or may pass by itself.
+    /// Whether the cause is the store rather than the command: it happened while cases were
+    /// computed, or may be temporary.
     pub fn is_of_the_store(&self) -> bool {
         match self {
             Self::ClaimLost { .. }

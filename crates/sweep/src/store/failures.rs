@@ -1,4 +1,4 @@
-//! Failures: as they are kept, and as they are listed.
+//! Failures: storing and listing them.
 
 use super::digest::{Sealed, whole};
 use super::statements::Statements;
@@ -27,11 +27,12 @@ pub struct Attempt {
     pub step: u64,
     /// Strain at its start.
     pub strain: f64,
-    /// Pair of spheres it failed at, if it is known.
+    /// Pair of spheres at which it failed, if known.
     pub pair: Option<(u64, u64)>,
     /// Gap of that pair.
     pub gap: Option<f64>,
-    /// The state before that step, as input of `sweep solve`; `None` if it failed before it had a state.
+    /// The state before that step, as input of `sweep solve`; `None` if it failed before there was
+    /// one.
     #[serde(skip)]
     pub snapshot: Option<String>,
     #[serde(skip)]
@@ -55,7 +56,7 @@ pub struct FailureLine {
 }
 
 impl Attempt {
-    /// The same as one by a process, which ended now.
+    /// The failure as one by a process, at the present time.
     pub(super) fn by(self, process: i64) -> Self {
         Self {
             process,
@@ -65,7 +66,7 @@ impl Attempt {
     }
 }
 
-/// Keeps a failure of a case; that of its last attempt has the number 0.
+/// Stores a failure of a case; that of its last attempt has the number 0.
 pub(super) fn insert(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
     let (key, attempts): (String, u64) = connection.one(
         "SELECT key, attempts FROM cases WHERE id = ?1",
@@ -98,7 +99,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Att
     SEALED.all(connection, of_case, [case], |row| attempt(row, 0))
 }
 
-/// A failure in a row, from a column on.
+/// Reads a failure from a row, starting at a column.
 fn attempt(row: &Row<'_>, from: usize) -> rusqlite::Result<Attempt> {
     let (i, j): (Option<u64>, Option<u64>) = (row.get(from + 4)?, row.get(from + 5)?);
     Ok(Attempt {
@@ -118,7 +119,7 @@ impl Store {
     /// The last failure of every failed case of the grid, at most `limit` of them, without states.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`], and trouble with the file.
+    /// [`StoreError::Damaged`], and I/O or SQLite errors.
     pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
         self.last_failures("c.counts", "NULL", params![limit])
     }
@@ -161,7 +162,8 @@ impl Store {
     }
 }
 
-/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after their failures.
+/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after
+/// their failures.
 pub(super) fn mark_retried(
     connection: &Connection,
     condition: &str,

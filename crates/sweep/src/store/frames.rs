@@ -25,7 +25,7 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "a frame of a run",
 };
 
-/// Writes a frame of a case, by its number and its key, in place of any other of its step.
+/// Stores a frame of a case, by its number and its key, replacing any other of its step.
 pub(super) fn put(
     connection: &Connection,
     (case, key): (i64, &str),
@@ -47,7 +47,8 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 }
 
 impl Store {
-    /// Keeps frames of a case. Frames of the same steps are the same, whoever computed them, so nobody need own the case.
+    /// Stores frames of a case. Frames of the same steps are identical in all processes, so the
+    /// case need not be owned.
     pub(crate) fn keep_frames(
         &mut self,
         claim: &Claim,
@@ -72,10 +73,10 @@ impl Store {
         })
     }
 
-    /// The frames of a case, every `stride`-th of them, in the order of their steps; there is at least one.
+    /// Every `stride`-th frame of a case, in the order of steps; at least one.
     ///
     /// # Errors
-    /// [`StoreError::NoFrames`] if none are kept, trouble with the file, or an entry that cannot be read.
+    /// [`StoreError::NoFrames`] without frames, an I/O or SQLite error, or an unreadable entry.
     pub fn frames(&self, key: &str, stride: usize) -> Result<Vec<StoredFrame>, StoreError> {
         let steps: Option<u64> = self.read(
             self.connection
@@ -99,7 +100,7 @@ impl Store {
             .collect()
     }
 
-    /// How many frames a case has.
+    /// Number of frames of a case.
     pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
         self.number(
             "SELECT count(*) FROM cases c JOIN frames f ON f.case_id = c.id

@@ -1,37 +1,37 @@
-//! What a campaign file finds in its store, and taking out of it what the file does not ask for.
+//! Comparison of a campaign file with its store, and removal of runs that are not in the file.
 
 use super::check::OF_CASES;
-use super::processes::AtWork;
+use super::processes::ActiveProcess;
 use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use serde::Serialize;
 use std::path::Path;
 
-/// About what a run takes in the store without its samples, in bytes; measured.
+/// Approximate bytes of a run in the store without its samples; measured.
 pub(crate) const CASE_BYTES: u32 = 1200;
-/// About what a sample takes, index included, in bytes; measured.
+/// Approximate bytes of a sample, index included; measured.
 pub(crate) const SAMPLE_BYTES: u32 = 145;
 
-/// What a campaign file finds in its store.
+/// Runs of a campaign file in its store.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Inventory {
     /// Runs that the file requests.
     pub runs: u64,
     /// Of these, runs that have ended: done, jammed or failed.
     pub ended: u64,
-    /// Runs that go on from where they are: begun, or finished when less strain was requested.
+    /// Runs to be continued: started ones, or ones finished at a shorter strain.
     pub begun: u64,
-    /// Runs of which there is nothing yet.
+    /// Runs without any stored data.
     pub new: u64,
     /// Runs in the store that the file does not request.
     pub orphans: u64,
-    /// What these take there, in bytes, about.
+    /// Their approximate size in bytes.
     pub orphan_bytes: f64,
 }
 
 impl Inventory {
-    /// What becomes of the runs that the file requests, in a few words.
+    /// Summary of the runs of the file.
     pub fn words(&self) -> String {
         format!(
             "{} new runs, {} reused, {} extended",
@@ -40,19 +40,19 @@ impl Inventory {
     }
 }
 
-/// What it means to take a campaign file into a store.
+/// Effect of entering a campaign file into a store.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adoption {
     /// Whether the store held another version of the campaign before.
     pub changed: bool,
-    /// What there is now.
+    /// The present contents.
     pub inventory: Inventory,
 }
 
 impl Store {
     /// The error about a process that computes another version of the campaign.
-    pub(super) fn at_work(&self, request: &Request, other: AtWork) -> StoreError {
-        StoreError::AtWork {
+    pub(super) fn at_work(&self, request: &Request, other: ActiveProcess) -> StoreError {
+        StoreError::ActiveProcess {
             path: self.path.clone(),
             ours: request.file.clone(),
             theirs: other.file.unwrap_or_default().into(),
@@ -61,11 +61,11 @@ impl Store {
         }
     }
 
-    /// Makes sure that the store still holds the version of the campaign that was taken into it here. It does for as long as this
-    /// process counts as alive.
+    /// Checks that the store still holds the version of the campaign entered here, which holds
+    /// while this process counts as alive.
     ///
     /// # Errors
-    /// [`StoreError::Displaced`] if another version was taken into it since, and trouble with the file.
+    /// [`StoreError::Displaced`] if another version was entered since, and I/O or SQLite errors.
     pub fn check_campaign(&self) -> Result<(), StoreError> {
         let Some(request) = &self.request else {
             return Ok(());
@@ -80,7 +80,7 @@ impl Store {
         }
     }
 
-    /// What there is in the store of what the campaign requests, and besides.
+    /// Counts the runs in the store that the campaign requests, and the others.
     pub(crate) fn inventory(&self) -> Result<Inventory, StoreError> {
         let inventory = || {
             let number = |which: &str| format!("count(*) FILTER (WHERE {which})");
@@ -115,25 +115,25 @@ impl Store {
         self.read(inventory())
     }
 
-    /// How many runs in the store are not requested.
+    /// Number of runs in the store that are not requested.
     pub(crate) fn orphans(&self) -> Result<u64, StoreError> {
         let query = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
         self.number(&query, [])
     }
 
-    /// The file last run on this store, if what is read is not what that file requested: another version of it.
+    /// The file last run on this store, if it was another version than the one shown.
     pub fn last_run_with(&self) -> Option<&Path> {
         self.last_run_with.as_deref()
     }
 }
 
-/// What is true of a case that does not count of which something was computed.
+/// Condition on a case with data that is not in the campaign.
 pub(super) const ORPHANED: &str = "(NOT c.counts AND (c.state != 'pending' OR c.steps_done > 0
      OR EXISTS (SELECT 1 FROM ends WHERE case_id = c.id)))";
 
 impl Store {
-    /// Removes all runs that are not in the grid, with all they have, and gives the disk back what they took. Says how many of
-    /// them something had been computed of.
+    /// Removes all runs that are not in the grid, with their data, and frees their disk space.
+    /// Returns the number of those with data.
     pub(crate) fn prune(&mut self) -> Result<u64, StoreError> {
         let removed = self.write(|connection| {
             let removed = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
@@ -145,7 +145,7 @@ impl Store {
                     [],
                 )?;
             }
-            // Seeds that a precision may still take keep their place.
+            // Seeds that a precision may still need stay.
             connection.execute(
                 "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0,
                      samples_digest = NULL

@@ -1,9 +1,10 @@
-//! The write-ahead log beside a store, and whether it is the store's own.
+//! The write-ahead log beside a store, and the check that it belongs to the store.
 //!
-//! `SQLite` replays whatever log has the right name. One that was left behind by another store of that name, or by the same
-//! store before a copy was put in its place, would write its pages over those of the file. So every store has a random id, and
-//! every change renews a mark of it: the id and the number of the change. A log is the store's own if its marks have the id of
-//! the file and go on from the number that the file has. The marks are found as plain bytes: nothing of the log is parsed.
+//! `SQLite` replays any log with the right name. A log left by another store of that name, or by
+//! the same store before it was replaced by a copy, would overwrite pages of the file. So every
+//! store has a random id, and every change updates a mark with the id and the number of the change.
+//! A log belongs to the store if its marks have the id of the file and continue from the number in
+//! the file. The marks are found by a search of the bytes, without parsing the log.
 
 use super::StoreError;
 use super::place::{address, log_of};
@@ -15,17 +16,17 @@ use std::time::Duration;
 
 /// First bytes of every mark.
 const MAGIC: &[u8; 16] = b"mark of sweep 1\0";
-/// How often a log that seems to be a stranger's is looked at again: others may be writing to it.
+/// Number of retries for a log that seems foreign: other processes may be writing to it.
 const LOOKS: u32 = 12;
-/// Time from one look to the next.
+/// Interval between retries.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Mark {
-    /// Of the store.
+    /// Id of the store.
     pub(super) id: [u8; 8],
-    /// Of the change.
+    /// Number of the change.
     pub(super) number: u64,
 }
 
@@ -47,11 +48,10 @@ impl Mark {
     pub(super) fn in_store(connection: &Connection) -> rusqlite::Result<Self> {
         let bytes: Vec<u8> =
             connection.one("SELECT mark FROM log WHERE id = 1", [], |row| row.get(0))?;
-        Self::of(&bytes)
-            .ok_or_else(|| super::digest::Altered::error("its mark is not what was written"))
+        Self::of(&bytes).ok_or_else(|| super::digest::DigestMismatch::error("its mark was changed"))
     }
 
-    /// The mark in the file at a path, whatever its log holds.
+    /// The mark in the file at a path, without its log.
     fn in_file(path: &Path) -> rusqlite::Result<Self> {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
@@ -61,7 +61,7 @@ impl Mark {
         Self::in_store(&file)
     }
 
-    /// Renews the mark of a store; every transaction that changes it does so.
+    /// Updates the mark of a store, in every transaction that changes it.
     pub(super) fn renew(connection: &Connection) -> rusqlite::Result<()> {
         let mark = Self::in_store(connection)?;
         let next = Self {
@@ -81,12 +81,13 @@ impl Mark {
     }
 }
 
-/// Whether there is a log beside a store with anything in it.
+/// Whether there is a non-empty log beside a store.
 pub(super) fn is_there(path: &Path) -> bool {
     std::fs::metadata(log_of(path)).is_ok_and(|log| log.len() > 0)
 }
 
-/// Makes sure that the log beside a store is its own, before `SQLite` replays it. Gives the number of the last change in it.
+/// Checks that the log beside a store belongs to it, before `SQLite` replays it. Returns the number
+/// of the last change in it.
 ///
 /// # Errors
 /// [`StoreError::ForeignLog`].
@@ -98,7 +99,7 @@ pub(super) fn check(path: &Path) -> Result<Option<u64>, StoreError> {
         };
         let mut marks = marks(&bytes);
         let Some(first) = marks.next() else {
-            // No whole change was ever in it.
+            // The log never held a complete change.
             return Ok(None);
         };
         let last = marks.fold(first.number, |last, mark| last.max(mark.number));
@@ -106,13 +107,13 @@ pub(super) fn check(path: &Path) -> Result<Option<u64>, StoreError> {
             Ok(mark) => {
                 mark.id == first.id && (first.number..=last + 1).contains(&(mark.number + 1))
             }
-            // A file that cannot be read without its log: opening it will say why.
+            // The file cannot be read without its log: opening it reports why.
             Err(_) => true,
         };
         if is_own {
             return Ok(Some(last));
         }
-        // Others may have begun it anew while it was read.
+        // Other processes may have restarted it while it was read.
         std::thread::sleep(LOOK);
     }
     Err(StoreError::ForeignLog {
@@ -121,7 +122,7 @@ pub(super) fn check(path: &Path) -> Result<Option<u64>, StoreError> {
     })
 }
 
-/// Whether changes are lost that the log of a store was read to hold, up to number `last`: the store, opened since, ends before.
+/// Whether changes up to number `last` in the log are lost: the store, opened since, ends before.
 pub(super) fn is_cut(connection: &Connection, last: Option<u64>) -> bool {
     let mark = Mark::in_store(connection);
     last.is_some_and(|last| mark.is_ok_and(|mark| mark.number < last))

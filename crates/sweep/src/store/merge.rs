@@ -1,7 +1,8 @@
-//! Merging shards: taking over what other stores of the same campaign hold, case by case, in any order, as often as one likes.
+//! Merging shards: copies results from other stores of the same campaign, case by case, in any
+//! order and repeatedly.
 //!
-//! A complete run outranks a failed one, that one a partial one, more steps outrank fewer. Of two complete runs of one case,
-//! which must have the same bits, the later attempt is kept if they do not.
+//! A complete run outranks a failed one, that one a partial one, more steps outrank fewer. Two
+//! complete runs of one case must have the same bits; if not, the later attempt is kept.
 
 mod case;
 mod shards;
@@ -18,36 +19,36 @@ use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Numbers in a row that are looked for on pages of a damaged store.
+/// Number of consecutive row numbers read from pages of a damaged store.
 const MOST_MISSED: u32 = 10_000;
 
-/// What a merge did.
+/// Outcome of a merge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Merged {
     /// Shards read.
     pub shards: u64,
     /// Shards that had not changed since they were merged before.
     pub unchanged: u64,
-    /// Results taken over.
+    /// Results copied.
     pub results: u64,
-    /// Results that were there already, with the same bits.
+    /// Results already present, with the same bits.
     pub duplicates: u64,
-    /// Failures taken over.
+    /// Failures copied.
     pub failures: u64,
-    /// Runs under way whose checkpoints were taken over.
+    /// Running cases whose checkpoints were copied.
     pub checkpoints: u64,
-    /// Entries of shards that could not be trusted.
+    /// Damaged entries of shards.
     pub unreadable: u64,
-    /// Shards that cannot be read, and why.
+    /// Unreadable shards, with the reason.
     pub damaged: Vec<Damaged>,
 }
 
-/// A shard that cannot be read.
+/// An unreadable shard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Damaged {
     /// The file.
     pub path: PathBuf,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
@@ -71,11 +72,11 @@ impl fmt::Display for Damaged {
 pub struct Disagreement {
     /// Key of the case.
     pub key: String,
-    /// Who computed the one that is kept.
+    /// Process of the result that is kept.
     pub kept: String,
-    /// Who computed the other one.
+    /// Process of the other result.
     pub other: String,
-    /// Where they differ first.
+    /// First difference.
     pub what: String,
 }
 
@@ -85,18 +86,18 @@ pub(crate) enum MergeMode {
     Campaign,
     /// Into the store of one task: its own cases only, without record.
     Task,
-    /// From any campaign: cases this one has as well, without record. The key of a case holds all that its bits depend on, the
-    /// version of the physics with it.
+    /// From any campaign: cases that this one has too, without record. The key of a case covers all
+    /// that its bits depend on, including the version of the physics.
     Reuse,
 }
 
 impl Store {
-    /// Takes over what shards hold. All of them are looked at before the first is merged.
+    /// Merges shards. All of them are checked before the first is merged.
     pub(crate) fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
         self.merge_as(MergeMode::Campaign, shards, mixed)
     }
 
-    /// Takes over runs that other stores, of whatever campaigns, hold of cases of this one.
+    /// Copies runs of cases of this store from stores of any campaigns.
     pub(crate) fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
         self.merge_as(MergeMode::Reuse, stores, true)
     }
@@ -147,14 +148,14 @@ impl Store {
         let protocol = self.protocol()?;
         for (number, shard) in readable.iter().enumerate() {
             let mixed = foreign.iter().any(|(of, _)| *of == number);
-            // Once is enough: other averages come from other strains discarded, which is rare.
+            // Once is enough: averages rarely differ in the discarded strain.
             let is_last = number + 1 == readable.len();
             self.merge_one(mode, shard, mixed, (&protocol, is_last), &mut merged)?;
         }
         Ok(merged)
     }
 
-    /// The campaign file of a shard, or of a damaged store, to the letter.
+    /// The text of the campaign file of a shard, or of a damaged store.
     pub(crate) fn campaign_of(shard: &Path) -> Result<String, StoreError> {
         shards::open(shard)?.0.campaign_text()
     }
@@ -170,14 +171,14 @@ impl Store {
         ))
     }
 
-    /// Builds of the program that computed what is stored, or were submitted to.
+    /// Builds of the program that computed stored results or that jobs use.
     pub(crate) fn known_builds(&self) -> Result<BTreeSet<String>, StoreError> {
         let mut known = self.builds()?;
         known.extend(self.submissions()?.into_iter().map(|job| job.build));
         Ok(known)
     }
 
-    /// Builds of the program that computed what is stored.
+    /// Builds of the program that computed stored results.
     fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
         let builds = "SELECT DISTINCT build FROM processes WHERE id IN
              (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)";
@@ -249,7 +250,7 @@ impl Store {
         Ok(())
     }
 
-    /// Results that were found to disagree, ever.
+    /// Number of disagreeing results found so far.
     pub(crate) fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
         let who = |of: &str| {
             format!(
@@ -274,7 +275,7 @@ impl Store {
         })
     }
 
-    /// How many of these shards were not merged, or have changed since.
+    /// Number of these shards that were not merged, or have changed since.
     pub(crate) fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
         let mut number = 0;
         for shard in shards {
@@ -285,13 +286,14 @@ impl Store {
         Ok(number)
     }
 
-    /// How many shards of another build than the store's were let in.
+    /// Number of accepted shards of other builds.
     pub(crate) fn mixed_shards(&self) -> Result<u64, StoreError> {
         self.number("SELECT count(*) FROM shards WHERE mixed", [])
     }
 }
 
-/// The numbers of the cases of a store, and whether these are all. Of a damaged one those on pages that can be read.
+/// The numbers of the cases of a store, and whether they are complete. For a damaged store, those
+/// on readable pages.
 fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
     let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
     let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);

@@ -1,7 +1,7 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
-use super::lock::{WAITS, WAITS_UNTOLD, is_stopping, wait_for_lock};
+use super::lock::{WAITS, WAITS_BETWEEN_NOTES, is_stopping, wait_for_lock};
 use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
@@ -13,7 +13,7 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavio
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Pages of a store that are kept in memory, in KiB: enough to go through the results of 100 000 runs several times.
+/// Page cache of a store in KiB: enough to read the results of 100 000 runs several times.
 const CACHE: i32 = 64 << 10;
 
 /// An open store.
@@ -23,17 +23,17 @@ pub struct Store {
     pub(super) path: PathBuf,
     /// Its files, as they were when it was opened for writing.
     pub(super) files: Option<Files>,
-    /// What whoever opened it must know: changes that are lost with a log.
+    /// Warning for the user: changes that were lost with a log.
     pub(super) warning: Option<String>,
-    /// This process, once it works on the store.
+    /// This process, once registered in the store.
     pub(super) process: Option<Registered>,
     /// The task of a scheduler this process works for.
     pub(super) task: Option<TaskName>,
-    /// What this process requests, once it has taken a campaign into the store.
+    /// Request of this process, once it has entered a campaign.
     pub(super) request: Option<Request>,
-    /// The file last run, if another version of it is shown.
+    /// The file last run, if another version is shown.
     pub(super) last_run_with: Option<PathBuf>,
-    /// What is waited for while cases are computed, until somebody has said so.
+    /// Note about waiting while cases are computed, until it has been printed.
     waiting: Arc<Mutex<Option<String>>>,
 }
 
@@ -41,7 +41,8 @@ impl Store {
     /// Opens a store for writing.
     ///
     /// # Errors
-    /// A path that cannot be written, a file that is no store, or one of another schema. Such files are not touched.
+    /// A path that cannot be written, a file that is not a store, or one of another schema. Such
+    /// files are not changed.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         place::refuse_other_than_files(path)?;
         let file = FileIdentity::of(path);
@@ -57,7 +58,7 @@ impl Store {
         let mut store = Self::on(connection, path)?;
         store.use_write_ahead_log()?;
         store.read(store.connection.pragma_update(None, "synchronous", "FULL"))?;
-        // What lies at the path must be what was opened.
+        // The file at the path must be the one that was opened.
         store.files = Some(Files::of(path, file));
         store.warning = store.look_for_losses(had_log, last)?;
         Ok(store)
@@ -96,7 +97,7 @@ impl Store {
         })
     }
 
-    /// Says what is lost with the log of a store that was opened: its end, or all of it.
+    /// Sets the warning about changes lost with the log of an opened store: its end, or all of it.
     pub(super) fn look_for_losses(
         &self,
         had_log: bool,
@@ -108,12 +109,12 @@ impl Store {
         let log = place::log_of(&self.path);
         Ok(if log::is_cut(&self.connection, last) {
             Some(format!(
-                "the end of the log {} cannot be read: what process {pid} on {host} wrote last is lost, and is computed again",
+                "the end of the log {} cannot be read: the last changes of process {pid} on {host} are lost and will be recomputed",
                 log.display()
             ))
         } else if !had_log {
             Some(format!(
-                "process {pid} on {host} did not end in order, and there is no log {}: what it wrote last may be lost, and is \
+                "process {pid} on {host} did not exit cleanly, and there is no log {}: its last changes may be lost, and will be \
                  computed again",
                 log.display()
             ))
@@ -122,12 +123,12 @@ impl Store {
         })
     }
 
-    /// What whoever opened it must know: changes that are lost with a log.
+    /// Warning for the user: changes that were lost with a log.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    /// Turns the write-ahead log on, if it is not on.
+    /// Enables the write-ahead log.
     pub(super) fn use_write_ahead_log(&self) -> Result<(), StoreError> {
         let mode: String = self.read(self.connection.pragma_update_and_check(
             None,
@@ -149,12 +150,12 @@ impl Store {
         &self.path
     }
 
-    /// What is waited for, to be told once.
+    /// Takes the note about waiting, to be printed once.
     pub(crate) fn waiting(&self) -> Arc<Mutex<Option<String>>> {
         self.waiting.clone()
     }
 
-    /// Does something in one transaction that holds the write lock from its start.
+    /// Runs a function in one transaction that holds the write lock from its start.
     pub(super) fn write<T>(
         &mut self,
         work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
@@ -170,8 +171,8 @@ impl Store {
         result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
     }
 
-    /// Begins a transaction. A lock is waited for as long as another process that works on the store lives; one that has another
-    /// owner for a minute.
+    /// Begins a transaction. It waits for the lock while another process that works on the store
+    /// lives, and for a minute if the owner is unknown.
     fn begin(&self) -> rusqlite::Result<Transaction<'_>> {
         let mut waits = 0;
         loop {
@@ -186,9 +187,9 @@ impl Store {
                 return Err(error);
             }
             match processes::other_worker(&self.connection, self.me())? {
-                Some((pid, host)) if waits % WAITS_UNTOLD == 1 => {
+                Some((pid, host)) if waits % WAITS_BETWEEN_NOTES == 1 => {
                     let text = format!(
-                        "waiting for the lock of {}, which process {pid} on {host} works on",
+                        "waiting for the lock of {}, held by process {pid} on {host}",
                         self.path.display()
                     );
                     if self.process.is_some() {
@@ -204,7 +205,7 @@ impl Store {
         }
     }
 
-    /// A transaction that need not be on the disk when it returns.
+    /// A transaction that is not synced to the disk.
     pub(super) fn write_relaxed<T>(
         &mut self,
         work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
@@ -215,7 +216,8 @@ impl Store {
         result
     }
 
-    /// Makes sure that the file at the path of the store is the one that was opened: what is written to another would be lost.
+    /// Checks that the file at the path of the store is the one that was opened: changes to another
+    /// would be lost.
     ///
     /// # Errors
     /// [`StoreError::Gone`].
@@ -229,17 +231,17 @@ impl Store {
         }
     }
 
-    /// Row of this process; no row has the number 0.
+    /// Row number of this process; 0 if not registered.
     pub(super) fn me(&self) -> i64 {
         self.process.as_ref().map_or(0, |process| process.id)
     }
 
-    /// Turns an error of a query into one of the store.
+    /// Converts an error of a query into one of the store.
     pub(super) fn read<T>(&self, result: rusqlite::Result<T>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::sqlite(&self.path, error, self.process.is_some()))
     }
 
-    /// What a query finds, row by row.
+    /// The rows of a query.
     pub(super) fn rows<T, C: FromIterator<T>>(
         &self,
         query: &str,
@@ -249,7 +251,7 @@ impl Store {
         self.read(self.connection.all(query, parameters, read))
     }
 
-    /// The number that a query finds.
+    /// The number returned by a query.
     pub(super) fn number(
         &self,
         query: &str,
@@ -258,7 +260,7 @@ impl Store {
         self.read(self.connection.one(query, parameters, |row| row.get(0)))
     }
 
-    /// Turns an error of JSON into one of the store.
+    /// Converts an error of JSON into one of the store.
     pub(super) fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
         result.map_err(|error| StoreError::unreadable(&self.path, &error))
     }

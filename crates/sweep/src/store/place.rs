@@ -1,4 +1,4 @@
-//! Where a store lies: whether its file is still the one that was opened.
+//! The file of a store: whether it is still the one that was opened.
 
 use super::StoreError;
 use crate::system::files::with_suffix;
@@ -6,16 +6,16 @@ use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
-/// What tells one file from every other one.
+/// Identity of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FileIdentity {
     device: u64,
-    /// Its number there.
+    /// Its inode number.
     number: u64,
 }
 
 impl FileIdentity {
-    /// Of the file that now has this name.
+    /// The identity of the present file of this name.
     pub(super) fn of(path: &Path) -> Option<Self> {
         let file = std::fs::metadata(path).ok()?;
         Some(Self {
@@ -34,7 +34,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Of a store that is open; its file was this one before.
+    /// The files of an open store; its file was this one before.
     pub(super) fn of(path: &Path, database: Option<FileIdentity>) -> Self {
         Self {
             path: path.to_owned(),
@@ -43,7 +43,7 @@ impl Files {
         }
     }
 
-    /// What became of them, if they are not what they were. What is written after that would be lost.
+    /// What happened to them, if they have changed. Later writes would be lost.
     pub(super) fn loss(&self) -> Option<&'static str> {
         let database = FileIdentity::of(&self.path);
         if database.is_none() {
@@ -59,11 +59,11 @@ impl Files {
                 None
             }
             own if own == log => None,
-            _ => Some("parted from its log"),
+            _ => Some("separated from its log"),
         }
     }
 
-    /// Takes the log away that these files left beside another store, if it is theirs.
+    /// Deletes the log that these files left beside another store, if it is theirs.
     pub(super) fn remove_own_log(&self) {
         let log = log_of(&self.path);
         if self.log.get().is_some() && FileIdentity::of(&log) == self.log.get() {
@@ -78,24 +78,24 @@ pub(super) fn log_of(path: &Path) -> PathBuf {
     with_suffix(path, "-wal")
 }
 
-/// Whether there is no store yet: no file, or one without anything in it, whose place a store takes.
+/// Whether there is no store yet: no file, or an empty one, which a store replaces.
 pub(crate) fn is_free(path: &Path) -> bool {
     std::fs::metadata(path).map_or(!path.exists(), |file| file.is_file() && file.len() == 0)
 }
 
-/// Refuses what is not there, and what is no file: a folder, and what would let us wait for ever, as a pipe does.
+/// Refuses missing files and non-files: a folder, or a pipe, which would block forever.
 pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
     let path = path.to_owned();
     let what = match std::fs::metadata(&path) {
         Ok(there) if there.is_dir() => "a folder, and not a store",
-        Ok(there) if !there.is_file() => "not a file, and so no store",
+        Ok(there) if !there.is_file() => "not a file, so not a store",
         Err(_) if !path.exists() => return Err(StoreError::Missing { path }),
         _ => return Ok(()),
     };
     Err(StoreError::NotAFile { path, what })
 }
 
-/// The address of a file with options, as `SQLite` reads it.
+/// The URI of a file with options, for `SQLite`.
 pub(super) fn address(path: &Path, options: &str) -> String {
     let escaped = path
         .to_string_lossy()

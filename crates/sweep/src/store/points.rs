@@ -1,6 +1,6 @@
-//! The runs of the points as a report averages them, each compared with what was written.
+//! The runs of the points for reports, each checked by its digest.
 
-use super::digest::{Altered, Digest};
+use super::digest::{Digest, DigestMismatch};
 use super::results::COVERED;
 use super::schema::{axis_cells, params, state};
 use super::statements::Statements;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// One case with its result, if it has one.
 #[derive(Debug, Clone)]
 pub struct PointRun {
-    /// Its place in the campaign file, from 0.
+    /// Its position in the campaign file, from 0.
     pub position: u64,
     /// Its key.
     pub key: String,
@@ -37,8 +37,8 @@ pub struct PointRun {
     pub viscosity_stresslet: Option<f64>,
     /// Mean first normal stress difference.
     pub normal_stress_difference: Option<f64>,
-    /// Means of the components and parts of the stress, and of the numbers of the network of contacts where they were observed, in
-    /// the order of [`sampled::means`].
+    /// Means of the components and parts of the stress, and of the numbers of the contact network
+    /// where they were observed, in the order of [`sampled::means`].
     pub(crate) means: [Option<f64>; MEANS],
     /// Samples averaged.
     pub samples: u64,
@@ -58,7 +58,7 @@ pub struct PointRun {
     pub unconverged_stages: u64,
     /// Of these, with friction off by more than 1e-3 of the largest force.
     pub inexact_stages: u64,
-    /// Why its numbers are doubtful, if they are.
+    /// Reasons why its numbers are doubtful, if any.
     pub doubts: Vec<Doubt>,
     /// Contact problems without a solution.
     pub jammed_stages: u64,
@@ -70,9 +70,9 @@ pub struct PointRun {
     pub cpu_time_s: Option<f64>,
     /// Strain discarded.
     pub discard: Option<f64>,
-    /// Strain from one sample to the next.
+    /// Strain between samples.
     pub sample_every: f64,
-    /// What it tells about steadiness.
+    /// Measures of steadiness.
     pub steadiness: Option<Steadiness>,
 }
 
@@ -82,14 +82,14 @@ impl PointRun {
         self.state == State::Done && !self.doubts.is_empty()
     }
 
-    /// Whether it is finished, and counts in averages.
+    /// Whether it is finished and included in averages.
     pub fn is_sound(&self) -> bool {
         self.state == State::Done && self.doubts.is_empty()
     }
 }
 
 impl Store {
-    /// All cases of the grid in the order of the file, each compared with what was written.
+    /// All cases of the grid in the order of the file, each checked by its digest.
     pub(crate) fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
         self.read(point_runs(&self.connection))
     }
@@ -115,13 +115,13 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
         }
         Ok(())
     })?;
-    // Put into order here: SQLite would copy all columns for that.
+    // Sorted here: SQLite would copy all columns.
     runs.sort_unstable_by_key(|run: &PointRun| run.position);
     Ok(runs)
 }
 
-/// Calls `each` with the row of every case that meets a condition, and its key and its point, or why these are not what was
-/// written. Columns of `more` come from 12 on.
+/// Calls `each` with the row of every case that meets a condition, and with its key and point, or
+/// an error if these were changed. Columns of `more` start at 12.
 pub(super) fn look(
     connection: &Connection,
     more: &str,
@@ -132,9 +132,9 @@ pub(super) fn look(
         .one("SELECT protocol, grid FROM campaign", [], |row| {
             row.try_into()
         })
-        .map_err(|_| Altered::error("the campaign"))?;
+        .map_err(|_| DigestMismatch::error("the campaign"))?;
     let protocol: Protocol =
-        serde_json::from_str(&protocol).map_err(|_| Altered::error("the campaign"))?;
+        serde_json::from_str(&protocol).map_err(|_| DigestMismatch::error("the campaign"))?;
     let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
         connection.all("SELECT * FROM points", [], |row| {
             Ok((row.get(0)?, KnownPoint::read(row, &protocol)))
@@ -157,8 +157,8 @@ pub(super) fn look(
             Some(Ok(point)) => point
                 .checked_key(row, position.is_some())
                 .map(|key| (key, point)),
-            Some(Err(error)) => Err(Altered::error(Altered::words(error))),
-            None => Err(Altered::error("the point of a case is missing")),
+            Some(Err(error)) => Err(DigestMismatch::error(DigestMismatch::words(error))),
+            None => Err(DigestMismatch::error("the point of a case is missing")),
         };
         if let (Ok((key, _)), Some(position)) = (&known, position) {
             positions.push(position);
@@ -171,16 +171,16 @@ pub(super) fn look(
     if positions.into_iter().eq(numbers) && request::grid(keys.into_iter()) == grid {
         return Ok(());
     }
-    Err(Altered::error(
+    Err(DigestMismatch::error(
         "the grid is not what was written: a case is missing",
     ))
 }
 
-/// The point of a case, as it is read.
+/// The point of a case.
 pub(super) struct KnownPoint {
     text: String,
     params: Arc<Params>,
-    /// Steps that are requested.
+    /// Requested steps.
     steps: u64,
 }
 
@@ -188,7 +188,7 @@ impl KnownPoint {
     /// A row of the points.
     ///
     /// # Errors
-    /// [`Altered`] if it is not what was written.
+    /// [`DigestMismatch`] if it was changed.
     fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
         let last = row.as_ref().column_count() - 1;
         let mut params = params(row, 1)?;
@@ -197,11 +197,11 @@ impl KnownPoint {
             .map(|column| row.get(column))
             .collect::<Result<_, _>>()?;
         if digest != row.get::<_, i64>(last)? || !axis_cells(&params).eq(cells) {
-            return Err(Altered::error(
+            return Err(DigestMismatch::error(
                 "the parameters of a point are not what was written",
             ));
         }
-        // The store may be looked at as far as one of its segments.
+        // The store may be shown up to one of its segments.
         params.segments.truncate(protocol.segments.len());
         Ok(Self {
             text: row.get(1)?,
@@ -210,17 +210,18 @@ impl KnownPoint {
         })
     }
 
-    /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8 on whether there is a result,
-    /// the end that there is of an open case, and whether there is a failure that was not retried.
+    /// The key of a row whose first columns are key, seed, steps, sample stride, state; then from 8
+    /// on whether there is a result, the end of an open case, and whether there is a failure that
+    /// was not retried.
     ///
     /// # Errors
-    /// [`Altered`] if these do not go together.
+    /// [`DigestMismatch`] if these are inconsistent.
     fn checked_key(&self, row: &Row<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
         let (seed, steps, stride): (u64, u64, u64) = (row.get(1)?, row.get(2)?, row.get(3)?);
         let key = CaseKey::of_text(&self.text, seed, stride);
         let written = row.get_ref(0)?.as_str()?;
         if key.to_string() != written {
-            return Err(Altered::error(format!(
+            return Err(DigestMismatch::error(format!(
                 "the parameters of case {written} are not those it was named for"
             )));
         }
@@ -234,7 +235,7 @@ impl KnownPoint {
             State::Pending | State::Running => !has_failed && !has_result && !is_covered,
         };
         if !fits || (is_in_grid && steps != self.steps) {
-            return Err(Altered::error(format!(
+            return Err(DigestMismatch::error(format!(
                 "the state of case {written} is not what was written"
             )));
         }
@@ -253,7 +254,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
     if has_result
         && Digest::default().with_row(row, covered..last)?.finish() != row.get::<_, i64>(last)?
     {
-        return Err(Altered::error(format!(
+        return Err(DigestMismatch::error(format!(
             "the result of run {key} is not what was written"
         )));
     }
@@ -299,7 +300,7 @@ fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Resul
     })
 }
 
-/// What a run tells about steadiness, where it does.
+/// The measures of steadiness of a run, if present.
 fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
     let number = |column: usize| row.get::<_, Option<f64>>(column);
     let parts = [number(30)?, number(31)?, number(32)?, number(33)?];

@@ -1,23 +1,23 @@
-//! The processes that work on a store, as it knows them, and those that computed its results.
+//! The processes that work on a store, and those that computed its results.
 
-use super::digest::{Altered, Sealed, whole};
+use super::digest::{DigestMismatch, Sealed, whole};
 use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::case::PHYSICS_VERSION;
-use crate::system::process::{self, Identity, Life};
+use crate::system::process::{self, Identity, ProcessState};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row};
 use serde::Serialize;
 
-/// The processes; the columns are what describes one.
+/// The processes, with the columns that describe one.
 pub(super) const SEALED: Sealed = Sealed {
     table: "processes",
     columns: "host, boot, namespace, pid, start, started_at, version, physics_version, build, threads, job, task, restart, node",
     with_key: false,
     words: "a process that computed",
 };
-/// This process as the store knows it.
+/// This process in the store.
 #[derive(Debug, Clone)]
 pub(super) struct Registered {
     pub(super) id: i64,
@@ -27,18 +27,18 @@ pub(super) struct Registered {
 /// The task of a scheduler a process works for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaskName {
-    /// The job, as the scheduler names it.
+    /// The job, by its name at the scheduler.
     pub job: String,
     /// Number of the task, from 0.
     pub task: usize,
-    /// Times the task was started before.
+    /// Number of restarts of the task.
     pub restart: u32,
     /// The node it runs on.
     pub node: String,
 }
 
-/// A process that has not left, as far as the store knows.
-pub(super) struct AtWork {
+/// A process that has not ended according to the store.
+pub(super) struct ActiveProcess {
     pub(super) id: i64,
     pub(super) identity: Identity,
     pub(super) file: Option<String>,
@@ -46,7 +46,7 @@ pub(super) struct AtWork {
     pub(super) is_alive: bool,
 }
 
-impl AtWork {
+impl ActiveProcess {
     /// All of them but the process `me`.
     pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<Self>> {
         let here = Identity::of_this_process();
@@ -64,7 +64,7 @@ impl AtWork {
                 identity,
                 file: row.get(7)?,
                 request: row.get(8)?,
-                is_alive: life == Life::Alive,
+                is_alive: life == ProcessState::Alive,
             })
         };
         let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
@@ -73,7 +73,7 @@ impl AtWork {
         connection.all(others, [me], read)
     }
 
-    /// One that lives and computes what another version of the campaign requests.
+    /// A live process that computes another version of the campaign.
     pub(super) fn conflicting(
         connection: &Connection,
         me: i64,
@@ -90,13 +90,13 @@ impl AtWork {
     }
 }
 
-/// A process that did not leave in order, if nobody else works on the store.
+/// A process that did not exit cleanly, if no other process works on the store.
 pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
-    let others = AtWork::others(connection, 0)?;
+    let others = ActiveProcess::others(connection, 0)?;
     if others.iter().any(|other| other.is_alive) {
         return Ok(None);
     }
-    Ok(others.into_iter().next_back().map(AtWork::name))
+    Ok(others.into_iter().next_back().map(ActiveProcess::name))
 }
 
 /// Another process that works on the store.
@@ -104,11 +104,11 @@ pub(super) fn other_worker(
     connection: &Connection,
     me: i64,
 ) -> rusqlite::Result<Option<(u32, String)>> {
-    let mut others = AtWork::others(connection, me)?.into_iter();
-    Ok(others.find(|other| other.is_alive).map(AtWork::name))
+    let mut others = ActiveProcess::others(connection, me)?.into_iter();
+    Ok(others.find(|other| other.is_alive).map(ActiveProcess::name))
 }
 
-/// Writes the row of a process that is described so. Gives its number.
+/// Writes the row of a process with this description. Returns its number.
 pub(super) fn put(
     connection: &Connection,
     described: &[Value],
@@ -118,7 +118,7 @@ pub(super) fn put(
     Ok(connection.last_insert_rowid())
 }
 
-/// What describes the process of a number; where that is not what was written, what describes one that is not known.
+/// The description of the process with a number, or that of an unknown one if it was changed.
 pub(super) fn described(connection: &Connection, id: i64) -> Vec<Value> {
     let number = SEALED.columns.split(", ").count();
     let found = SEALED.all(connection, "t.id = ?1", [id], |row| {
@@ -134,7 +134,7 @@ pub(super) fn described(connection: &Connection, id: i64) -> Vec<Value> {
     found.unwrap_or_else(|| unknown.collect())
 }
 
-/// Enters this process, which computes what a version of the campaign requests.
+/// Registers this process, which computes a version of the campaign.
 pub(super) fn enter(connection: &Connection, request: &Request) -> rusqlite::Result<Registered> {
     let identity = Identity::of_this_process();
     let now = process::now();
@@ -173,20 +173,20 @@ pub struct Provenance {
     pub build: String,
     /// Its threads.
     pub threads: u64,
-    /// When it began, in milliseconds since 1970.
+    /// Its start, in milliseconds since 1970.
     pub started_at: i64,
     /// Results it finished.
     pub results: u64,
 }
 
 impl Provenance {
-    /// The program, as people name it: version, version of its physics, beginning of its hash.
+    /// Description of the program: version, version of its physics, beginning of its hash.
     pub fn program(&self) -> String {
         program(&self.version, self.physics_version, &self.build)
     }
 }
 
-/// A program, as people name it.
+/// Description of a program.
 pub(super) fn program(version: &str, physics_version: u64, build: &str) -> String {
     let build = build.get(..12).unwrap_or(build);
     format!("sweep {version} (physics {physics_version}, build {build})")
@@ -204,9 +204,11 @@ impl Store {
              ORDER BY r.process DESC LIMIT 50",
             [],
             |row| {
-                let nobody = || Altered::error("a result of a process that is not there");
+                let missing_process = || DigestMismatch::error("a result of a missing process");
                 Ok(Provenance {
-                    host: row.get::<_, Option<String>>(0)?.ok_or_else(nobody)?,
+                    host: row
+                        .get::<_, Option<String>>(0)?
+                        .ok_or_else(missing_process)?,
                     version: row.get(1)?,
                     physics_version: row.get(2)?,
                     build: row.get(3)?,

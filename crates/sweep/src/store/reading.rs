@@ -12,30 +12,32 @@ use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Operations of `SQLite` from one look at the clock to the next.
+/// Operations of `SQLite` between checks of the clock.
 const OPERATIONS: i32 = 100_000;
-/// How long all queries of a store that is read may take together, before its size.
+/// Maximum total time of the queries of a reader, for an empty store.
 const PATIENCE: Duration = Duration::from_mins(2);
-/// How much longer for every so many bytes: a tenth of what a slow network file system gives.
+/// Additional time per byte, for a tenth of the speed of a slow network file system.
 const BYTES_PER_SECOND: u64 = 1 << 20;
 
 impl Store {
-    /// Opens a store for reading only, while others may write to it. What is read is the state of one moment. Where the log cannot
-    /// be read, as on a read-only or a full disk, the store is shown without it, with a warning.
+    /// Opens a store for reading only, while others may write to it. The reader sees one consistent
+    /// state. Where the log cannot be read, as on a read-only or a full disk, the store is shown
+    /// without it, with a warning.
     ///
     /// # Errors
-    /// A file that is missing, no store, or of another schema.
+    /// A file that is missing, not a store, or of another schema.
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
         refuse_other_than_files(path)?;
         let had_log = log::is_there(path);
         let last = log::check(path)?;
         let mut store = match Self::read_only(path, None) {
-            // SQLite makes an index of the log beside it: it cannot without write access, on a read-only disk or a full one.
-            Err(error) if needs_another_way(&error) || is_full(path) => {
+            // SQLite creates an index of the log beside it, which fails without write access, on a
+            // read-only disk or a full one.
+            Err(error) if needs_snapshot_or_copy(&error) || is_full(path) => {
                 let mut store = Self::read_only(path, Some("immutable=1")).map_err(|_| error)?;
                 if had_log {
                     store.warning = Some(format!(
-                        "the log {} cannot be read here: what was written last is not shown",
+                        "the log {} cannot be read here: the last changes are not shown",
                         place::log_of(path).display()
                     ));
                 }
@@ -47,13 +49,13 @@ impl Store {
         Ok(store)
     }
 
-    /// Opens a store as it lies in its file, without locks, which not every file system has, and without its log.
+    /// Opens the file of a store without its log and without locks, which some file systems lack.
     pub(super) fn open_without_log(path: &Path) -> Result<Self, StoreError> {
         refuse_other_than_files(path)?;
         Self::read_only(path, Some("immutable=1"))
     }
 
-    /// The same of a damaged one, as a file that is shorter than it says.
+    /// The same for a damaged store, such as a truncated file.
     pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
         refuse_other_than_files(path)?;
         let connection = Self::connect(path, Some("immutable=1"))?;
@@ -76,7 +78,7 @@ impl Store {
     /// Opens for reading with options of the `SQLite` URI.
     fn read_only(path: &Path, options: Option<&str>) -> Result<Self, StoreError> {
         let store = Self::on(Self::connect(path, options)?, path)?;
-        // One transaction for all that follows: what is read belongs to one moment.
+        // One transaction for all reads, so that they see one consistent state.
         let begun = store.connection.execute_batch("BEGIN");
         begun.map_err(|error| StoreError::sqlite(path, error, false))?;
         Ok(store)
@@ -102,7 +104,7 @@ impl Store {
     }
 }
 
-/// Ends queries that take longer than any that reads a store of this size.
+/// Interrupts queries that take too long for a store of this size.
 fn limit_time(connection: &mut Connection, path: &Path) -> rusqlite::Result<()> {
     let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
     let limit = PATIENCE + Duration::from_secs(bytes / BYTES_PER_SECOND);
@@ -110,7 +112,8 @@ fn limit_time(connection: &mut Connection, path: &Path) -> rusqlite::Result<()> 
     connection.progress_handler(OPERATIONS, Some(move || begun.elapsed() > limit))
 }
 
-/// Writes all that a store holds at this moment into a new file, while others go on writing to the store.
+/// Copies the present state of a store into a new file, while others continue to write to the
+/// store.
 pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
     let failed = |error| StoreError::sqlite(path, error, true);
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
@@ -123,8 +126,8 @@ pub(crate) fn snapshot(path: &Path, to: &Path) -> Result<(), StoreError> {
         .map_err(|error| StoreError::sqlite(to, error, true))
 }
 
-/// Whether `SQLite` could not open a file for reading only because it wanted to write beside it.
-fn needs_another_way(error: &StoreError) -> bool {
+/// Whether `SQLite` failed to open a file only because it had to write beside it.
+fn needs_snapshot_or_copy(error: &StoreError) -> bool {
     match error {
         StoreError::Unwritable { .. } => true,
         StoreError::Sqlite { source, .. } => matches!(
@@ -135,7 +138,7 @@ fn needs_another_way(error: &StoreError) -> bool {
     }
 }
 
-/// A store, and the campaign file it is looked at with, if there is one.
+/// A store, and the campaign file by which it is shown, if any.
 #[derive(Debug, Clone)]
 pub struct StoreSource {
     path: PathBuf,
@@ -143,8 +146,8 @@ pub struct StoreSource {
 }
 
 impl StoreSource {
-    /// The store at this place, by its whole path; with a campaign file, as that is now, what it requests. Without one the store is
-    /// shown as it was last run.
+    /// The store at this path, made absolute; with a campaign file, its present request. Without
+    /// one the store is shown as last run.
     pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
         Self { path, campaign }
     }
@@ -159,7 +162,8 @@ impl StoreSource {
         self.campaign.as_ref()
     }
 
-    /// Opens it for reading, and shows of it what the campaign file requests, done or not, whatever it was last run with.
+    /// Opens it for reading, and shows the runs that the campaign file requests, done or not,
+    /// regardless of the version last run.
     ///
     /// # Errors
     /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
@@ -171,10 +175,12 @@ impl StoreSource {
         Ok(store)
     }
 
-    /// Opens it for reading, and shows the runs as far as one of their segments, by its number from 1, whose kept strain is averaged.
+    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
+    /// whose kept strain is averaged.
     ///
     /// # Errors
-    /// As [`StoreSource::open`], and a campaign that it holds no longer reads; within, in words, where there is no such segment.
+    /// As [`StoreSource::open`], and if its campaign cannot be read; the inner error is a message
+    /// about a missing segment.
     pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
         let mut store = Store::open_read_only(&self.path)?;
         let campaign = match &self.campaign {

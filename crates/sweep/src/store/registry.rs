@@ -1,6 +1,7 @@
-//! A process at work on a store: entering, living, leaving, and taking over from those that are gone.
+//! Registration of processes in a store: start, heartbeat, end, and release of the cases of dead
+//! ones.
 
-use super::processes::{AtWork, Registered, SEALED, TaskName};
+use super::processes::{ActiveProcess, Registered, SEALED, TaskName};
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, failures, settle, states};
 use crate::model::replay::replay;
@@ -8,23 +9,24 @@ use crate::system::process;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, params};
 
-/// A case whose processes died so many times in a row, with no new checkpoint between, counts as failed: most likely it
-/// kills them.
+/// A case fails after this many successive deaths of its processes without a new checkpoint: it
+/// probably causes them.
 pub const DEATH_LIMIT: u32 = 5;
-/// What is true of a case under way whose owner is not there.
+/// Condition on a running case without an owner.
 const ORPHANED_RUNNING: &str =
     "state = 'running' AND NOT EXISTS (SELECT 1 FROM processes p WHERE p.id = cases.owner)";
 
 impl Store {
-    /// Says which task this process works for, before it is entered with [`Store::register`].
+    /// Sets the task of this process, before [`Store::register`].
     pub(crate) fn work_for(&mut self, task: TaskName) {
         self.task = Some(task);
     }
 
-    /// Records how many threads this process computes with, and for which task of a scheduler. From now on it claims cases.
+    /// Records the number of threads of this process, and its task of a scheduler. After this it
+    /// can claim cases.
     ///
     /// # Errors
-    /// [`StoreError::Displaced`], and trouble with the file.
+    /// [`StoreError::Displaced`], and I/O or SQLite errors.
     pub fn register(&mut self, threads: usize) -> Result<(), StoreError> {
         self.check_campaign()?;
         let me = self.me();
@@ -51,7 +53,7 @@ impl Store {
         )
     }
 
-    /// Records that this process lives.
+    /// Records a heartbeat of this process.
     pub(crate) fn heartbeat(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write_relaxed(|connection| {
@@ -62,7 +64,7 @@ impl Store {
         })
     }
 
-    /// Gives back all that this process still owns, and records that it ended.
+    /// Releases all cases of this process, and records its end.
     pub(crate) fn leave(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write(|connection| {
@@ -73,18 +75,18 @@ impl Store {
         self.make_sure_of_the_file()
     }
 
-    /// Frees the cases of processes that are gone; they go on from their last checkpoint, but for those that died
-    /// [`DEATH_LIMIT`] times in a row, which end as failed. Returns how many it took from them.
+    /// Releases the cases of dead processes, which continue from their last checkpoint; those with
+    /// [`DEATH_LIMIT`] successive deaths end as failed. Returns the number of released cases.
     pub(crate) fn release_dead(&mut self) -> Result<usize, StoreError> {
         let Some(Registered { id: me, identity }) = self.process.clone() else {
             return Ok(0);
         };
-        let dead = |connection: &Connection| -> rusqlite::Result<Vec<AtWork>> {
-            let mut others = AtWork::others(connection, me)?;
+        let dead = |connection: &Connection| -> rusqlite::Result<Vec<ActiveProcess>> {
+            let mut others = ActiveProcess::others(connection, me)?;
             others.retain(|other| !other.is_alive);
             Ok(others)
         };
-        // A look without the lock first: nearly always there is nothing to do.
+        // Checked without the lock first, since there is rarely anything to do.
         let orphaned = format!("SELECT 1 FROM cases WHERE {ORPHANED_RUNNING}");
         if !self.read(self.connection.has(&orphaned, []))?
             && self.read(dead(&self.connection))?.is_empty()
@@ -94,7 +96,8 @@ impl Store {
         self.write(|connection| {
             let mut freed = states::free_where(connection, ORPHANED_RUNNING, &[])?;
             for process in dead(connection)? {
-                // A machine that went down is no fault of the case. Nor is a batch that of cases that were not begun.
+                // Deaths do not count if the machine restarted, or for cases of a batch that were
+                // not started.
                 if process.identity.boot == identity.boot {
                     connection.execute(
                         "UPDATE cases SET deaths = deaths + 1 WHERE owner = ?1 AND state = 'running'",
@@ -111,8 +114,8 @@ impl Store {
 }
 
 impl Drop for Store {
-    /// Gives back what the process still owns. `SQLite` moves the log into the file when the last one closes it, unless the file
-    /// is not that of the log any more: then nothing of it stays beside the other.
+    /// Releases the cases of the process. `SQLite` moves the log into the file at the last close,
+    /// unless the file was replaced: then the log is deleted.
     fn drop(&mut self) {
         if self.process.is_some() {
             let _ = self.leave();
@@ -134,7 +137,7 @@ fn end(connection: &Connection, id: i64) -> rusqlite::Result<()> {
     )
 }
 
-/// Ends those cases of a dead process as failed that died too often. Returns how many.
+/// Ends cases of a dead process with too many deaths as failed. Returns their number.
 fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
     let condemned: Vec<(i64, sd_core::Params, u64)> = connection.all(
         "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point

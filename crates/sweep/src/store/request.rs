@@ -1,4 +1,4 @@
-//! What a version of a campaign file requests of its store.
+//! The request of a version of a campaign file.
 
 use super::statements::Statements;
 use crate::model::campaign::Campaign;
@@ -7,10 +7,10 @@ use crate::statistics::Precision;
 use rusqlite::Connection;
 use std::path::PathBuf;
 
-/// What one version of a campaign file requests: which runs, how long, and what of them is averaged.
+/// The request of a version of a campaign file: its runs, their length, and the averaged part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Request {
-    /// Equal exactly for versions that request the same, in whatever order and words.
+    /// Equal exactly for versions that request the same, in any order and wording.
     pub(super) hash: String,
     /// Number and sum of the keys of the runs.
     pub(super) grid: String,
@@ -48,7 +48,7 @@ impl Request {
         }
     }
 
-    /// The file whose version of the campaign a store now holds, if that requests something else.
+    /// The file whose version of the campaign a store now holds, if its request differs.
     pub(super) fn displaced_by(
         &self,
         connection: &Connection,
@@ -59,7 +59,7 @@ impl Request {
     }
 }
 
-/// Number and sum of some keys, whatever their order.
+/// Number and sum of some keys, independent of their order.
 pub(super) fn grid(keys: impl Iterator<Item = u128>) -> String {
     let (number, sum) = keys.fold((0_u64, 0_u128), |(number, sum), key| {
         (number + 1, sum.wrapping_add(key))

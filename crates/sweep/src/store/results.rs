@@ -1,6 +1,6 @@
-//! Results: what is averaged of a run, and how it is kept.
+//! Results: averages of runs and their storage.
 
-use super::digest::{self, Altered, Digest, whole};
+use super::digest::{self, Digest, DigestMismatch, whole};
 use super::ends::RunEnd;
 use super::statements::Statements;
 use crate::case::State;
@@ -22,10 +22,11 @@ const BEFORE: &str = "discard_step, samples, viscosity, viscosity_quartile_1, vi
 const AFTER: &str = "cpu_time_s, viscosity_part_1, viscosity_part_2, viscosity_part_3, viscosity_part_4, \
      viscosity_variance, viscosity_correlation";
 
-/// A result, in words.
+/// Description of a result.
 pub(super) const WORDS: &str = "the result of a run";
 
-/// What the digest of a result covers, of the tables `c` of cases, `p` of points and `r` of results; then the digest.
+/// The columns covered by the digest of a result, from the tables `c` of cases, `p` of points and
+/// `r` of results; then the digest.
 pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
     format!(
         "c.key, p.digest AS point_digest, c.state, c.steps_done, c.samples_digest, r.{}, r.digest",
@@ -48,7 +49,7 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
     format!("INSERT OR REPLACE INTO results (case_id, {columns}, digest) VALUES ({places})")
 });
 
-/// A case as the digest of its result covers it.
+/// The part of a case that the digest of its result covers.
 pub(super) struct Covered {
     pub(super) id: i64,
     pub(super) key: String,
@@ -59,7 +60,8 @@ pub(super) struct Covered {
     pub(super) samples: Option<i64>,
 }
 
-/// Writes the result of the first `steps` of the run of a case, of which some are discarded, and that gives it a state.
+/// Writes the result of the first `steps` of the run of a case, some of them discarded, and its
+/// state.
 pub(super) fn put(
     connection: &Connection,
     case: &Covered,
@@ -146,15 +148,16 @@ fn values(
     values
 }
 
-/// Makes sure that the result of a case is what was written.
+/// Checks the digest of the result of a case.
 pub(super) fn check(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     let query = format!("{} AND c.id = ?1", select());
     digest::each(connection, &query, [case], |_, is_whole, _| {
-        Altered::unless(is_whole, WORDS)
+        DigestMismatch::unless(is_whole, WORDS)
     })
 }
 
-/// Selects what the digests of all results that count cover, the digests, and the numbers of the rows.
+/// Selects the columns covered by the digests of all results that count, the digests, and the row
+/// numbers.
 pub(super) fn select() -> String {
     format!(
         "SELECT {}, r.rowid FROM results r JOIN cases c ON c.id = r.case_id JOIN points p ON p.id = c.point

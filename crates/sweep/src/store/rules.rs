@@ -1,9 +1,10 @@
-//! Seeds that a precision decides on: which of them count, and in which order their batches are computed.
+//! Seeds under a requested precision: which of them count, and the order of their batches.
 //!
-//! All seeds that a point may get are in the store from the beginning. The rule marks those that count, whenever a case of the
-//! point ends, in the same transaction: what counts is a function of the results alone.
+//! All seeds that a point may get are in the store from the beginning. The rule marks those that
+//! count whenever a case of the point ends, in the same transaction, so that they depend only on
+//! the results.
 
-use super::digest::{Altered, Sealed, whole};
+use super::digest::{DigestMismatch, Sealed, whole};
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
@@ -11,18 +12,18 @@ use crate::statistics::{Decision, Measure, Outcome, Precision};
 use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 
-/// How a point stands at which a precision is asked for.
+/// State of a point with a requested precision.
 #[derive(Debug, Clone)]
 pub struct PointState {
     /// Its parameters.
     pub params: Params,
-    /// What is asked for.
+    /// The requested precision.
     pub rule: Precision,
-    /// What the rule says.
+    /// Decision of the rule.
     pub decision: Decision,
 }
 
-/// A seed of such a point, as its rule sees it.
+/// A seed of such a point, for its rule.
 struct Seed {
     id: i64,
     outcome: Outcome,
@@ -38,11 +39,11 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "the precision requested at a point",
 };
 
-/// What is altered where others count than those that the rules say, in words.
-const WHICH_COUNT: &str = "which seeds count";
+/// Description of the damage if the seeds that count contradict the rules.
+const COUNTED_SEEDS: &str = "which seeds count";
 
-/// Enters the rules of a campaign in place of those that are there. Its cases are in the store, and all count: see [`apply_all`],
-/// which leaves out seeds that do not.
+/// Replaces the rules by those of a campaign. Its cases are in the store, and all count:
+/// [`apply_all`] then excludes seeds.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
     connection.execute("DELETE FROM rules", [])?;
     connection.execute(
@@ -67,7 +68,7 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::R
     Ok(())
 }
 
-/// Lets every rule decide.
+/// Applies every rule.
 pub(super) fn apply_all(connection: &Connection) -> rusqlite::Result<()> {
     for (point, rule) in rules(connection, "true", [])? {
         apply(connection, point, &rule)?;
@@ -75,7 +76,7 @@ pub(super) fn apply_all(connection: &Connection) -> rusqlite::Result<()> {
     Ok(())
 }
 
-/// Lets the rule decide that a case belongs to, if it belongs to one.
+/// Applies the rule of a case, if it has one.
 pub(super) fn apply_to_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
     for (point, rule) in rules(connection, of_case, [case])? {
@@ -138,7 +139,7 @@ fn rules(
 
 /// The seeds of a point in their order.
 fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<Vec<Seed>> {
-    // The name of a quantity is one of a few words, not what somebody wrote.
+    // The name of a quantity is one of a few keywords, not user text.
     let quantity = rule.quantity.name();
     connection.all(
         &format!(
@@ -165,7 +166,7 @@ fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Res
     )
 }
 
-/// The cases of the first batch of the point of a case, if a rule decides on it.
+/// The cases of the first batch of the point of a case, if it has a rule.
 pub(super) fn first_batch(
     connection: &Connection,
     case: i64,
@@ -179,26 +180,27 @@ pub(super) fn first_batch(
     .transpose()
 }
 
-/// Makes sure that at every point those seeds count that its rule says, and elsewhere all of the grid.
+/// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the
+/// grid.
 pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
     for (point, rule) in rules(connection, "true", [])? {
         let seeds = seeds(connection, point, &rule)?;
         let wanted = decide(&rule, &seeds).wanted;
         let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
-        // All seeds that a point may get are there.
+        // All possible seeds of a point are in the store.
         let are_all = seeds.len() == rule.at_most;
-        Altered::unless(are_all && seeds.iter().enumerate().all(fits), WHICH_COUNT)?;
+        DigestMismatch::unless(are_all && seeds.iter().enumerate().all(fits), COUNTED_SEEDS)?;
     }
     let left_out = connection.has(
         "SELECT 1 FROM cases WHERE CASE WHEN rule IS NULL THEN counts != (position IS NOT NULL)
              ELSE rule NOT IN (SELECT number FROM rules) END",
         [],
     )?;
-    Altered::unless(!left_out, WHICH_COUNT)
+    DigestMismatch::unless(!left_out, COUNTED_SEEDS)
 }
 
 impl Store {
-    /// How the points stand at which a precision is asked for, in the order of the file.
+    /// States of the points with a requested precision, in the order of the file.
     pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
         let state = |(point, rule): (i64, Precision)| {
             let params = self.connection.one(

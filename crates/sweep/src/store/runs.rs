@@ -1,4 +1,4 @@
-//! The runs of a campaign as a table, with all that the store knows of their results.
+//! The runs of a campaign as a table, with all their stored results.
 
 use super::schema::axis_columns;
 use super::{Store, StoreError, results};
@@ -8,11 +8,11 @@ use rusqlite::Connection;
 use rusqlite::types::{FromSqlError, Type, ValueRef};
 
 impl Store {
-    /// All runs of the campaign in its order, a row each: the columns of the view `runs`, by their names. Nothing came out yet of one
-    /// that is pending.
+    /// All runs of the campaign in its order, one row each: the columns of the view `runs`, by
+    /// their names. Pending runs have no results.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`], and trouble with the file.
+    /// [`StoreError::Damaged`], and I/O or SQLite errors.
     pub fn runs(&self) -> Result<Vec<DataColumn>, StoreError> {
         self.point_runs()?;
         let query = format!(
@@ -27,7 +27,7 @@ impl Store {
     }
 }
 
-/// What a statement finds, column by column.
+/// The result of a statement as columns.
 fn columns_of(connection: &Connection, query: &str) -> rusqlite::Result<Vec<DataColumn>> {
     let mut statement = connection.prepare(query)?;
     let mut columns: Vec<DataColumn> = statement
@@ -53,7 +53,7 @@ fn columns_of(connection: &Connection, query: &str) -> rusqlite::Result<Vec<Data
     Ok(columns)
 }
 
-/// Adds a cell as the store has it.
+/// Adds a stored value.
 fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
     let is_null = value.data_type() == Type::Null;
     match cells {
@@ -63,7 +63,7 @@ fn push(cells: &mut Cells, value: ValueRef<'_>) -> Result<(), FromSqlError> {
         }
         Cells::Count(cells) => cells.push(value.as_i64_or_null()?),
         Cells::Number(cells) => cells.push(match value {
-            // SQLite keeps a number without a fraction as a whole one where a column does not say what it holds.
+            // SQLite stores whole floats as integers in columns without a type.
             ValueRef::Integer(whole) => Some(whole as f64),
             _ if is_null => None,
             other => Some(other.as_f64()?),

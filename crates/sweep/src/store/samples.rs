@@ -1,6 +1,6 @@
 //! Samples of runs.
 
-use super::digest::{Altered, Digest, whole};
+use super::digest::{Digest, DigestMismatch, whole};
 use super::statements::Statements;
 use crate::axes;
 use crate::model::sampled::{self, Number};
@@ -22,7 +22,7 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
     format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
 });
 
-/// Writes the samples of a case in place of any it had, and their digest with the case.
+/// Replaces the samples of a case, and stores their digest with the case.
 pub(super) fn write(
     connection: &Connection,
     case: i64,
@@ -44,10 +44,10 @@ pub(super) fn write(
     )
 }
 
-/// The samples of a case, with their steps. What is not a number comes back as NaN.
+/// The samples of a case, with their steps. Null becomes NaN.
 ///
 /// # Errors
-/// Those of the query, and [`Altered`] if they are not what was written.
+/// Those of the query, and [`DigestMismatch`] if they were changed.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
     let written = "SELECT samples_digest FROM cases WHERE id = ?1";
     let written: Option<i64> = connection.value(written, [case])?.flatten();
@@ -62,13 +62,13 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
     if (!samples.is_empty()).then(|| digest.finish()) == written {
         Ok(samples)
     } else {
-        Err(Altered::error(
+        Err(DigestMismatch::error(
             "the samples of a run are not what was written",
         ))
     }
 }
 
-/// The digests of the samples of all cases as they are now.
+/// The digests of the present samples of all cases.
 pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
     let names = sampled::listed(Number::is_kept, "", "");
     let mut query = connection.prepare(&format!(
@@ -90,7 +90,7 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
     Ok(digests)
 }
 
-/// Where two samples differ first, bit for bit, if they do.
+/// First difference between two samples in any bit, if any.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
     let names = sampled::listed(Number::is_kept, "", "");
     let names = std::iter::once("step").chain(names.split(", "));
@@ -100,7 +100,7 @@ pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<Str
             (Value::Real(one), Value::Real(two)) => one.to_bits() == two.to_bits(),
             (one, two) => one == two,
         };
-        // One of them may have been computed without looking at the network.
+        // One of them may have been computed without observing the network.
         let unseen = sampled::named(name).is_some_and(Number::is_of_network)
             && [&one, &two].iter().any(|value| is_nothing(value));
         (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
@@ -142,7 +142,7 @@ fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
     Ok((row.get(0)?, sampled::read(number, count)?))
 }
 
-/// Drops the samples of a case from a step on.
+/// Deletes the samples of a case from a step on.
 pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> rusqlite::Result<()> {
     let mut samples = of(connection, case)?;
     samples.retain(|(step, _)| *step < from);

@@ -1,6 +1,6 @@
-//! The schema of a store: how its tables are made and recognized, and what columns hold that several of them have.
+//! The schema of a store: creation and recognition of its tables, and values of common columns.
 
-use super::digest::Altered;
+use super::digest::DigestMismatch;
 use crate::axes::{AXES, Kind, Value as AxisValue};
 use crate::case::State;
 use crate::model::sampled::{Number, listed};
@@ -8,20 +8,20 @@ use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, OptionalExtension, Row};
 use sd_core::Params;
 
-/// Marks the file as ours: `SWEP`.
+/// Application id of the file: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
-/// Version of the schema. A store of another one is refused.
+/// Version of the schema. Stores of other versions are refused.
 pub(super) const VERSION: i32 = 1;
-/// The statements, with places for the columns that are declared elsewhere.
+/// The statements, with placeholders for columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
-/// How the statement of an index begins, which is one line.
+/// First words of the statement of an index, which is one line.
 const INDEX: &str = "CREATE INDEX";
-/// Tables that a reader copies for itself to see a store as another version of its campaign requests it.
+/// Tables that a reader copies in order to show another version of the campaign.
 const SHADOWED: [&str; 6] = [
     "campaign", "points", "cases", "results", "failures", "rules",
 ];
 
-/// The version of the schema of a store; `None` of anything else.
+/// The version of the schema of a store; `None` for other files.
 pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     if pragma("application_id")? == APPLICATION_ID && has_plain_tables(connection)? {
@@ -30,7 +30,7 @@ pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>>
     Ok(None)
 }
 
-/// The statements that make the tables.
+/// The statements that create the tables.
 fn statements() -> String {
     let axes = AXES.iter().map(|axis| match axis.kind() {
         Kind::Word => format!("{} TEXT", axis.key),
@@ -49,7 +49,7 @@ fn statements() -> String {
         )
 }
 
-/// Makes the tables, without indices.
+/// Creates the tables, without indices.
 pub(super) fn create(connection: &Connection) -> rusqlite::Result<()> {
     let statements = statements();
     let tables: Vec<&str> = statements
@@ -61,7 +61,7 @@ pub(super) fn create(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "user_version", VERSION)
 }
 
-/// Makes the indices: faster once the tables are filled.
+/// Creates the indices, which is faster once the tables are filled.
 pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     let indices: Vec<&str> = STATEMENTS
         .lines()
@@ -70,7 +70,7 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     connection.execute_batch(&indices.join("\n"))
 }
 
-/// Names of the indices of some cases, each with the condition that these meet.
+/// Names of the partial indices, each with its condition.
 pub(super) fn partial_indices() -> impl Iterator<Item = (&'static str, &'static str)> {
     STATEMENTS.lines().filter_map(|line| {
         let index = line.strip_prefix("CREATE INDEX IF NOT EXISTS ")?;
@@ -79,7 +79,7 @@ pub(super) fn partial_indices() -> impl Iterator<Item = (&'static str, &'static 
     })
 }
 
-/// Lets a connection that only reads change some tables for itself.
+/// Shadows some tables by temporary copies that a read-only connection can change.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     for statement in statements().split_inclusive(";\n") {
         for table in SHADOWED {
@@ -100,7 +100,7 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     )
 }
 
-/// Names of the columns of the axes, each with something before it.
+/// Names of the columns of the axes, each with a prefix.
 pub(super) fn axis_columns(before: &str) -> String {
     let names: Vec<String> = AXES
         .iter()
@@ -109,10 +109,10 @@ pub(super) fn axis_columns(before: &str) -> String {
     names.join(", ")
 }
 
-/// What these columns hold.
+/// Values of these columns.
 pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
     AXES.iter().map(|axis| match axis.value(params) {
-        // Either the rate is imposed or the stress, and either an area is filled or a volume.
+        // Rate and stress are alternatives, and so are area fraction and volume fraction.
         _ if axis.is_alternative() && !axis.means_something(params) => Value::Null,
         AxisValue::Word(word) => Value::Text(word.into()),
         AxisValue::Count(count) => super::digest::whole(count),
@@ -131,11 +131,12 @@ pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
 /// The state of this name.
 pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
     let name = name.as_str()?;
-    State::of(name).ok_or_else(|| Altered::error(format!("there is no state {name:?} of a case")))
+    State::of(name)
+        .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }
 
-/// Makes sure that what has the name of a table of ours is a table with values in it: no view, no virtual table, no columns
-/// that are computed when they are read.
+/// Checks that each of our tables is an ordinary table: no view, no virtual table, no generated
+/// columns.
 fn has_plain_tables(connection: &Connection) -> rusqlite::Result<bool> {
     let names = STATEMENTS
         .lines()

@@ -1,6 +1,7 @@
-//! What of a run is the result that the campaign requests.
+//! The result of a run that the campaign requests.
 //!
-//! A run is computed once: its beginning is the run of less strain, and from its last state it goes on to more.
+//! A run is computed once: its beginning is the run of less strain, and its last state continues to
+//! more.
 
 use super::claims::Claim;
 use super::digest::whole;
@@ -19,7 +20,7 @@ use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
 
-/// A case that was computed to an end, and what is requested of it.
+/// A completed case, and the result requested.
 struct Computed {
     case: Covered,
     /// Number of its point.
@@ -35,7 +36,7 @@ struct Computed {
 }
 
 impl Computed {
-    /// Those of a condition on `c`.
+    /// The cases that meet a condition on `c`.
     fn of(
         connection: &Connection,
         condition: &str,
@@ -71,7 +72,7 @@ impl Computed {
         )
     }
 
-    /// State and steps of the result that is requested; `None` if more is requested than was computed.
+    /// State and steps of the requested result; `None` if more is requested than was computed.
     fn outcome(&self) -> Option<(State, u64)> {
         if self.jammed && self.requested >= self.steps {
             Some((State::Jammed, self.steps))
@@ -82,7 +83,8 @@ impl Computed {
         }
     }
 
-    /// Gives it the state and the result that is requested; `run` is its end and its samples, where they are at hand.
+    /// Sets the state and the result that are requested; `run` is its end and its samples, if
+    /// already loaded.
     fn settle(
         &self,
         connection: &Connection,
@@ -91,7 +93,7 @@ impl Computed {
     ) -> rusqlite::Result<()> {
         let id = self.case.id;
         let Some((state, steps)) = self.outcome() else {
-            // Others are pending already, or failed on their way on.
+            // Others are pending already, or failed in a continuation.
             if matches!(self.state.as_str(), "done" | "jammed") {
                 states::reopen(connection, "id = ?2", &[id])?;
             }
@@ -114,7 +116,7 @@ impl Computed {
         states::end(connection, id, state, steps)
     }
 
-    /// The same where every run discards the same strain; where that is not so, nothing is left out yet.
+    /// The same if every run discards the same strain; otherwise nothing is discarded yet.
     fn settle_alone(
         &self,
         connection: &Connection,
@@ -126,8 +128,8 @@ impl Computed {
     }
 }
 
-/// Keeps a run that was computed to an end in place of any other of its case, and gives the case the state and the result that the
-/// protocol requests. Where the strain discarded is that of its point, see [`settle_point_of`].
+/// Stores a completed run, replacing any other of its case, and sets the state and the result that
+/// the protocol requests. For a discarded strain chosen by point, see [`settle_point_of`].
 pub(super) fn keep(
     connection: &Connection,
     (case, key): (i64, &str),
@@ -143,8 +145,8 @@ pub(super) fn keep(
         .try_for_each(|case| case.settle_alone(connection, protocol, Some((end, samples))))
 }
 
-/// Lets new runs in segments go on from runs that were computed without the last of these, where they end before it begins.
-pub(super) fn go_on_from_shorter_runs(
+/// Continues new runs with segments from runs that were computed without the last segment.
+pub(super) fn continue_shorter_runs(
     connection: &Connection,
     campaign: &Campaign,
 ) -> rusqlite::Result<()> {
@@ -155,7 +157,7 @@ pub(super) fn go_on_from_shorter_runs(
     })
 }
 
-/// Counts as done what new runs in segments would go on from, in a store that is only looked at.
+/// Counts the steps that new runs in segments would reuse as done, in a store opened for reading.
 pub(super) fn count_shorter_runs(
     connection: &Connection,
     campaign: &Campaign,
@@ -167,7 +169,8 @@ pub(super) fn count_shorter_runs(
     })
 }
 
-/// Calls for every new run in segments of which a beginning was computed: with it and its key, and the case and the end of that.
+/// Calls `take` for every new run in segments whose beginning was computed, with the run, its key,
+/// and the case and end of that beginning.
 fn each_shorter_run(
     connection: &Connection,
     campaign: &Campaign,
@@ -208,8 +211,8 @@ fn each_shorter_run(
     Ok(())
 }
 
-/// Gives every case of the grid that was computed to an end the state and the result the protocol requests. Cases under way
-/// are left alone.
+/// Sets the state and the result that the protocol requests for every completed case of the grid.
+/// Running cases are skipped.
 pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
     let of_grid = "c.position IS NOT NULL AND c.state != 'running'";
     let computed = Computed::of(connection, of_grid, [])?;
@@ -226,15 +229,16 @@ pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqli
     points.try_for_each(|point| settle_point(connection, point))
 }
 
-/// Settles the runs of the point of a case, where these decide on the strain discarded.
+/// Updates the results of the point of a case, if its runs determine the discarded strain.
 pub(super) fn settle_point_of(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     let of_point = "c.point = (SELECT point FROM cases WHERE id = ?1)
          AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')";
     settle_point(connection, &Computed::of(connection, of_point, [case])?)
 }
 
-/// Settles the runs of a point, leaving out as much as MSER-5 picks from the mean over those that are done. Where a precision
-/// decides on the seeds, these are those of the first batch: so what is left out does not change while seeds are still added.
+/// Updates the results of a point with the discarded strain that MSER-5 chooses from the mean over
+/// done runs. Under a requested precision only the first batch is used, so that the discarded
+/// strain does not change while seeds are added.
 fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result<()> {
     let Some(first) = point.first() else {
         return Ok(());
@@ -296,32 +300,32 @@ impl Store {
     }
 }
 
-/// A run that came to its end.
+/// A completed run.
 #[derive(Debug)]
 pub struct Finished {
     /// [`State::Done`] or [`State::Jammed`].
     pub state: State,
     /// Its samples, with their steps.
     pub samples: Vec<(u64, Sample)>,
-    /// What it met.
+    /// Its counters.
     pub counters: Counters,
     /// Steps done.
     pub steps: u64,
-    /// What is averaged.
+    /// Its averages.
     pub protocol: Protocol,
     /// Seconds of computing.
     pub wall_time_s: f64,
     /// Seconds of CPU.
     pub cpu_time_s: f64,
-    /// Times it went on from a checkpoint.
+    /// Number of times it was resumed from a checkpoint.
     pub resumed: u32,
-    /// A checkpoint of its last state, without samples: what a longer run goes on from.
+    /// A checkpoint of its last state, without samples, from which a longer run continues.
     pub last_state: Vec<u8>,
 }
 
 impl Store {
-    /// Keeps the results of cases, and their last states, in one transaction. Says for each whether this process still owned it: of
-    /// others nothing is kept.
+    /// Stores the results of cases and their last states in one transaction. Returns for each
+    /// whether this process still owned it; otherwise nothing is stored.
     pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
         let me = self.me();
         self.write(|connection| {
@@ -337,7 +341,7 @@ impl Store {
         })
     }
 
-    /// Keeps the failure of a case, with its samples up to then.
+    /// Stores the failure of a case, with its samples so far.
     pub(crate) fn fail(
         &mut self,
         claim: &Claim,
@@ -349,7 +353,7 @@ impl Store {
             if !owns(connection, claim, me)? {
                 return Ok(false);
             }
-            // Samples of a run that was computed farther before are those of its result.
+            // The samples of a previously longer run belong to its result.
             let computed = ends::steps_of(connection, claim.id)?;
             if computed.is_none_or(|steps| steps <= failure.step) {
                 samples::write(connection, claim.id, samples)?;
@@ -360,7 +364,7 @@ impl Store {
         owned.then_some(()).ok_or_else(|| claim.lost())
     }
 
-    /// Makes all failed cases of the grid pending again. Returns how many.
+    /// Resets all failed cases of the grid to pending. Returns their number.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
             let failed: Vec<(i64, String, u64)> = connection.all(
@@ -396,7 +400,7 @@ fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<boo
     )
 }
 
-/// Keeps a run that came to its end. More may be computed than is requested: its last checkpoint lay beyond that.
+/// Stores a completed run. It may be longer than requested if its last checkpoint was beyond that.
 fn finish(
     connection: &Connection,
     claim: &Claim,

@@ -1,4 +1,4 @@
-//! Statements of a connection, which are kept prepared, and a connection that lets nothing be carried out but these.
+//! Cached prepared statements, and a connection that executes no code from the file.
 
 use rusqlite::config::DbConfig;
 use rusqlite::types::FromSql;
@@ -14,7 +14,7 @@ pub(super) trait Statements {
         self.change(sql, parameters).map(|_| ())
     }
 
-    /// Changes rows. Says how many.
+    /// Changes rows. Returns their number.
     fn change(&self, sql: &str, parameters: impl Params) -> Result<usize> {
         self.prepared(sql)?.execute(parameters)
     }
@@ -78,7 +78,7 @@ impl Statements for Connection {
 /// Largest text or blob that is read, in bytes.
 const LENGTH_LIMIT: i32 = 256 << 20;
 
-/// Lets nothing that is written in a store be carried out: no views, no triggers, no functions but those without effect.
+/// Prevents the execution of code stored in a file: no views, no triggers, only harmless functions.
 pub(super) fn harden(connection: &Connection) -> Result<()> {
     for (option, value) in [
         (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),

@@ -1,4 +1,4 @@
-//! Changes of the state of a case, and its turn among those that wait.
+//! Changes of the state of a case, and its rank among pending ones.
 
 use super::failures;
 use super::statements::Statements;
@@ -6,12 +6,12 @@ use crate::case::State;
 use crate::system::process::now;
 use rusqlite::{Connection, params, params_from_iter};
 
-/// After so many deaths in a row a case waits until there is no other.
+/// After this many successive deaths a case waits until no other is pending.
 pub(super) const SUSPECT: u32 = 3;
-/// What is added to the turn of a case that waits until there is no other, and taken from that of one that was begun.
+/// Offset added to the rank of a case that waits for all others, and subtracted for a started one.
 const AHEAD: i64 = 1 << 40;
 
-/// Gives a case a state that is an end.
+/// Sets a final state of a case.
 pub(super) fn end(
     connection: &Connection,
     case: i64,
@@ -24,12 +24,13 @@ pub(super) fn end(
     )
 }
 
-/// Makes all running cases of a process pending.
+/// Sets all running cases of a process to pending.
 pub(super) fn free(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
     free_where(connection, "owner = ?2 AND state = 'running'", &[process])
 }
 
-/// Makes cases pending that meet a condition, with parameters from ?2 on: those that were begun go on before any other.
+/// Sets cases that meet a condition to pending, with parameters from ?2 on; started ones continue
+/// first.
 pub(super) fn free_where(
     connection: &Connection,
     condition: &str,
@@ -45,8 +46,8 @@ pub(super) fn free_where(
     )
 }
 
-/// The same of cases that ended, or of which something else is kept than before: whatever became of them before is forgiven, and
-/// they go on from the last of their states that is kept.
+/// The same for cases that ended or whose data changed: earlier deaths are reset, and they continue
+/// from the last stored state.
 pub(super) fn reopen(
     connection: &Connection,
     condition: &str,
@@ -65,7 +66,8 @@ pub(super) fn reopen(
     free_where(connection, condition, parameters)
 }
 
-/// The turn of a case with so many steps done, as SQL: before the others if it was begun, after them if it kills its processes.
+/// The rank of a case by its steps done, as SQL: before the others if it was started, after them if
+/// it kills its processes.
 pub(super) fn turn(steps_done: &str) -> String {
     format!(
         "((turn + {AHEAD}) % {AHEAD} + CASE WHEN deaths >= {SUSPECT} THEN {AHEAD}
@@ -73,7 +75,7 @@ pub(super) fn turn(steps_done: &str) -> String {
     )
 }
 
-/// The turn of a case that is neither, by its rank.
+/// The rank of an ordinary case.
 pub(super) fn plain_turn(rank: u64) -> i64 {
     i64::try_from(rank).unwrap_or(i64::MAX).min(AHEAD - 1)
 }

@@ -1,4 +1,4 @@
-//! Jobs handed to a scheduler: which there are, which cases their tasks were given.
+//! Submitted jobs, and the cases of their tasks.
 
 use super::statements::Statements;
 use super::{Store, StoreError};
@@ -9,28 +9,28 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// A job that was handed to a scheduler.
+/// A submitted job.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Submission {
     #[serde(skip)]
     pub(crate) id: i64,
     /// The scheduler.
     pub engine: String,
-    /// Its name for the scheduler; `None` if submitting was cut short.
+    /// Its name at the scheduler; `None` if the submission was interrupted.
     pub job: Option<String>,
     /// Hash of its slices.
     pub plan: String,
-    /// Where its tasks publish their shards.
+    /// Folder of the shards of its tasks.
     pub folder: PathBuf,
     /// Number of its tasks.
     pub tasks: usize,
-    /// Cases each of them computes at a time.
+    /// Cases that each of them computes in parallel.
     pub workers: usize,
     /// Hash of the executable it runs.
     pub build: String,
-    /// When, in milliseconds since 1970.
+    /// Time of submission, in milliseconds since 1970.
     pub submitted_at: i64,
-    /// When it was cancelled.
+    /// Time of cancellation.
     pub cancelled_at: Option<i64>,
 }
 
@@ -39,13 +39,13 @@ pub struct Submission {
 pub struct OpenCase {
     /// Its key.
     pub key: String,
-    /// Estimated cost of what is left of it, in seconds of a common core.
+    /// Estimated remaining cost, in seconds of a common core.
     pub cost: f64,
-    /// Whether there is a checkpoint of it.
+    /// Whether it has a checkpoint.
     pub begun: bool,
 }
 
-/// How far a slice is, as far as the store knows.
+/// Progress of a slice, according to the store.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct SliceState {
     /// Its cases.
@@ -71,7 +71,7 @@ impl Store {
                     })
     }
 
-    /// Records a job that is about to be handed to a scheduler; [`Store::submitted`] adds its name.
+    /// Records a job before its submission; [`Store::submitted`] adds its name.
     pub(crate) fn submit(
         &mut self,
         submission: &Submission,
@@ -106,13 +106,13 @@ impl Store {
         })
     }
 
-    /// Records the name the scheduler gave a job.
+    /// Records the name of a job at the scheduler.
     pub(crate) fn submitted(&mut self, id: i64, job: &str) -> Result<(), StoreError> {
         let named = "UPDATE submissions SET job = ?2 WHERE id = ?1";
         self.write(|connection| connection.run(named, params![id, job]))
     }
 
-    /// Forgets a job the scheduler refused.
+    /// Deletes a job that the scheduler refused.
     pub(crate) fn not_submitted(&mut self, id: i64) -> Result<(), StoreError> {
         self.write(|connection| {
             connection.run("DELETE FROM slices WHERE submission = ?1", [id])?;
@@ -147,7 +147,7 @@ impl Store {
         )
     }
 
-    /// How far the slices of a job are, by task.
+    /// Progress of the slices of a job, by task.
     pub(crate) fn slice_states(
         &self,
         id: i64,
@@ -177,7 +177,7 @@ impl Store {
         Ok(states)
     }
 
-    /// How far a published shard is.
+    /// Progress of a published shard.
     pub(crate) fn slice_of_shard(path: &std::path::Path) -> Result<SliceState, StoreError> {
         let shard = Self::open_shard(path)?;
         let work = shard.work()?;
@@ -193,7 +193,7 @@ impl Store {
         })
     }
 
-    /// Writes the begun ones of some cases, as far as they are, into a new store of their own.
+    /// Writes the started ones among some cases, with their data, into a new store.
     pub(crate) fn write_begun(
         &self,
         campaign: &Campaign,

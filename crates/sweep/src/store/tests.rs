@@ -41,7 +41,7 @@ fn open(directory: &Path) -> Store {
 
 /// One case at a time.
 impl Store {
-    /// The store of a campaign, made if it is not there.
+    /// The store of a campaign, created if missing.
     fn at(path: &Path, campaign: &Campaign) -> Self {
         Self::enter(path, campaign, Order::default()).unwrap().0
     }
@@ -117,7 +117,7 @@ fn failure(step: u64) -> Attempt {
     }
 }
 
-/// A finished run with its samples at the steps the case has them.
+/// A finished run with samples at the steps of the case.
 fn finished_as(claim: &Claim, state: State) -> Finished {
     let mut run = finished(state);
     for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
@@ -126,8 +126,8 @@ fn finished_as(claim: &Claim, state: State) -> Finished {
     run
 }
 
-/// Makes the owner of all running cases look like a process that is gone.
-fn bury_owners(store: &Store) {
+/// Makes the owner of all running cases look like a dead process.
+fn mark_owners_dead(store: &Store) {
     store
         .connection
         .execute("UPDATE processes SET start = '1'", [])
@@ -180,7 +180,7 @@ fn result_is_kept_and_averaged() {
 }
 
 #[test]
-fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
+fn dead_owner_loses_its_case_and_the_next_resumes_from_its_checkpoint() {
     let directory = tempfile::tempdir().unwrap();
     let (mut dead, mut heir) = (open(directory.path()), open(directory.path()));
     dead.register(1).unwrap();
@@ -202,7 +202,7 @@ fn dead_owner_loses_its_case_and_the_next_goes_on_from_its_checkpoint() {
         .map(|c| c.as_ref().unwrap().snapshot.steps())
         .collect();
     assert_eq!(steps, [60, 40], "two generations, the newest first");
-    // What the old owner still writes does not count.
+    // Later writes of the old owner are discarded.
     assert!(matches!(
         dead.keep(&claim, 80, &checkpoint(80)),
         Err(StoreError::ClaimLost { .. })
@@ -246,7 +246,7 @@ fn editing_the_grid_keeps_finished_cases() {
     store.take_in(&campaign(&wider)).unwrap();
     let counts = store.counts().unwrap();
     assert_eq!((counts.done, counts.total()), (2, 8));
-    // One shear rate leaves: its finished case is no longer counted, but not lost.
+    // One shear rate is removed: its finished case is not counted any more, but not lost.
     let narrower = CAMPAIGN.replace("[0.1, inf]", "[0.1]");
     store.take_in(&campaign(&narrower)).unwrap();
     assert_eq!(store.counts().unwrap().done, 1);
@@ -360,7 +360,7 @@ fn infinite_and_missing_numbers_survive_the_store() {
 }
 
 #[test]
-fn reading_goes_on_while_another_writes() {
+fn reading_works_while_another_process_writes() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
@@ -382,7 +382,7 @@ fn owners_of_a_restarted_machine_are_gone() {
     let (mut one, mut two) = (open(directory.path()), open(directory.path()));
     one.register(1).unwrap();
     one.next().unwrap();
-    bury_owners(&one);
+    mark_owners_dead(&one);
     two.register(1).unwrap();
     assert_eq!(two.release_dead().unwrap(), 1);
 }

@@ -1,4 +1,4 @@
-//! How far a campaign is, and how long the rest of it takes.
+//! Progress of a campaign and estimate of its remaining time.
 
 use super::schema::{params, state};
 use super::statements::Statements;
@@ -21,7 +21,7 @@ pub struct Counts {
     pub failed: u64,
     /// Owned by a process.
     pub running: u64,
-    /// Not begun or stopped.
+    /// Not started, or stopped.
     pub pending: u64,
 }
 
@@ -31,7 +31,7 @@ impl Counts {
         self.done + self.jammed + self.failed + self.running + self.pending
     }
 
-    /// How many are in this state.
+    /// Number of cases in a state.
     pub(crate) fn of(&mut self, state: State) -> &mut u64 {
         match state {
             State::Done => &mut self.done,
@@ -42,12 +42,12 @@ impl Counts {
         }
     }
 
-    /// A case ended in this state since they were counted.
+    /// Counts a case that ended in this state since the last count.
     pub(crate) fn end(&mut self, state: State) {
         if matches!(state, State::Pending | State::Running) {
             return;
         }
-        // It may have been claimed after the look into the store.
+        // It may have been claimed after that count.
         let open = if self.running > 0 {
             &mut self.running
         } else {
@@ -60,47 +60,48 @@ impl Counts {
     }
 }
 
-/// How far the grid is, in estimated seconds of CPU.
+/// Progress of the grid, in estimated CPU seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
     /// Its cases by state.
     pub counts: Counts,
-    /// All of it.
+    /// Total work.
     pub total: f64,
-    /// What is done of it: finished cases, and others up to their last checkpoint, but for those this process has under way.
+    /// Work done: finished cases, and others up to their last checkpoint, except those running in
+    /// this process.
     pub done: f64,
-    /// Failed cases, which are not computed again by themselves.
+    /// Failed cases, which are not retried automatically.
     pub given_up: f64,
-    /// What is left of cases that are pending or under way.
+    /// Remaining work of pending and running cases.
     pub left: f64,
-    /// Cases under way whose process was heard of lately.
+    /// Running cases with a recent heartbeat of their process.
     alive: u64,
 }
 
-/// How far the runs of one point are.
+/// Progress of the runs of one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PointWork {
-    /// Place of the first of them in the campaign.
+    /// Position of the first of them in the campaign.
     pub(crate) position: usize,
     /// All that count.
     pub(crate) runs: f64,
     /// Those that have not ended.
     pub(crate) open: f64,
-    /// What is done of these, in runs.
+    /// The done part of these, in runs.
     pub(crate) done: f64,
 }
 
-/// Finished runs looked at to tell how fast a machine is.
+/// Number of finished runs used to estimate the speed of a machine.
 const SAMPLED: i64 = 1000;
 
-/// One process as it is listed.
+/// One process in a list.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProcessLine {
     /// Its host.
     pub host: String,
     /// Its process id.
     pub pid: u32,
-    /// Seconds since it was last heard of.
+    /// Seconds since its last heartbeat.
     pub silent_s: f64,
     /// Cases it owns.
     pub running: u64,
@@ -110,22 +111,22 @@ impl Store {
     /// Cases of the grid by state.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// An I/O or SQLite error.
     pub fn counts(&self) -> Result<Counts, StoreError> {
         self.work().map(|work| work.counts)
     }
 
-    /// How far the grid is: one look at every case.
+    /// Progress of the grid, from one scan of all cases.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// An I/O or SQLite error.
     pub fn work(&self) -> Result<Work, StoreError> {
         let heard_since = process::now()
             - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
             let alive = "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1";
             let alive: HashSet<i64> = self.connection.values(alive, [heard_since])?;
-            // Summed up here: SQLite would sort all cases by their states first.
+            // Summed here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
                 "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
                      FROM cases NOT INDEXED WHERE counts",
@@ -155,7 +156,7 @@ impl Store {
         self.read(read())
     }
 
-    /// Seconds of wall time and of CPU that finished runs took, over those they were estimated to take; `None` where there is none.
+    /// Wall and CPU seconds of finished runs, over their estimates; `None` without finished runs.
     fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
         let mut sums = (0.0, 0.0, 0.0);
         self.sampled_runs(
@@ -193,13 +194,13 @@ impl Store {
         self.read(read())
     }
 
-    /// Estimated seconds of CPU that open cases still take, at the pace of those that are finished.
+    /// Estimated remaining CPU seconds of open cases, scaled by finished ones.
     pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
         Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
     }
 
-    /// Seconds until the cases at work and those pending are done, judged by what finished ones took; `None` if nobody
-    /// works or nothing is finished yet.
+    /// Estimated seconds until running and pending cases are done, scaled by finished ones; `None`
+    /// without running processes or finished cases.
     pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
@@ -209,7 +210,7 @@ impl Store {
             .map(|(wall, _)| work.left * wall / work.alive as f64))
     }
 
-    /// How far the runs of each point are, in the order of the campaign.
+    /// Progress of the runs of each point, in the order of the campaign.
     pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
         self.rows(
             "SELECT min(position), count(*), total(state IN ('pending', 'running')),
@@ -228,7 +229,8 @@ impl Store {
         )
     }
 
-    /// Parameters, steps and seconds of CPU of runs that this build has computed on this machine, a thousand or so.
+    /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on
+    /// this machine.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
         let here = (process::Identity::of_this_process().host, process::build());
         let mut runs = Vec::new();

@@ -12,7 +12,7 @@ use sd_core::Space;
 /// Cluster sizes up to which there are bins: 1, 2 to 3, 4 to 7, and so on.
 const SIZES: usize = 14;
 
-/// What the frames of one run sum up to.
+/// Sums over the frames of one run.
 #[derive(Debug, Clone)]
 pub(crate) struct RunStructure {
     dimensions: usize,
@@ -21,14 +21,14 @@ pub(crate) struct RunStructure {
     with_angle_bins: Bins,
     pairs: Pairs,
     contacts: Contacts,
-    /// Share of spheres in clusters of each size.
+    /// Fraction of spheres in clusters of each size.
     sizes: Vec<f64>,
-    /// Sums of the numbers, and how many frames have one.
+    /// Sums of the numbers, and the number of frames that have each.
     scalars: [(f64, u64); SCALARS],
 }
 
 impl RunStructure {
-    /// Of no frames yet, in cells like this.
+    /// Empty sums for cells of this kind.
     pub(crate) fn new<S: Space>(network: &Network<S>) -> Self {
         let radial_bins = radial_bins(&network.cell);
         let with_angle_bins = radial_bins_with_angle(&network.cell);
@@ -54,7 +54,7 @@ impl RunStructure {
         }
     }
 
-    /// Takes a frame.
+    /// Adds a frame.
     pub(crate) fn add<S: Space>(&mut self, network: &Network<S>) {
         self.frames += 1;
         let found = pairs(network);
@@ -95,16 +95,16 @@ fn add(sums: &mut [f64], more: &[f64]) {
     }
 }
 
-/// A quantity along an axis: in each bin the mean over runs.
+/// A quantity along an axis, with the mean over runs in each bin.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Curve {
-    /// Middles of the bins, or for cluster sizes their lower ends.
+    /// Centres of the bins, or for cluster sizes their lower ends.
     pub x: Vec<f64>,
-    /// Mean over runs, and half its 95 % interval; nothing where no run has anything.
+    /// Mean over runs, and half its 95 % interval; `None` where no run has a value.
     pub y: Vec<Option<Band>>,
 }
 
-/// A mean over runs, and half its 95 % interval, which a single run has not.
+/// A mean over runs, and half its 95 % interval, which needs two runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Band {
     /// The mean.
@@ -122,37 +122,37 @@ impl Band {
     }
 }
 
-/// What the runs of a point look like.
+/// Structure of a point, averaged over its runs.
 #[derive(Debug, Clone)]
 pub(crate) struct Structure {
-    /// Runs averaged.
+    /// Number of runs averaged.
     pub runs: u64,
-    /// Their frames together.
+    /// Total number of their frames.
     pub frames: u64,
-    /// The numbers of [`NAMED`], in that order; nothing where one has no meaning.
+    /// The numbers of [`NAMED`], in that order; `None` where undefined.
     pub scalars: Vec<Option<Band>>,
     /// g(r), r in a.
     pub radial: Curve,
     /// Distances of g(r, θ), in a, its angles, and its means over runs, a row for each distance.
     pub with_angle: (Vec<f64>, Vec<f64>, Vec<Vec<f64>>),
-    /// Share of contacts in each bin of the angle from the flow towards the gradient.
+    /// Fraction of contacts in each bin of the angle from the flow towards the gradient.
     pub contact_angle: Curve,
-    /// The same, each contact counting as its normal force.
+    /// The same, weighted by the normal force.
     pub force_angle: Curve,
-    /// n n averaged over contacts; nothing without any.
+    /// n n averaged over contacts; `None` without contacts.
     pub fabric: Vec<Vec<Option<Band>>>,
-    /// How far that is from contacts without a preferred direction.
+    /// Deviation of that from isotropic contacts.
     pub fabric_deviator: Option<Band>,
     /// Probability density of normal forces over their mean.
     pub normal_force: Curve,
-    /// The same of friction forces.
+    /// The same for friction forces.
     pub tangential_force: Curve,
-    /// Share of spheres in clusters of frictional contacts by size.
+    /// Fraction of spheres in clusters of frictional contacts by size.
     pub cluster_size: Curve,
 }
 
 impl Structure {
-    /// Of the runs of a point; `None` of no frames.
+    /// Averages the runs of a point; `None` without frames.
     pub(crate) fn of(runs: &[RunStructure]) -> Option<Self> {
         let runs: Vec<&RunStructure> = runs.iter().filter(|run| run.frames > 0).collect();
         let first = *runs.first()?;
@@ -161,7 +161,7 @@ impl Structure {
             let each = |run: &&RunStructure| Some(scaled(of(run), 1.0 / run.frames as f64));
             bands(&runs.iter().map(each).collect::<Vec<_>>())
         };
-        // Shares of all, or a density where bins have that width.
+        // Fractions, or a density for bins of the given width.
         let shares = |of: fn(&RunStructure) -> &[f64], width: f64| {
             let each = |run: &&RunStructure| {
                 let total: f64 = of(run).iter().sum();
@@ -239,7 +239,7 @@ fn scaled(sums: &[f64], factor: f64) -> Vec<f64> {
     sums.iter().map(|sum| sum * factor).collect()
 }
 
-/// The means over runs bin by bin; runs that have none are left out.
+/// The means over runs bin by bin; runs without values are left out.
 fn bands(runs: &[Option<Vec<f64>>]) -> Vec<Option<Band>> {
     let runs: Vec<&Vec<f64>> = runs.iter().flatten().collect();
     let number = runs.first().map_or(0, |run| run.len());

@@ -7,7 +7,7 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Of equal width, so many from one end to the other.
+    /// A number of bins of equal width between two ends.
     pub(super) fn equal(from: f64, to: f64, number: usize) -> Self {
         let width = (to - from) / number as f64;
         Self {
@@ -15,7 +15,7 @@ impl Bins {
         }
     }
 
-    /// These, and after them bins of about this width to the end.
+    /// These bins, followed by bins of about this width up to an end.
     #[must_use]
     pub(super) fn and_then(mut self, to: f64, width: f64) -> Self {
         if let Some(&from) = self.edges.last()
@@ -28,12 +28,12 @@ impl Bins {
         self
     }
 
-    /// How many there are.
+    /// Number of bins.
     pub(super) fn len(&self) -> usize {
         self.edges.len().saturating_sub(1)
     }
 
-    /// The bin of a value: from its lower edge to below its upper one.
+    /// The bin of a value; a bin includes its lower edge, but not its upper one.
     pub(super) fn place(&self, value: f64) -> Option<usize> {
         let above = self.edges.partition_point(|edge| *edge <= value);
         (1..self.edges.len()).contains(&above).then(|| above - 1)
@@ -44,7 +44,7 @@ impl Bins {
         self.edges.windows(2).map(|ends| (ends[0], ends[1]))
     }
 
-    /// The middle of each bin.
+    /// The centre of each bin.
     pub(super) fn middles(&self) -> Vec<f64> {
         self.ends().map(|(low, high)| 0.5 * (low + high)).collect()
     }

@@ -1,9 +1,10 @@
 //! Clusters of contacts, and whether they percolate.
 //!
-//! A cluster percolates if a way along its contacts leads from a sphere to an image of the same sphere. What such ways sum up to, counted
-//! in cells, are the windings of the cluster. The image above in y is shifted along x by the offset, and an offset that is wrapped around
-//! the cell shifts the count along x of every winding that goes up: only windings that do not go up say whether the cluster percolates
-//! along the flow. Under cross shear the same holds along the vorticity.
+//! A cluster percolates if a path along its contacts leads from a sphere to an image of the same
+//! sphere. The displacements of such paths, counted in cells, are the windings of the cluster. The
+//! image above in y is shifted along x by the offset, and wrapping this offset changes the count
+//! along x of every winding with a component along y: so only windings without one determine
+//! percolation along the flow. Under cross shear the same holds along the vorticity.
 
 use super::network::{Link, Network};
 use sd_core::Space;
@@ -17,7 +18,7 @@ type Winding = [i64; 3];
 pub(crate) struct Clusters {
     /// Number of the cluster of each sphere, counted from 0 in the order of their first spheres.
     pub of_sphere: Vec<usize>,
-    /// Spheres of each cluster; 1 for a sphere without contacts.
+    /// Number of spheres of each cluster; 1 for a sphere without contacts.
     pub sizes: Vec<usize>,
     /// Whether some cluster percolates along flow, gradient and vorticity.
     pub percolates: [bool; 3],
@@ -31,7 +32,7 @@ impl Clusters {
     }
 }
 
-/// The clusters that some contacts of a network make.
+/// The clusters formed by some contacts of a network.
 pub(crate) fn clusters<'n, S: Space>(
     network: &'n Network<S>,
     links: impl Iterator<Item = &'n Link<S>>,
@@ -41,7 +42,7 @@ pub(crate) fn clusters<'n, S: Space>(
     let neighbours = network.neighbours(links.iter().copied());
     let n = network.spheres();
     let (mut of_sphere, mut sizes) = (vec![NONE; n], Vec::new());
-    // The image in which each sphere is reached from the first of its cluster.
+    // The image of each sphere reached from the first sphere of its cluster.
     let mut reached: Vec<Winding> = vec![[0; 3]; n];
     let mut waiting = Vec::new();
     for first in 0..n {
@@ -106,12 +107,12 @@ fn difference(a: Winding, b: Winding) -> Winding {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Along which axes these windings lead, in a cell that is sheared across the flow too or along it alone.
+/// The axes along which these windings lead, in a cell with or without cross shear.
 fn directions(windings: &[Winding], is_crossed: bool) -> [bool; 3] {
     let up = windings.iter().find(|winding| winding[1] != 0);
     let along = |axis: usize, is_sheared: bool| {
         windings.iter().any(|winding| match up {
-            // What is left of it where as much of the other is taken away as goes up.
+            // Eliminates the upward component of a winding by means of another.
             Some(up) if is_sheared => winding[axis] * up[1] != up[axis] * winding[1],
             _ => winding[axis] != 0,
         })
@@ -134,7 +135,8 @@ mod tests {
         clusters(&network, network.links.iter())
     }
 
-    /// A column of four spheres in a cell of 8 × 8: the top one touches the image of the lowest only where the offset brings it there.
+    /// A column of four spheres in a cell of 8 × 8: the top one touches the image of the lowest
+    /// only where the offset brings it there.
     fn column(offset: f64, lean: f64) -> Clusters {
         let centres = (0..4).map(|k| [1.0 + lean * f64::from(k), 1.0 + 2.0 * f64::from(k)].into());
         let cell = Cell::<Layer>::equal_sides(8.0, offset).unwrap();
@@ -143,7 +145,8 @@ mod tests {
 
     #[test]
     fn a_column_that_touches_itself_through_the_sheared_image_percolates_along_the_gradient() {
-        // Each sphere leans by a quarter of the offset, so that the fourth touches the first in the cell above.
+        // Each sphere leans by a quarter of the offset, so that the fourth touches the first in the
+        // cell above.
         for (offset, lean) in [
             (0.0, 0.0),
             (2.0, 0.5),
@@ -196,7 +199,7 @@ mod tests {
         let ring = [(0, 1), (1, 2), (2, 3), (3, 0)];
         let alone = of(cell(2.5), (0..4).map(row).collect(), &ring);
         assert_eq!(alone.percolates, [true, false, false]);
-        // One winding (1, 1) is a column that leans, whichever image it is called.
+        // One winding (1, 1) is an inclined column, whatever the label of its image.
         assert_eq!(directions(&[[1, 1, 0]], false), [false, true, false]);
         assert_eq!(
             directions(&[[0, 1, 0], [0, 2, 0]], false),

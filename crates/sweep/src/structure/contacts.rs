@@ -9,20 +9,20 @@ use sd_core::Space;
 const FORCES: usize = 60;
 const LARGEST_FORCE: f64 = 6.0;
 
-/// What the contacts of one instant sum up to.
+/// Sums over the contacts of one instant.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Contacts {
     /// Contacts by the angle of their normals, in the bins of [`angle_bins`].
     pub(super) angles: Vec<f64>,
-    /// The same, each contact counting as its normal force.
+    /// The same, weighted by the normal force.
     pub(super) forces_by_angle: Vec<f64>,
     /// Sum of n n over the contacts.
     pub(super) fabric: [[f64; 3]; 3],
-    /// How many there are.
+    /// Number of contacts.
     pub(super) number: f64,
     /// Normal forces over their mean at this instant, by the bins of [`force_bins`].
     pub(super) normal: Vec<f64>,
-    /// The same of friction forces, where friction acts.
+    /// The same for friction forces, where friction acts.
     pub(super) tangential: Vec<f64>,
 }
 
@@ -71,8 +71,8 @@ fn over_mean(forces: impl Iterator<Item = f64>) -> Vec<f64> {
     counts
 }
 
-/// How far a fabric is from that of contacts without a preferred direction: in a layer the difference of its principal values, in
-/// general √(d/(d−1) F':F') of its traceless part F'.
+/// Deviation of a fabric from that of isotropic contacts: in a layer the difference of its
+/// principal values, in general √(d/(d−1) F':F') of its traceless part F'.
 pub(super) fn deviator(fabric: &[[f64; 3]; 3], dimensions: usize) -> f64 {
     let d = dimensions as f64;
     let trace: f64 = (0..dimensions).map(|k| fabric[k][k]).sum();

@@ -1,10 +1,10 @@
-//! The k-core of a network, and the spheres that are held by it.
+//! The k-core of a network.
 
 use super::network::{Link, Network};
 use sd_core::Space;
 
-/// Which spheres belong to the k-core of some contacts: what is left where spheres with fewer than `k` contacts with spheres that are left
-/// are taken away, until none is.
+/// Spheres of the k-core of some contacts: the remainder after repeated removal of spheres with
+/// fewer than `k` contacts to remaining spheres.
 pub(crate) fn core<'n, S: Space>(
     network: &'n Network<S>,
     links: impl Iterator<Item = &'n Link<S>>,
@@ -73,7 +73,8 @@ mod tests {
 
     #[test]
     fn a_wheel_loses_its_rim_and_then_its_hub() {
-        // Every sphere of the rim has three contacts; without one link of the rim two have two, and all fall one after the other.
+        // Every sphere of the rim has three contacts; without one link of the rim two have two, and
+        // all fall one after the other.
         let rim = 6;
         let mut pairs: Vec<(usize, usize)> = (0..rim).map(|i| (i, (i + 1) % rim)).collect();
         pairs.extend((0..rim).map(|i| (i, rim)));

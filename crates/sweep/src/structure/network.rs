@@ -27,13 +27,13 @@ pub(crate) struct Link<S: Space> {
     pub j: usize,
     /// From `i` to `j`, in a.
     pub separation: S::Vector,
-    /// The image of `j` that is meant, by the number of cells along each axis.
+    /// The image of `j`, by the number of cells along each axis.
     pub image: S::Image,
     /// In mu·a²·rate.
     pub normal_force: f64,
     /// Size of the friction force, in mu·a²·rate.
     pub tangential_force: f64,
-    /// Whether friction acts, and whether it holds.
+    /// State of friction: inactive, sticking or sliding.
     pub state: ContactState,
 }
 
@@ -50,8 +50,8 @@ impl<S: Space> Link<S> {
 }
 
 impl<S: Space> Network<S> {
-    /// Of spheres, and of pairs of them with a normal force, a friction force and a state each. Of a pair the nearest images are meant:
-    /// spheres in contact are nearer than half a side of the cell.
+    /// The network of spheres and of pairs with a normal force, a friction force and a state each.
+    /// Pairs refer to nearest images: spheres in contact are closer than half a side of the cell.
     pub(crate) fn new(
         cell: Cell<S>,
         centres: Vec<S::Vector>,
@@ -91,7 +91,7 @@ impl<S: Space> Network<S> {
         self.links.iter().filter(|link| link.is_frictional())
     }
 
-    /// The neighbours of each sphere by some links: the other sphere, and the number of the link among these.
+    /// The neighbours of each sphere along some links: the other sphere, and the index of the link.
     pub(super) fn neighbours<'l>(
         &self,
         links: impl Iterator<Item = &'l Link<S>>,
@@ -105,7 +105,7 @@ impl<S: Space> Network<S> {
     }
 }
 
-/// A frame of a run.
+/// The network of a frame.
 impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
     type Error = sd_core::Error;
 

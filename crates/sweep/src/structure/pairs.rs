@@ -1,4 +1,4 @@
-//! How likely a sphere is at a distance from another: g(r), and g(r, θ) in the plane of shear.
+//! Pair distribution functions: g(r), and g(r, θ) in the plane of shear.
 
 use super::bins::Bins;
 use super::network::Network;
@@ -6,14 +6,14 @@ use sd_core::Space;
 use sd_core::cell::Cell;
 use std::f64::consts::PI;
 
-/// Farthest distance of g(r), in a; it ends at half the shortest side of the cell where that is less.
+/// Maximum distance of g(r), in a, limited by half the shortest side of the cell.
 const FARTHEST: f64 = 10.0;
-/// The same of g(r, θ).
+/// The same for g(r, θ).
 const FARTHEST_WITH_ANGLE: f64 = 6.0;
 /// Bins of the angle over half a turn: a pair has two opposite ones.
 pub(super) const ANGLES: usize = 36;
-/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between them is at most this: a quarter of all
-/// pairs where no direction is preferred.
+/// Pairs of a suspension count for g(r, θ) if the vorticity component of the unit vector between
+/// them is at most this: a quarter of all pairs in an isotropic suspension.
 const IN_PLANE: f64 = 0.25;
 
 /// The pair distributions of one instant.
@@ -21,11 +21,12 @@ const IN_PLANE: f64 = 0.25;
 pub(super) struct Pairs {
     /// g(r) in each bin of [`radial_bins`].
     pub(super) radial: Vec<f64>,
-    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance one after the other.
+    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance
+    /// one after the other.
     pub(super) with_angle: Vec<f64>,
 }
 
-/// Half the shortest side of a cell, in a; 0 where there is no cell.
+/// Half the shortest side of a cell, in a; 0 without a cell.
 fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     match cell {
         Cell::Unbounded => 0.0,
@@ -38,7 +39,8 @@ fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     }
 }
 
-/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak is, and of 0.02 beyond.
+/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak
+/// is, and of 0.02 beyond.
 pub(super) fn radial_bins<S: Space>(cell: &Cell<S>) -> Bins {
     Bins::equal(0.0, 1.9, 19)
         .and_then(2.1, 1e-3)
@@ -55,11 +57,12 @@ pub(super) fn angle_bins() -> Bins {
     Bins::equal(0.0, PI, ANGLES)
 }
 
-/// The angle of a direction and its opposite from the flow direction towards the gradient direction, in [0, π).
+/// The angle of a direction and its opposite from the flow direction towards the gradient
+/// direction, in [0, π).
 pub(super) fn angle_of<S: Space>(direction: &S::Vector) -> f64 {
     let angle = direction[1].atan2(direction[0]);
     let half_turn = if angle < 0.0 { angle + PI } else { angle };
-    // π itself, and what rounding makes of it, is 0.
+    // π itself, up to rounding, becomes 0.
     if half_turn >= PI { 0.0 } else { half_turn }
 }
 
@@ -72,7 +75,7 @@ fn shell<S: Space>(from: f64, to: f64) -> f64 {
     }
 }
 
-/// Pair distributions of spheres in a periodic cell; 1 is what spheres that do not know of each other have.
+/// Pair distributions of spheres in a periodic cell, normalized to 1 for uncorrelated spheres.
 pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
     let bins = radial_bins(&network.cell);
     let with_angle = radial_bins_with_angle(&network.cell);
@@ -112,7 +115,7 @@ pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
             }
         }
     }
-    // Pairs that there would be in a shell of content 1, each counted once.
+    // Expected pairs in a shell of unit content, each counted once.
     let density = 0.5 * n as f64 * (n - 1) as f64 / content;
     for (count, (low, high)) in radial.iter_mut().zip(bins.ends()) {
         *count /= density * shell::<S>(low, high);

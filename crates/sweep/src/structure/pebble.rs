@@ -1,23 +1,25 @@
-//! Rigid clusters of a layer by the frictional pebble game (Henkes, Quint, Fily and Schwarz, PRL 116, 028301 (2016)).
+//! Rigid clusters of a layer by the frictional pebble game (Henkes, Quint, Fily and Schwarz, PRL
+//! 116, 028301 (2016)).
 //!
-//! Each sphere has three degrees of freedom in its plane, and is given as many pebbles. A contact that sticks takes two of them, one
-//! that slides or is frictionless takes one: constraints are counted, and where they are exactly is not looked at. A constraint between two
-//! spheres is independent of those before it if four pebbles can be gathered on the two, as a rigid body of both keeps three; it is
-//! covered by one of them. Spheres between which no fourth pebble can be gathered in the end move as one body.
+//! Each sphere has three degrees of freedom in its plane, represented by three pebbles. A sticking
+//! contact takes two of them, a sliding or frictionless one takes one: constraints are counted
+//! without regard to their geometry. A constraint between two spheres is independent of earlier
+//! ones if four pebbles can be gathered on the two, as a rigid body of both keeps three; one of
+//! them covers it. Spheres on which no fourth pebble can finally be gathered move as one body.
 
 /// Degrees of freedom of a sphere in a layer, and of a rigid body of several.
 const FREEDOMS: usize = 3;
 
-/// The constraints of a layer, as far as they are independent.
+/// The independent constraints of a layer.
 #[derive(Debug)]
 pub(crate) struct PebbleGame {
-    /// Spheres that the covered constraints of each sphere lead to: three at most.
+    /// For each sphere, the spheres at the other ends of its covered constraints: at most three.
     covered: Vec<Vec<usize>>,
-    /// Constraints that are independent of those before them.
+    /// Number of independent constraints.
     independent: usize,
-    /// All of them.
+    /// Number of all constraints.
     all: usize,
-    // Of a search: when each sphere was seen last, and from where.
+    // State of a search: for each sphere the last visit and its predecessor.
     seen: Vec<usize>,
     search: usize,
     from: Vec<usize>,
@@ -25,7 +27,8 @@ pub(crate) struct PebbleGame {
 }
 
 impl PebbleGame {
-    /// Plays the game for so many spheres with these constraints, each between two spheres. A contact that sticks is two.
+    /// Plays the game for a number of spheres with these constraints between pairs. A sticking
+    /// contact counts as two.
     pub(crate) fn play(
         spheres: usize,
         constraints: impl IntoIterator<Item = (usize, usize)>,
@@ -50,7 +53,7 @@ impl PebbleGame {
         (self.independent, self.all)
     }
 
-    /// Pebbles that lie on a sphere.
+    /// Number of pebbles on a sphere.
     fn free(&self, sphere: usize) -> usize {
         FREEDOMS - self.covered[sphere].len()
     }
@@ -66,7 +69,8 @@ impl PebbleGame {
         self.independent += 1;
     }
 
-    /// Brings one more pebble onto a sphere, none of them from the other one. Says whether there is one.
+    /// Moves one more pebble onto a sphere, but not from the other one. Returns whether one was
+    /// found.
     fn gather(&mut self, sphere: usize, not_from: Option<usize>) -> bool {
         self.search += 1;
         self.seen[sphere] = self.search;
@@ -93,7 +97,7 @@ impl PebbleGame {
         false
     }
 
-    /// Covers the constraints on the way from one sphere to another, which has a pebble, from their other ends.
+    /// Reverses the cover of the constraints along the path to a sphere with a pebble.
     fn turn_way(&mut self, sphere: usize, end: usize) {
         let mut at = end;
         while at != sphere {
@@ -107,8 +111,8 @@ impl PebbleGame {
         }
     }
 
-    /// The number of the rigid cluster of each sphere, counted from 0 in the order of their first spheres; a sphere that moves by itself is
-    /// one of its own.
+    /// The number of the rigid cluster of each sphere, counted from 0 in the order of their first
+    /// spheres; a free sphere is its own cluster.
     pub(crate) fn rigid_clusters(mut self) -> Vec<usize> {
         const NONE: usize = usize::MAX;
         let n = self.covered.len();
@@ -131,7 +135,7 @@ impl PebbleGame {
         cluster_of
     }
 
-    /// The spheres onto which a pebble can be brought that does not lie on this one, which holds three.
+    /// The spheres onto which a pebble can be moved that is not on this one, which holds three.
     fn can_gather(&self, held: usize) -> Vec<bool> {
         let n = self.covered.len();
         let mut led_from = vec![Vec::new(); n];
@@ -165,12 +169,14 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Rigid clusters and rank by the null space of the matrix of bars at random places: bar k between bodies i and j along a line
-    /// `x cos φ + y sin φ = d` takes away their relative motion along it.
+    /// Rigid clusters and rank by the null space of the matrix of bars at random places: bar k
+    /// between bodies i and j along a line `x cos φ + y sin φ = d` takes away their relative motion
+    /// along it.
     fn by_rank(spheres: usize, constraints: &[(usize, usize)], seed: u64) -> (usize, Vec<usize>) {
         use rand::{RngExt as _, SeedableRng as _};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        // As many rows as columns at least, so that the decomposition has every vector of the null space.
+        // At least as many rows as columns, so that the decomposition has every vector of the null
+        // space.
         let columns = FREEDOMS * spheres;
         let mut matrix = DMatrix::<f64>::zeros(constraints.len().max(columns), columns);
         for (row, &(i, j)) in constraints.iter().enumerate() {
@@ -258,7 +264,7 @@ mod tests {
             let mut constraints = Vec::new();
             for _ in 0..number {
                 let i = random.random_range(0..spheres);
-                // Neighbours mostly, so that bodies of several spheres come about.
+                // Mostly neighbours, so that bodies of several spheres form.
                 let j = (i + random.random_range(1..spheres.clamp(2, 4))) % spheres;
                 if i != j {
                     constraints.push((i, j));

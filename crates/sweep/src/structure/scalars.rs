@@ -8,15 +8,15 @@ use sd_core::contact::ContactState;
 use sd_core::simulation::NetworkSample;
 use sd_core::{Layer, Space};
 
-/// Contacts without which a sphere is a rattler: one that friction holds needs two.
+/// Minimum contacts of a sphere that is not a rattler: with friction, two.
 const HELD: usize = 2;
 
-/// A number of a network: its name, and what it is.
+/// A number of a network: its name and meaning.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scalar {
     /// Its name in tables and in JSON.
     pub name: &'static str,
-    /// What it is.
+    /// Its meaning.
     pub meaning: &'static str,
 }
 
@@ -24,35 +24,35 @@ const fn scalar(name: &'static str, meaning: &'static str) -> Scalar {
     Scalar { name, meaning }
 }
 
-/// How many numbers there are.
+/// Number of entries.
 pub(crate) const SCALARS: usize = 14;
 
-/// All of them, in the order in which [`scalars`] has them.
+/// All of them, in the order of [`scalars`].
 #[rustfmt::skip]
 pub(crate) static NAMED: [Scalar; SCALARS] = [
     scalar("coordination", "loaded contacts of a sphere"),
-    scalar("coordination_without_rattlers", "loaded contacts of a sphere that is no rattler with others that are none"),
-    scalar("rattlers", "share of spheres with fewer than two contacts, those taken away one after the other"),
+    scalar("coordination_without_rattlers", "loaded contacts of a sphere between spheres that are not rattlers"),
+    scalar("rattlers", "fraction of spheres with fewer than two contacts, removed one after the other"),
     scalar("frictional_coordination", "contacts of a sphere on which friction acts"),
-    scalar("sticking", "share of loaded contacts that friction holds"),
-    scalar("sliding", "share of loaded contacts that slide against friction"),
-    scalar("largest_cluster", "share of spheres in the largest cluster of frictional contacts"),
-    scalar("percolating_x", "share of instants at which such a cluster percolates along the flow"),
-    scalar("percolating_y", "share of instants at which such a cluster percolates along the gradient"),
-    scalar("percolating_z", "share of instants at which such a cluster percolates along the vorticity; none in a layer"),
-    scalar("core_fraction", "share of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension"),
-    scalar("rigid_fraction", "share of spheres of a layer in rigid clusters of at least three spheres, by the frictional pebble game"),
-    scalar("largest_rigid_cluster", "share of spheres of a layer in the largest of these"),
-    scalar("redundant_constraints", "share of constraints of a layer that others of them imply"),
+    scalar("sticking", "fraction of loaded contacts that friction holds"),
+    scalar("sliding", "fraction of loaded contacts that slide against friction"),
+    scalar("largest_cluster", "fraction of spheres in the largest cluster of frictional contacts"),
+    scalar("percolating_x", "fraction of instants at which such a cluster percolates along the flow"),
+    scalar("percolating_y", "fraction of instants at which such a cluster percolates along the gradient"),
+    scalar("percolating_z", "fraction of instants at which such a cluster percolates along the vorticity; none in a layer"),
+    scalar("core_fraction", "fraction of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension"),
+    scalar("rigid_fraction", "fraction of spheres of a layer in rigid clusters of at least three spheres, by the frictional pebble game"),
+    scalar("largest_rigid_cluster", "fraction of spheres of a layer in the largest of these"),
+    scalar("redundant_constraints", "fraction of constraints of a layer that others of them imply"),
 ];
 
-/// What a number of this name in [`NAMED`] is; nothing of any other name.
+/// Meaning of the number with this name in [`NAMED`]; `None` for other names.
 pub(crate) fn meaning_of(name: &str) -> &'static str {
     let scalar = NAMED.iter().find(|scalar| scalar.name == name);
     scalar.map_or("", |scalar| scalar.meaning)
 }
 
-/// The numbers of a network that a run may sample: those that cost little.
+/// The numbers of a network that a run may sample, which are cheap.
 pub(crate) fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
     let n = network.spheres().max(1) as f64;
     let frictional = clusters(network, network.frictional());
@@ -68,7 +68,7 @@ pub(crate) fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
     }
 }
 
-/// The numbers of a network, in the order of [`NAMED`]; NaN where one has no meaning.
+/// The numbers of a network, in the order of [`NAMED`]; NaN where undefined.
 pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
     let n = network.spheres().max(1) as f64;
     let links = network.links.len() as f64;
@@ -112,8 +112,9 @@ pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
     ]
 }
 
-/// Shares of spheres in rigid clusters and in the largest one, and of redundant constraints. In layers only: nothing is known that counts
-/// constraints of spheres in three dimensions rightly.
+/// Shares of spheres in rigid clusters and in the largest one, and of redundant constraints. In
+/// layers only: no correct constraint counting of this kind is known for spheres in three
+/// dimensions.
 fn rigidity<S: Space>(network: &Network<S>) -> [f64; 3] {
     if S::DIMENSIONS != Layer::DIMENSIONS {
         return [f64::NAN; 3];

@@ -1,4 +1,4 @@
-//! Lattices whose structure is known by hand, across the border of the sheared cell too; a random gas.
+//! Lattices with known structure, also across the border of the sheared cell; a random gas.
 
 use super::pairs::{ANGLES, pairs, radial_bins};
 use super::*;
@@ -8,7 +8,7 @@ use sd_core::contact::ContactState;
 use sd_core::{Bulk, Layer, Space};
 use std::f64::consts::PI;
 
-/// All pairs nearer than this, in contact, with forces and states that are all the same.
+/// All pairs closer than this, in contact, with equal forces and states.
 fn touching<S: Space>(
     cell: Cell<S>,
     centres: Vec<S::Vector>,
@@ -28,7 +28,8 @@ fn touching<S: Space>(
     Network::new(cell, centres, radii, found)
 }
 
-/// A hexagonal layer of spheres that touch: rows along x, as many as fill the cell, which is wrapped with an offset of whole spacings.
+/// A hexagonal layer of spheres that touch: rows along x, as many as fill the cell, which is
+/// wrapped with an offset of whole spacings.
 fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
     let height = 3.0_f64.sqrt();
     let sides = [2.0 * f64::from(columns), height * f64::from(rows)];
@@ -39,7 +40,7 @@ fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
             [2.0 * f64::from(column) + shift, height * f64::from(row)]
         })
     });
-    // Moved, so that the border of the cell runs through spheres.
+    // Shifted, so that the border of the cell cuts spheres.
     let centres = places
         .map(|[x, y]| cell.wrap([x + 0.7, y + 0.3].into()))
         .collect();
@@ -190,7 +191,8 @@ fn a_random_gas_has_no_structure() {
         })
         .collect();
     let structure = Structure::of(&gases).unwrap();
-    // Beyond the fine bins each mean lies within four of its own errors, and most within one interval.
+    // Beyond the fine bins each mean lies within four of its own errors, and most within one
+    // interval.
     let far = structure
         .radial
         .x

@@ -1,4 +1,4 @@
-//! What a run costs: time by the wall and by the processor.
+//! Wall time and CPU time of runs.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::ops::Add;
@@ -6,14 +6,14 @@ use std::time::Instant;
 
 /// Seconds spent on a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Spent {
-    /// By the wall.
+pub(crate) struct ElapsedTime {
+    /// Wall time.
     pub(crate) wall_s: f64,
-    /// By the processor.
+    /// CPU time.
     pub(crate) cpu_s: f64,
 }
 
-impl Add for Spent {
+impl Add for ElapsedTime {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -24,7 +24,7 @@ impl Add for Spent {
     }
 }
 
-/// Runs from when it is made.
+/// A clock that starts when created.
 pub(crate) struct Clock {
     begun: Instant,
     processor: ClockId,
@@ -32,12 +32,12 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Of this thread alone.
+    /// CPU time of this thread.
     pub(crate) fn of_thread() -> Self {
         Self::of(ClockId::ThreadCPUTime)
     }
 
-    /// Of all threads of this process together.
+    /// CPU time of all threads of this process.
     pub(crate) fn of_process() -> Self {
         Self::of(ClockId::ProcessCPUTime)
     }
@@ -50,26 +50,26 @@ impl Clock {
         }
     }
 
-    /// Seconds by the wall.
+    /// Wall seconds.
     pub(crate) fn wall_s(&self) -> f64 {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// Seconds by the processor.
+    /// CPU seconds.
     pub(crate) fn cpu_s(&self) -> f64 {
         seconds(self.processor) - self.processor_at_start_s
     }
 
     /// Both.
-    pub(crate) fn spent(&self) -> Spent {
-        Spent {
+    pub(crate) fn spent(&self) -> ElapsedTime {
+        ElapsedTime {
             wall_s: self.wall_s(),
             cpu_s: self.cpu_s(),
         }
     }
 }
 
-/// What a clock shows.
+/// Reads a clock.
 fn seconds(clock: ClockId) -> f64 {
     let time = clock_gettime(clock);
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sleep_takes_no_time_of_the_processor_and_work_does() {
+    fn sleep_takes_no_cpu_time_and_work_does() {
         let clock = Clock::of_thread();
         std::thread::sleep(std::time::Duration::from_millis(50));
         let asleep = clock.spent();

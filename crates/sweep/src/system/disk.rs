@@ -1,12 +1,12 @@
-//! Disks and file systems: whether there is room, and what may be written where.
+//! Disks and file systems: free space and write access.
 
 use super::files::folder_of;
 use std::path::Path;
 
-/// Less room than this on the disk, in bytes, and a write that failed counts as failed for want of it.
+/// With less free space than this, in bytes, a failed write counts as caused by a full disk.
 const ROOM: u64 = 256 << 10;
 
-/// Why a file cannot be made or opened for writing, as the system says it.
+/// The system error of a file that cannot be created or opened for writing.
 pub(crate) fn reason_against(path: &Path) -> Option<std::io::Error> {
     let existed = path.exists();
     let opened = std::fs::OpenOptions::new()
@@ -15,7 +15,7 @@ pub(crate) fn reason_against(path: &Path) -> Option<std::io::Error> {
         .open(path);
     match opened {
         Err(_) if !takes_files(path) => Some(std::io::Error::other(
-            "the file system there takes no files of users",
+            "the file system there accepts no user files",
         )),
         Err(error) => Some(error),
         Ok(_) => {
@@ -27,17 +27,17 @@ pub(crate) fn reason_against(path: &Path) -> Option<std::io::Error> {
     }
 }
 
-/// Whether a file lies on a disk, and not in what the kernel shows of itself.
+/// Whether a file is on a disk and not in a kernel file system such as /proc.
 fn takes_files(path: &Path) -> bool {
     let folder = path.parent().unwrap_or(Path::new("."));
     rustix::fs::statvfs(folder).is_ok_and(|disk| disk.f_blocks > 0)
 }
 
-/// Whether the disk of a file has next to no room left, or the quota of the user on it is used up.
+/// Whether the disk of a file, or the user's quota on it, is full.
 pub(crate) fn is_full(path: &Path) -> bool {
     let place = folder_of(path);
     rustix::fs::statvfs(place)
-        // What the kernel shows of itself has no room at all, and is not full.
+        // Kernel file systems have no space at all, but are not full.
         .is_ok_and(|disk| {
             disk.f_blocks > 0
                 && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
@@ -48,7 +48,7 @@ pub(crate) fn is_full(path: &Path) -> bool {
             .is_some()
 }
 
-/// Whether the system refuses a small file for want of room: of a quota it says nothing before.
+/// Whether the system refuses a small file as for a full disk: quotas are not reported otherwise.
 fn takes_no_more(place: &Path) -> bool {
     use std::io::{ErrorKind, Write as _};
     let path = place.join(format!(".sweep-room-{}", std::process::id()));
@@ -66,7 +66,8 @@ fn takes_no_more(place: &Path) -> bool {
     refused
 }
 
-/// The name of the network file system a file lies on, if it does: several machines cannot share a store there.
+/// The name of the network file system of a file, if it is on one, where several machines cannot
+/// share a store.
 pub fn network_file_system(path: &Path) -> Option<&'static str> {
     #[cfg(target_os = "linux")]
     {

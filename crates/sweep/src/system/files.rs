@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all.
+//! Reading of whole files and atomic writing.
 
 use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
@@ -15,26 +15,27 @@ pub(crate) fn cache_folder() -> Option<PathBuf> {
     Some(cache.join("sweep"))
 }
 
-/// The folder of a file, which a name without one has in the working directory.
+/// The folder of a file; the working directory for a bare name.
 pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent()
         .filter(|folder| !folder.as_os_str().is_empty())
         .unwrap_or(Path::new("."))
 }
 
-/// A path with something after it.
+/// A path with a suffix.
 pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)
 }
 
-/// Reads a file whole. Every file that somebody names is read by this: nothing is waited for, and no memory is filled.
+/// Reads a whole file. Every file named by a user is read by this, without blocking and with
+/// limited memory.
 ///
 /// # Errors
-/// Those of the system; what is no regular file, such as a pipe or a device; more bytes than the limit.
+/// System errors; a non-regular file, such as a pipe or a device; more bytes than the limit.
 pub(crate) fn read_whole(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    // A pipe is opened at once, whether or not somebody writes into it.
+    // Opening a pipe does not block without a writer.
     let flags = OFlags::NONBLOCK.bits().cast_signed();
     let file = File::options().read(true).custom_flags(flags).open(path)?;
     let there = file.metadata()?;
@@ -47,40 +48,39 @@ pub(crate) fn read_whole(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     read_limited(file, limit)
 }
 
-/// Reads a file whole as text.
+/// Reads a whole file as text.
 ///
 /// # Errors
-/// As [`read_whole`], and what is no UTF-8.
+/// As [`read_whole`], and invalid UTF-8.
 pub(crate) fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     let bytes = read_whole(path, limit)?;
     String::from_utf8(bytes).map_err(|error| io::Error::other(error.utf8_error()))
 }
 
-/// Reads up to so many bytes.
+/// Reads up to a number of bytes.
 ///
 /// # Errors
-/// Those of the system, and more bytes than the limit.
+/// System errors, and more bytes than the limit.
 pub(crate) fn read_limited(from: impl io::Read, limit: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     from.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit {
-        let problem =
-            format!("it is larger than {limit} bytes, the most that such a file may have");
+        let problem = format!("it is larger than {limit} bytes, the maximum for such a file");
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, problem));
     }
     Ok(bytes)
 }
 
-/// Writes a file under another name beside its own, syncs it, and gives it its name: whoever reads it never sees half of it, and
-/// what was there before stays until then.
+/// Writes a file under a temporary name, syncs it, and renames it: readers never see a partial
+/// file, and the old one stays until then.
 ///
 /// # Errors
-/// Those of the system. No file is left behind.
+/// System errors. No temporary file is left.
 pub(crate) fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> io::Result<()>,
 ) -> io::Result<()> {
-    // A device or a pipe keeps its place, and a link is followed to its file.
+    // Devices and pipes are written directly, and links are followed.
     if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
         return write(&mut File::options().write(true).open(path)?);
     }
@@ -93,15 +93,16 @@ pub(crate) fn write_whole(
     }
     let mut file = tempfile::Builder::new()
         .prefix(".sweep-part-")
-        // As any file the user makes, within the mask of the user.
+        // With the usual permissions, within the user's mask.
         .permissions(Permissions::from_mode(0o666))
         .tempfile_in(folder)
-        // The name of a file that nobody asked for says nothing.
+        // The name of the temporary file would not help the user.
         .map_err(|error| error.kind())?;
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
-    // The name itself must be on the disk too. Not every shared file system lets a folder be synced.
+    // The name itself must be on the disk too. Not every shared file system lets a folder be
+    // synced.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Who a process is, and whether another one still lives.
+//! Identity of processes, and whether another one still lives.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -7,12 +7,12 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A process on another host counts as dead once its heartbeat is this old.
 pub(crate) const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
-/// What tells one process from every other one.
+/// Identity of a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Identity {
     /// Name of the host.
     pub(crate) host: String,
-    /// Its boot: differs after a restart. Empty where the system does not tell.
+    /// Its boot id, which changes at a restart. Empty where the system does not report it.
     pub(crate) boot: String,
     /// Namespace in which the pid has meaning: two containers may share host and boot.
     pub(crate) namespace: String,
@@ -22,12 +22,12 @@ pub(crate) struct Identity {
     pub(crate) start: String,
 }
 
-/// What is known about another process.
+/// State of another process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Life {
-    /// It runs, or was seen recently.
+pub(crate) enum ProcessState {
+    /// It runs, or had a recent heartbeat.
     Alive,
-    /// It is gone.
+    /// It is dead.
     Dead,
 }
 
@@ -49,24 +49,29 @@ impl Identity {
         }
     }
 
-    /// Whether the process `other`, last heard of `silence` ago, still lives, as far as this process can know.
-    pub(crate) fn judge(&self, other: &Self, silence: Duration) -> Life {
+    /// Whether the process `other`, with its last heartbeat `silence` ago, still lives, as far as
+    /// this process can determine.
+    pub(crate) fn judge(&self, other: &Self, silence: Duration) -> ProcessState {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
-            return if runs(other) { Life::Alive } else { Life::Dead };
+            return if runs(other) {
+                ProcessState::Alive
+            } else {
+                ProcessState::Dead
+            };
         }
         let restarted = self.host == other.host
             && !self.boot.is_empty()
             && !other.boot.is_empty()
             && self.boot != other.boot;
         if restarted || silence > HEARTBEAT_LIMIT {
-            Life::Dead
+            ProcessState::Dead
         } else {
-            Life::Alive
+            ProcessState::Alive
         }
     }
 }
 
-/// Whether a process of this host and namespace runs, and is not another one that was given its pid.
+/// Whether a process of this host and namespace runs, and is not a later one with the same pid.
 fn runs(process: &Identity) -> bool {
     if Path::new("/proc/self/stat").exists() {
         return start_of(process.pid).is_some_and(|start| start == process.start);
@@ -90,10 +95,10 @@ pub(crate) fn alive(name: &str) -> bool {
     })
 }
 
-/// Start of a process in clock ticks since boot, unless it is gone or only waits to be reaped.
+/// Start of a process in clock ticks since boot, unless it is dead or a zombie.
 pub(crate) fn start_of(pid: u32) -> Option<String> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name, in parentheses, may hold anything; the fields after it are plain.
+    // The name, in parentheses, may contain any characters; the fields after it are plain.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let state = *fields.first()?;
     (state != "Z" && state != "X").then(|| fields.get(19).map(|start| (*start).to_owned()))?
@@ -106,8 +111,8 @@ fn read(path: &str) -> String {
         .unwrap_or_default()
 }
 
-/// How long ago a heartbeat was. One that lies so far ahead of the clock that it would keep its process alive without end is as
-/// good as none.
+/// Age of a heartbeat. One so far ahead of the clock that it would keep its process alive
+/// indefinitely is ignored.
 pub(crate) fn silence(heartbeat: i64) -> Duration {
     let since = now().saturating_sub(heartbeat);
     let ahead = Duration::from_millis(since.min(0).unsigned_abs());
@@ -126,13 +131,14 @@ pub(crate) fn now() -> i64 {
         })
 }
 
-/// Hash of the executable: two processes with the same one compute the same bits on the same machine.
+/// Hash of the executable: processes with equal hashes compute the same bits on the same machine.
 pub(crate) fn build() -> String {
-    // Read once, and never held as a whole.
+    // Read once, in chunks.
     static BUILD: LazyLock<String> = LazyLock::new(|| {
         let hash = || {
             let mut hasher = blake3::Hasher::new();
-            // The system keeps the file of a running program even where its name is gone, as after an update.
+            // The system keeps the file of a running program even after its name was removed by an
+            // update.
             let program = std::fs::File::open("/proc/self/exe")
                 .or_else(|_| std::fs::File::open(std::env::current_exe()?))?;
             hasher.update_reader(program)?;
@@ -150,19 +156,19 @@ mod tests {
     #[test]
     fn this_process_is_alive_and_its_pid_reused_is_dead() {
         let me = Identity::of_this_process();
-        assert_eq!(me.judge(&me, Duration::ZERO), Life::Alive);
-        assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), Life::Alive);
+        assert_eq!(me.judge(&me, Duration::ZERO), ProcessState::Alive);
+        assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), ProcessState::Alive);
         if !me.start.is_empty() {
             let earlier = Identity {
                 start: "1".into(),
                 ..me.clone()
             };
-            assert_eq!(me.judge(&earlier, Duration::ZERO), Life::Dead);
+            assert_eq!(me.judge(&earlier, Duration::ZERO), ProcessState::Dead);
         }
     }
 
     #[test]
-    fn a_heartbeat_from_the_future_is_as_good_as_none() {
+    fn a_heartbeat_from_the_future_is_ignored() {
         let hours = |hours: i64| now() + 3_600_000 * hours;
         assert!(silence(hours(24)) > HEARTBEAT_LIMIT);
         assert!(silence(i64::MAX) > HEARTBEAT_LIMIT);
@@ -179,10 +185,13 @@ mod tests {
             host: "elsewhere".into(),
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+        assert_eq!(
+            me.judge(&other, Duration::from_secs(5)),
+            ProcessState::Alive
+        );
         assert_eq!(
             me.judge(&other, HEARTBEAT_LIMIT + Duration::from_secs(1)),
-            Life::Dead
+            ProcessState::Dead
         );
     }
 
@@ -194,7 +203,10 @@ mod tests {
             pid: 1,
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::from_secs(5)), Life::Alive);
+        assert_eq!(
+            me.judge(&other, Duration::from_secs(5)),
+            ProcessState::Alive
+        );
     }
 
     #[test]
@@ -207,6 +219,6 @@ mod tests {
             boot: "before".into(),
             ..me.clone()
         };
-        assert_eq!(me.judge(&other, Duration::ZERO), Life::Dead);
+        assert_eq!(me.judge(&other, Duration::ZERO), ProcessState::Dead);
     }
 }

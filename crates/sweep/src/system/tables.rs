@@ -1,7 +1,8 @@
-//! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and kept in the user's cache.
+//! Near-field tables of unequal spheres: solved once for a size ratio, which takes seconds, and
+//! kept in the user's cache.
 //!
-//! The cache is only a saving of time: a file that is missing, damaged or cannot be written is no error, and a table read
-//! back is bit for bit the one that was solved.
+//! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read
+//! back has the same bits as the computed one.
 
 use crate::format::counted;
 use crate::spaces::radii_and_side;
@@ -12,13 +13,13 @@ use sd_core::{Error, NearFields, Params};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Largest file of a table, in bytes: they have two megabytes.
+/// Maximum size of a table file, in bytes: tables have two megabytes.
 const SIZE_LIMIT: u64 = 1 << 28;
 
 /// Size ratios, larger over smaller, that runs with these parameters need besides 1.
 ///
 /// # Errors
-/// Those of the solver about the parameters.
+/// Errors of the solver about the parameters.
 pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, Error> {
     let mut seen = std::collections::HashSet::new();
     let mut all: Vec<f64> = Vec::new();
@@ -33,7 +34,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
             continue;
         }
         for ratio in NearFields::ratios(&radii_and_side(p)?.0) {
-            // Up to rounding, as the solver looks for them.
+            // Equal up to rounding, as in the solver.
             if !all
                 .iter()
                 .any(|known| (known - ratio).abs() <= 1e-12 * ratio)
@@ -45,7 +46,8 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
     Ok(all)
 }
 
-/// The tables of these size ratios, from the cache or solved; `note` is told once before any is solved.
+/// The tables of these size ratios, from the cache or computed; `note` is called once before any
+/// is computed.
 ///
 /// # Errors
 /// A size ratio out of range.
@@ -53,7 +55,7 @@ pub fn make(ratios: &[f64], note: impl FnMut(&str)) -> Result<NearFields, Error>
     make_at(ratios, place_of, note)
 }
 
-/// The same, with the places that tables are kept at.
+/// The same, with the paths of the cached tables.
 fn make_at(
     ratios: &[f64],
     place_of: impl Fn(f64) -> Option<PathBuf>,
@@ -69,14 +71,12 @@ fn make_at(
     }
     if !missing.is_empty() {
         let number = counted(missing.len() as u64, "size ratio");
-        note(&format!(
-            "solving the near fields of {number}, once and for all"
-        ));
+        note(&format!("computing the near fields of {number}, once"));
     }
     for ratio in missing {
         let table = NearField::new(ratio)?;
         if let Some(place) = &place_of(ratio) {
-            // Without a cache it is solved again next time.
+            // Without a cache it is computed again next time.
             let _ = write(place, &table);
         }
         tables.insert(table);
@@ -84,13 +84,13 @@ fn make_at(
     Ok(tables)
 }
 
-/// Where the table of a size ratio is kept; `None` without a home.
+/// File of the table of a size ratio; `None` without a home.
 fn place_of(ratio: f64) -> Option<PathBuf> {
     let name = format!("near-field-{NEAR_FIELD_VERSION}-{:016x}", ratio.to_bits());
     Some(cache_folder()?.join(name))
 }
 
-/// Reads a table; `None` if it is not whole.
+/// Reads a table; `None` if it is incomplete.
 fn read(place: &Path) -> Option<NearField> {
     let bytes = read_whole(place, SIZE_LIMIT).ok()?;
     let (checksum, content) = bytes.split_first_chunk::<32>()?;
@@ -148,10 +148,7 @@ mod tests {
         };
         make(&[1.25, 1.5]);
         make(&[1.25, 1.5]);
-        assert_eq!(
-            notes,
-            ["solving the near fields of 2 size ratios, once and for all"]
-        );
+        assert_eq!(notes, ["computing the near fields of 2 size ratios, once"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt::Display;
 use std::time::Duration;
 
-/// A number to so many significant digits, with an exponent where that is shorter.
+/// A number with this many significant digits, with an exponent where that is shorter.
 pub fn significant(value: f64, digits: i32) -> String {
     if !value.is_finite() {
         return if value.is_nan() {
@@ -27,7 +27,7 @@ pub fn significant(value: f64, digits: i32) -> String {
     }
 }
 
-/// A number in as few digits as it has, and at most so many.
+/// A number with the fewest digits that represent it, up to a maximum.
 pub fn short(number: f64, digits: i32) -> String {
     let rounded = significant(number, digits);
     let full = if rounded.contains('e') {
@@ -42,22 +42,22 @@ pub fn short(number: f64, digits: i32) -> String {
     }
 }
 
-/// How numbers that belong together are written: all in one style, and so that no two of them look alike.
+/// A common format for a set of numbers, in which they remain distinct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Digits {
-    /// Significant digits at most.
+    /// Maximum number of significant digits.
     pub most: i32,
-    /// With a power of ten each, since one of them would be long without.
+    /// Whether all have a power of ten, since one of them would be long without.
     powers: bool,
 }
 
 impl Digits {
-    /// Characters of a number that is not long.
+    /// Maximum characters of a short number.
     const SHORT: usize = 7;
-    /// Digits that are enough if they tell numbers apart.
-    const ENOUGH: i32 = 4;
+    /// Sufficient digits, if they distinguish the numbers.
+    const ENOUGH_DIGITS: i32 = 4;
 
-    /// For these numbers.
+    /// The format for these numbers.
     pub fn of(numbers: impl Iterator<Item = f64>) -> Self {
         let mut numbers: Vec<f64> = numbers.filter(|number| number.is_finite()).collect();
         numbers.sort_by(f64::total_cmp);
@@ -73,7 +73,7 @@ impl Digits {
             let words: Vec<String> = numbers.iter().map(plain).collect();
             words.windows(2).all(|pair| pair[0] != pair[1])
         };
-        let most = (Self::ENOUGH..17).find(are_apart).unwrap_or(17);
+        let most = (Self::ENOUGH_DIGITS..17).find(are_apart).unwrap_or(17);
         let plain = Self {
             most,
             powers: false,
@@ -96,8 +96,8 @@ impl Digits {
         let decimals = usize::try_from(self.most - 1).unwrap_or(0);
         let rounded = format!("{number:.decimals$e}").parse().unwrap_or(number);
         let plain = format!("{rounded}");
-        // Digits beyond those that are short are there to tell numbers apart.
-        let extra = usize::try_from(self.most - Self::ENOUGH).unwrap_or(0);
+        // Further digits only serve to distinguish numbers.
+        let extra = usize::try_from(self.most - Self::ENOUGH_DIGITS).unwrap_or(0);
         if plain.len() <= Self::SHORT + extra && !self.powers {
             plain
         } else {
@@ -109,13 +109,13 @@ impl Digits {
 /// A cell of a table for people.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Uncertain {
-    /// A word.
+    /// Text.
     Word(Cow<'static, str>),
-    /// A number with its unit, in words: `3 min 20 s`, `12 %`.
+    /// A number with its unit as text: `3 min 20 s`, `12 %`.
     Quantity(String),
-    /// A number to so many significant digits.
+    /// A number with this many significant digits.
     Number(f64, i32),
-    /// A number written as others are.
+    /// A number in a common format.
     Short(f64, Digits),
     /// A whole number.
     Count(u64),
@@ -124,17 +124,17 @@ pub enum Uncertain {
 }
 
 impl Uncertain {
-    /// A number to so many digits.
+    /// A number with this many digits.
     pub fn of(number: f64, digits: i32) -> Self {
         Self::Number(number, digits)
     }
 
-    /// What was measured, with half its interval where it has one, else to three digits.
+    /// A measured value, with half its interval if any, else with three digits.
     pub(crate) fn measured(number: f64, half: Option<f64>) -> Self {
         half.map_or(Self::of(number, 3), |half| Self::Interval(number, half))
     }
 
-    /// Words.
+    /// A cell of text.
     pub fn word(words: impl Into<Cow<'static, str>>) -> Self {
         Self::Word(words.into())
     }
@@ -148,14 +148,14 @@ impl Uncertain {
     pub fn si(&self) -> String {
         self.written(|value, half, decimals| {
             let digits = half.trim_start_matches(['0', '.']);
-            // Before the point digits count as they stand: 12.3(4.5).
+            // Half widths above 1 keep their decimal point: 12.3(4.5).
             let is_above_one = decimals > 0 && !half.starts_with("0.");
             let digits = if digits.is_empty() { "0" } else { digits };
             format!("{value}({})", if is_above_one { half } else { digits })
         })
     }
 
-    /// As text; `join` puts a value and half its interval together, both to the same decimals.
+    /// As text; `join` combines a value and half its interval, both with the same decimals.
     fn written(&self, join: fn(&str, &str, usize) -> String) -> String {
         match self {
             Self::Word(word) => word.clone().into_owned(),
@@ -204,7 +204,7 @@ fn exponent(value: f64) -> i32 {
     }
 }
 
-/// A time in words: `12 s`, `3 min 20 s`, `5 h 10 min`, `2 d 4 h`.
+/// A time as text: `12 s`, `3 min 20 s`, `5 h 10 min`, `2 d 4 h`.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
         return "–".into();
@@ -226,8 +226,8 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// Text for a terminal of this width: what is longer goes on in the next line, at a space. Lines of tables, which begin with a space or a
-/// rule, stay as they are.
+/// Wraps text for a terminal of this width, at spaces. Lines of tables, which begin with a space or
+/// a rule, are unchanged.
 pub fn wrapped(text: &str, width: Option<u16>) -> String {
     let Some(width) = width.map(usize::from) else {
         return text.to_owned();
@@ -264,10 +264,10 @@ pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     read.ok_or_else(|| "write a time such as 90s, 15m or 2h".to_owned())
 }
 
-/// The same, but not none at all.
+/// The same for a positive time.
 ///
 /// # Errors
-/// What may be written.
+/// A message with the allowed format.
 pub fn parse_positive_duration(text: &str) -> Result<Duration, String> {
     parse_duration(text).and_then(|time| {
         if time.is_zero() {
@@ -278,7 +278,7 @@ pub fn parse_positive_duration(text: &str) -> Result<Duration, String> {
     })
 }
 
-/// Bytes in words.
+/// A size in bytes as text.
 pub fn bytes(number: f64) -> String {
     let mut number = number;
     for unit in ["B", "kB", "MB", "GB"] {
@@ -305,7 +305,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_go_on_in_the_next_line_whole() {
+    fn whole_words_wrap_to_the_next_line() {
         let text = " a table that is wide\nafter a strain of 0.5 it stays\n";
         assert_eq!(wrapped(text, None), text);
         let narrow = " a table that is wide\nafter a strain of\n0.5 it stays\n";
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn digits_are_few_but_tell_numbers_apart() {
+    fn digits_are_few_but_distinguish_numbers() {
         let written = |numbers: &[f64]| -> Vec<String> {
             let digits = Digits::of(numbers.iter().copied());
             numbers.iter().map(|number| digits.write(*number)).collect()

@@ -1,27 +1,28 @@
-//! Text for people: what a terminal would obey is shown instead.
+//! Text for people, with control sequences made visible.
 //!
-//! Names of files, excerpts of them and what stores hold may come from anywhere. A control character among them, such as the
-//! escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as the same character.
+//! Names of files, excerpts and contents of stores are untrusted. A control character in them, such
+//! as the escape that begins a command to the terminal, is written as `\u001b`, which JSON reads as
+//! the same character.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// Whether a terminal obeys a character rather than showing it: control characters but for line ends and tabs, and those that
-/// turn the direction of writing.
-fn is_obeyed(c: char) -> bool {
+/// Whether a character controls the terminal: control characters except line ends and tabs, and
+/// those that change the direction of writing.
+fn is_control_sequence(c: char) -> bool {
     (c.is_control() && c != '\n' && c != '\t')
         || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// A text as it may be shown.
+/// The visible form of a text.
 pub(crate) fn visible(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_obeyed) {
+    if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for c in text.chars() {
-        if is_obeyed(c) {
+        if is_control_sequence(c) {
             // Writing to a string does not fail.
             let _ = write!(shown, "\\u{:04x}", u32::from(c));
         } else {
@@ -31,16 +32,16 @@ pub(crate) fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// The same in as many bytes as the text has, so that places in it stay where they are.
+/// The same with an equal number of bytes, so that positions in it remain valid.
 pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
-    if !text.contains(is_obeyed) {
+    if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len());
     let mut characters = text.chars().peekable();
     while let Some(c) = characters.next() {
         let ends_line = c == '\r' && characters.peek() == Some(&'\n');
-        if is_obeyed(c) && !ends_line {
+        if is_control_sequence(c) && !ends_line {
             shown.extend(std::iter::repeat_n('?', c.len_utf8()));
         } else {
             shown.push(c);
@@ -49,11 +50,11 @@ pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Output that people look at, or may look at: text passes through as [`visible`] has it.
+/// Output for people: text passes through [`visible`].
 #[derive(Debug)]
 pub(crate) struct Visible<W> {
     to: W,
-    /// The beginning of a character whose end was not written yet.
+    /// Bytes of an incomplete character at the end of the last write.
     begun: Vec<u8>,
 }
 
@@ -66,9 +67,9 @@ impl<W: Write> Visible<W> {
     }
 }
 
-/// Output of text that gives way to data that is none.
+/// Text output with direct access for binary data.
 pub(crate) trait TextOutput: Write {
-    /// What is behind it, as it is.
+    /// The underlying output, unfiltered.
     fn raw(&mut self) -> &mut dyn Write;
 }
 
@@ -120,7 +121,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_shown() {
+    fn control_sequences_are_made_visible() {
         let evil = "a\u{1b}[31mred\u{1b}]0;title\u{7}\r\u{9b}2J\u{7f}\u{202e}b\tc\n";
         let shown = visible(evil);
         assert_eq!(
@@ -128,7 +129,7 @@ mod tests {
             "a\\u001b[31mred\\u001b]0;title\\u0007\\u000d\\u009b2J\\u007f\\u202eb\tc\n"
         );
         assert_eq!(visible_in_place(evil).len(), evil.len());
-        assert!(!visible_in_place(evil).contains(is_obeyed));
+        assert!(!visible_in_place(evil).contains(is_control_sequence));
     }
 
     #[test]
@@ -143,7 +144,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_that_is_obeyed_crashes_or_passes_however_it_is_cut(
+        fn no_control_sequence_crashes_or_passes_at_any_cut(
             bytes in proptest::collection::vec(any::<u8>(), 0..60), cut in 0usize..60,
         ) {
             let cut = cut.min(bytes.len());
@@ -151,7 +152,7 @@ mod tests {
             out.write_all(&bytes[..cut]).unwrap();
             out.write_all(&bytes[cut..]).unwrap();
             let text = String::from_utf8(out.to.clone()).unwrap();
-            prop_assert!(!text.contains(is_obeyed), "{:?}", text);
+            prop_assert!(!text.contains(is_control_sequence), "{:?}", text);
         }
     }
 }

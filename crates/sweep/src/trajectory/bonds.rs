@@ -1,13 +1,14 @@
-//! Contacts as bonds between spheres, in a file of their own: extended XYZ has none.
+//! Contacts as bonds between spheres, in a separate file, since extended XYZ has no bonds.
 
 use super::{Kept, state_number};
 use crate::spaces::{AnyFrame, of_either};
 use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
-/// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes and OVITO loads as bonds: numbers of
-/// both spheres from 1, normal and tangential force and the quasi-force of rolling friction in mu·a²·rate, of a suspension the sizes of
-/// the last two, gap in a, and 1 frictionless, 2 rolling, 3 slipping.
+/// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes
+/// and OVITO loads as bonds: numbers of both spheres from 1, normal and tangential force and the
+/// quasi-force of rolling friction in mu·a²·rate (in a suspension the magnitudes of the last two),
+/// gap in a, and 1 frictionless, 2 rolling, 3 slipping.
 pub(crate) fn write_bonds(frames: &[(u64, &AnyFrame)], out: &mut dyn Write) -> io::Result<()> {
     for (step, frame) in frames {
         of_either!(frame, frame => write_frame(*step, frame, out))?;
@@ -30,7 +31,8 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
         let (left, right) = (tilt.min(0.0), side + tilt.max(0.0));
         writeln!(out, "{left} {right} {tilt}\n0 {side} 0\n{low} {high} 0")?;
     } else {
-        // A cell whose second vector has a z has no such box: LAMMPS names the three vectors, each with a component of the corner.
+        // A cell whose second vector has a z has no such box: LAMMPS names the three vectors, each
+        // with a component of the corner.
         writeln!(out, "ITEM: BOX BOUNDS abc origin pp pp {ends}")?;
         writeln!(out, "{side} 0 0 0\n{tilt} {side} {cross} 0\n0 0 {side} 0")?;
     }

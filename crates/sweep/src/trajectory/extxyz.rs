@@ -9,9 +9,9 @@ use sd_core::simulation::Frame;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// The run that frames are of.
+/// The run of the frames.
 #[derive(Debug, Clone)]
-pub(crate) struct Filmed {
+pub(crate) struct FrameSource {
     /// Its parameters.
     pub params: Params,
     /// Its seed.
@@ -20,14 +20,17 @@ pub(crate) struct Filmed {
     pub key: String,
 }
 
-/// Writes frames, each with its step, as extended XYZ: the cell with its shear and what the run is, then a line per sphere.
+/// Writes frames, each with its step, as extended XYZ: the sheared cell and the run, then one line
+/// per sphere.
 ///
-/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are quaternions about z. Spheres of the
-/// smallest radius are of the species S, larger ones of the species L. A suspension fills a cell that is periodic along z too. Velocities are means over the strain to the next frame, of the last
-/// frame over that from the one before; a single frame has none.
+/// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
+/// quaternions about z. Spheres of the smallest radius are of the species S, larger ones of the
+/// species L. A suspension fills a cell that is periodic along z too. Velocities are means over the
+/// strain to the next frame, for the last frame over that from the one before; a single frame has
+/// none.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let (layers, suspensions) = by_space(frames);
@@ -37,7 +40,7 @@ pub(crate) fn write_extxyz(
 
 fn write_frames<S: Kept>(
     frames: &[(u64, &Frame<S>)],
-    filmed: &Filmed,
+    filmed: &FrameSource,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let about = about(filmed);
@@ -64,8 +67,8 @@ fn write_frames<S: Kept>(
     Ok(())
 }
 
-/// The run in words of the comment: `area_fraction=0.7 friction=0.5 … seed=1 key=3f…`.
-fn about(filmed: &Filmed) -> String {
+/// The run in the format of the comment: `area_fraction=0.7 friction=0.5 … seed=1 key=3f…`.
+fn about(filmed: &FrameSource) -> String {
     let mut words = String::new();
     let meant = |axis: &&Axis| axis.means_something(&filmed.params);
     for axis in AXES.iter().filter(meant) {
@@ -148,21 +151,22 @@ fn write_all(numbers: &[f64], out: &mut dyn Write) -> io::Result<()> {
         .try_for_each(|number| write!(out, " {number}"))
 }
 
-/// A point of a layer lies at z = 0.
+/// A point of a layer is at z = 0.
 fn in_space(point: &[f64]) -> [f64; 3] {
     [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
 }
 
-/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a strain.
+/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a
+/// strain.
 ///
-/// A sphere that left the cell came in again as one of its images; the images of the later frame tell where it went, since they move with
-/// the flow.
+/// A sphere that left the cell re-entered as one of its images; the images in the later frame
+/// determine its path, since they move with the flow.
 fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sheared: f64, sphere: usize) -> [f64; 3] {
     let time = to.strain - from.strain;
     let [x, y, z] = in_space(from.centres[sphere].as_ref());
     let [end_x, end_y, end_z] = in_space(to.centres[sphere].as_ref());
     let side = to.side;
-    // Where the flow alone would bring it.
+    // The position after advection by the flow.
     let carried = sheared * y;
     let rows = ((end_y - y) / side).round();
     let rise = end_y - y - rows * side;
@@ -182,7 +186,7 @@ mod tests {
     use crate::test_support::{frame, params, suspension};
 
     fn lines(frames: &[(u64, &AnyFrame)]) -> Vec<String> {
-        let filmed = Filmed {
+        let filmed = FrameSource {
             params: params(),
             seed: 7,
             key: "3f9a".into(),

@@ -12,15 +12,15 @@ const STRESSLET: &str = "mu a^3 rate";
 /// Unit of forces.
 const FORCE: &str = "mu a^2 rate";
 
-/// A table with rows of frames: the spheres of each, or its contacts.
+/// A table of frames, with a row per sphere or per contact.
 struct FrameTable<'f, S: Kept> {
-    /// Step, frame, and number of the sphere or the contact in it.
+    /// Step, frame, and index of the sphere or the contact in it.
     rows: Vec<(u64, &'f Frame<S>, usize)>,
     columns: Vec<DataColumn>,
 }
 
 impl<'f, S: Kept> FrameTable<'f, S> {
-    /// With so many rows of each frame, and columns that tell the frame.
+    /// A table with a number of rows per frame, and columns that identify the frame.
     fn of(frames: &Frames<'f, S>, rows: fn(&Frame<S>) -> usize) -> Self {
         let rows = frames.iter().flat_map(|(step, frame)| {
             let all = 0..rows(frame);
@@ -97,7 +97,8 @@ fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     table.columns
 }
 
-/// The contacts of frames; of a suspension with the vectors of the forces across the line of centres.
+/// The contacts of frames; in a suspension with the vectors of the forces perpendicular to the line
+/// of centres.
 fn contacts<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     let mut table = FrameTable::of(frames, |frame| frame.contacts.len());
     for (name, of) in [("i", 0), ("j", 1)] {
@@ -146,7 +147,8 @@ pub fn sphere_table(frames: &[(u64, &AnyFrame)]) -> Vec<DataColumn> {
     }
 }
 
-/// The contacts of frames of a run, each with its step, as a table with a row per contact and frame.
+/// The contacts of frames of a run, each with its step, as a table with a row per contact and
+/// frame.
 pub fn contact_table(frames: &[(u64, &AnyFrame)]) -> Vec<DataColumn> {
     let (layers, suspensions) = by_space(frames);
     if suspensions.is_empty() {

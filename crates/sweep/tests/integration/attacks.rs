@@ -1,4 +1,4 @@
-//! What comes from outside with bad intent or bad luck: pipes, hostile names, slow visitors, disks that cannot be written.
+//! Malicious or unfortunate input: pipes, hostile names, slow clients, unwritable disks.
 
 mod server;
 
@@ -79,8 +79,9 @@ fn pipes_and_devices_are_no_stores() {
     assert!(!at.join("new.sqlite").exists());
 }
 
-/// The message of a command that must refuse its input at once, without a panic and without filling the screen.
-fn refused_at_once(directory: &Path, arguments: &[&str]) -> String {
+/// The message of a command that must refuse its input immediately, without a panic and without
+/// filling the screen.
+fn refused_immediately(directory: &Path, arguments: &[&str]) -> String {
     let output = ends(directory, arguments);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
     let told = output.stderr.len();
@@ -94,7 +95,7 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
     let at = directory.path();
     let pipe = Command::new("mkfifo").arg(at.join("pipe")).status();
     assert!(pipe.unwrap().success());
-    // A file that holds a secret, and is none of those that are read.
+    // A file with a secret, which is never read.
     std::fs::write(at.join("secret"), "root:$6$secret:20228\n").unwrap();
     std::fs::write(at.join("secret.json"), r#"{"centres": "hushed"}"#).unwrap();
     for (input, why) in [
@@ -120,9 +121,10 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
                 input,
             ],
         ] {
-            let told = refused_at_once(at, arguments);
+            let told = refused_immediately(at, arguments);
             assert!(told.contains(why), "{arguments:?}: {told}");
-            // Files that the user gives as a campaign, a style or an instant are shown where they are wrong.
+            // Files that the user gives as a campaign, a style or an instant are shown where they
+            // are wrong.
             if arguments.contains(&"start.toml") || arguments.contains(&"--slices") {
                 assert!(!told.contains("$6$"), "{arguments:?}: {told}");
                 assert!(!told.contains("hushed"), "{arguments:?}: {told}");
@@ -130,7 +132,7 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
         }
     }
     std::fs::write(at.join("large.toml"), vec![b'#'; (1 << 20) + 1]).unwrap();
-    let told = refused_at_once(at, &["plan", "large.toml"]);
+    let told = refused_immediately(at, &["plan", "large.toml"]);
     assert!(told.contains("larger than 1048576 bytes"), "{told}");
 }
 
@@ -162,7 +164,7 @@ fn faults_in_lines_of_any_length_are_told_in_few_words() {
         CAMPAIGN.replace("\"ball-melrose\"", &format!("[\"{long}\", \"{long}\"]")),
     ] {
         std::fs::write(at.join("c.toml"), changed).unwrap();
-        let told = refused_at_once(at, &["plan", "c.toml"]);
+        let told = refused_immediately(at, &["plan", "c.toml"]);
         assert!(told.contains("c.toml:"), "{told}");
     }
 }
@@ -240,7 +242,7 @@ fn text_that_is_no_utf_8_is_damage_of_the_store() {
 }
 
 #[test]
-fn first_merges_that_are_ended_early_or_given_at_once_end_well() {
+fn interrupted_and_simultaneous_first_merges_succeed() {
     for _ in 0..6 {
         let directory = directory();
         let at = directory.path();
@@ -335,7 +337,7 @@ fn unknown_states_are_told_and_their_runs_computed_again() {
     assert_eq!(checked.status.code(), Some(0), "{checked:?}");
 }
 
-/// Bytes a terminal would obey, colours excepted.
+/// Bytes of control sequences, except colours.
 fn obeyed(output: &Output) -> Vec<u8> {
     let bytes = [output.stdout.as_slice(), &output.stderr].concat();
     let text = String::from_utf8_lossy(&bytes).into_owned();
@@ -346,7 +348,7 @@ fn obeyed(output: &Output) -> Vec<u8> {
 }
 
 #[test]
-fn what_a_terminal_would_obey_is_shown() {
+fn control_sequences_are_made_visible() {
     const EVIL: &str = "\u{1b}]0;owned\u{7}\u{1b}[2J\u{9b}31m\r";
     let directory = directory();
     let at = directory.path();
@@ -419,7 +421,7 @@ fn what_a_terminal_would_obey_is_shown() {
     assert_eq!(json["campaign"], format!("small{EVIL}"));
 }
 
-/// A disk that can only be read; taken away with the test.
+/// A read-only disk, removed with the test.
 struct ReadOnly(PathBuf);
 
 impl Drop for ReadOnly {

@@ -1,5 +1,5 @@
-//! The page and the live page in a real browser, headless. Skipped, and said so, on a machine without Chromium,
-//! unless CI is set.
+//! The page and the live page in a real browser, headless. Skipped with a note on a machine without
+//! Chromium, unless CI is set.
 
 mod chromium;
 mod keyboard;
@@ -24,10 +24,10 @@ spheres = 30
 hydrodynamics = "ball-melrose"
 "#;
 
-/// The store that most tests look at.
+/// The store of most tests.
 static COMPUTED: Computed = Computed::new(CAMPAIGN, &["--trajectory"]);
 
-/// Writes the page of the store of a folder; says its address.
+/// Writes the page of the store of a folder; returns its address.
 fn page_of(at: &Path, more: &[&str]) -> String {
     sweep(
         at,

@@ -1,4 +1,4 @@
-//! A campaign from its file to its report, interrupted and taken up again.
+//! A campaign from its file to its report, interrupted and resumed.
 
 use crate::harness::{command, folder, send, spawn};
 use assert_cmd::Command;
@@ -144,7 +144,7 @@ fn runs_of_another_campaign_are_taken_over() {
     let run = ["run", "small.toml", "--reuse", store.to_str().unwrap()];
     let ran = sweep(anew.path(), &run).code(0);
     let said = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
-    assert!(said.contains("taken over: 2 runs"), "{said}");
+    assert!(said.contains("reused: 2 runs"), "{said}");
     assert_eq!(results(anew.path()), results(at));
     let nowhere = directory();
     sweep(
@@ -155,7 +155,7 @@ fn runs_of_another_campaign_are_taken_over() {
     assert!(!nowhere.path().join("results").exists());
 }
 
-/// In the units of others the rate is that of the mean viscosity too.
+/// In published units the rate is that of the mean viscosity too.
 fn converted_points_belong_to(points: &[serde_json::Value], at: &Path) {
     let number = |point: &serde_json::Value, name: &str| point[name].as_f64().unwrap();
     let output = sweep(at, &["convert", "small.toml", "--json"]).success();
@@ -247,7 +247,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
         text.contains("particle_pressure") && text.contains("σ*") && !text.contains("approach"),
         "{text}"
     );
-    // A stress of which nothing is known yet has no rate, and no place in a flow curve.
+    // A stress without results has no rate, and no point in a flow curve.
     std::fs::write(
         at.join("small.toml"),
         imposed.replace("[0.3, 3.0]", "[0.3, 3.0, 30.0]"),
@@ -265,7 +265,7 @@ fn runs_begin_where_those_of_another_store_ended() {
     let directory = directory_with(&imposed);
     let at = directory.path();
     sweep(at, &["run", "small.toml", "--quiet"]).success();
-    // Sheared on from there, and back: seed by seed.
+    // Continued from there, and reversed, seed by seed.
     let second = imposed
         .replace("\"small\"", "\"second\"")
         .replace("[0.3, 3.0]", "1.0\ndirection = [1, -1]\nstart = { store = \"results/small.sqlite\", point = { shear_stress = 3.0 } }");
@@ -274,7 +274,7 @@ fn runs_begin_where_those_of_another_store_ended() {
     let output = sweep(at, &["report", "second.toml", "--json"]).success();
     let report: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
     assert_eq!(report["cases"]["done"], 4);
-    // Each run begins with a layer of its own; those of one direction are a point all the same.
+    // Each run has its own start layer, but those of one direction form one point.
     let points = report["points"].as_array().unwrap();
     assert_eq!(points.len(), 2);
     for point in points {
@@ -299,7 +299,7 @@ fn runs_begin_where_those_of_another_store_ended() {
             "they differ in `shear_stress`",
         ),
         ("seeds = 2", "seeds = 3", "has seed 3"),
-        ("spheres = ", "spheres = 1", "does not go with `spheres`"),
+        ("spheres = ", "spheres = 1", "conflicts with `spheres`"),
         ("small.sqlite", "none.sqlite", "there is no such file"),
     ] {
         assert!(second.contains(from), "{from}: {second}");

@@ -1,4 +1,4 @@
-//! The program as a user meets it: bad input, exit codes, output. Nothing here needs long physics.
+//! The command line: bad input, exit codes, output, without long runs.
 
 use crate::harness::{Served, command, program, words};
 use assert_cmd::Command;
@@ -94,7 +94,7 @@ fn the_true_reason_is_given_where_a_file_is_something_else() {
         ),
         (
             &["run", "small.toml", "--store", "/proc/x.sqlite"],
-            "cannot write a store at /proc/x.sqlite: the file system there takes no files of users",
+            "cannot write a store at /proc/x.sqlite: the file system there accepts no user files",
         ),
         (
             &["plan", "results/small.sqlite"],
@@ -102,7 +102,7 @@ fn the_true_reason_is_given_where_a_file_is_something_else() {
         ),
         (
             &["report", "results/small.sqlite", "--store", "x.sqlite"],
-            "--store: it goes with a campaign file",
+            "--store: it belongs to a campaign file",
         ),
         (
             &["report", "small.toml", "--store", "none.sqlite"],
@@ -142,7 +142,7 @@ fn store_is_in_the_project_of_the_file_wherever_one_stands() {
             .clone()
     };
     assert_eq!(status("sweeps", "paper/small.toml"), 4);
-    // A file by itself has its results beside it; --store is taken wherever a store is read.
+    // A single file has its results beside it; --store works wherever a store is read.
     std::fs::write(at.join("elsewhere/small.toml"), CAMPAIGN).unwrap();
     for command in ["report", "status", "merge", "cancel"] {
         let output = sweep(at)
@@ -197,7 +197,7 @@ fn jobs_is_another_name_of_workers() {
 }
 
 #[test]
-fn output_that_cannot_be_written_ends_with_3_and_one_nobody_reads_with_the_code_of_the_runs() {
+fn unwritable_output_ends_with_3_and_a_closed_pipe_with_the_code_of_the_runs() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     std::fs::write(at.join("small.toml"), CAMPAIGN).unwrap();

@@ -1,10 +1,11 @@
-//! Every command of the documentation, run as it is written; links, anchors and the pages of the book.
+//! Every command of the documentation, run as it is written; links, anchors and the pages of the
+//! book.
 //!
-//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their own,
-//! with campaigns shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are installed
-//! (`python:MODULE` for a module of Python), and named as skipped elsewhere. `cargo run --release --`
-//! is the program under test; other commands of cargo are not run, and only checked for naming tests,
-//! examples and benches that exist.
+//! Of each file the fenced blocks marked `sh` are run in order by `sh -eu`, in a directory of their
+//! own, with campaigns shortened. ```` ```sh needs=PROGRAM,… ```` is run where these programs are
+//! installed (`python:MODULE` for a module of Python), and named as skipped elsewhere.
+//! `cargo run --release --` is the program under test; other commands of cargo are not run, and
+//! only checked for naming tests, examples and benches that exist.
 
 use crate::harness::root;
 use std::fmt::Write as _;
@@ -69,7 +70,8 @@ fn write_program(path: &Path, text: &str) {
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-/// A directory as a reader of the documentation has it, but for its size: campaigns are shorter, scripts do nothing.
+/// A directory as a reader of the documentation has it, but for its size: campaigns are shorter,
+/// scripts do nothing.
 fn checkout() -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
@@ -178,6 +180,79 @@ fn every_command_runs() {
     assert_eq!(failed, 0, "files with commands that fail, see above");
 }
 
+/// Lines of comments wider than 100 columns, without code blocks, tables and aligned columns.
+fn wide_comments(text: &str, marker: &str) -> Vec<usize> {
+    let mut wide = Vec::new();
+    let mut in_fence = false;
+    for (line, number) in text.lines().zip(1..) {
+        let Some(comment) = line.trim_start().strip_prefix(marker) else {
+            in_fence = false;
+            continue;
+        };
+        let comment = comment.trim_start_matches(['/', '!']).trim_end();
+        let comment = comment.strip_prefix(' ').unwrap_or(comment);
+        in_fence ^= comment.starts_with("```");
+        let is_laid_out = in_fence || comment.starts_with('|') || comment.contains("  ");
+        if line.chars().count() > 100 && !is_laid_out {
+            wide.push(number);
+        }
+    }
+    wide
+}
+
+/// Lines of prose wider than 100 columns: of Markdown without code blocks, tables, HTML and links.
+fn wide_prose(text: &str) -> Vec<usize> {
+    let mut wide = Vec::new();
+    let mut in_fence = false;
+    for (line, number) in text.lines().zip(1..) {
+        in_fence ^= line.trim_start().starts_with("```");
+        let is_prose = !in_fence && !line.trim_start().starts_with(['|', '<', '!', '[']);
+        if is_prose && line.chars().count() > 100 {
+            wide.push(number);
+        }
+    }
+    wide
+}
+
+#[test]
+fn comments_and_prose_have_at_most_100_columns() {
+    let mut wide = String::new();
+    // Not rewrapped yet, and a page that a script writes.
+    let exempt = [
+        "crates/sd-core/src/contact",
+        "crates/sd-core/src/stage",
+        "results/published/performance.md",
+    ];
+    let names = ["crates", "python", "scripts", "sweeps", "docs", "results"];
+    let mut paths: Vec<std::path::PathBuf> = names.map(|name| root().join(name)).into();
+    paths.extend(["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root().join(name)));
+    while let Some(path) = paths.pop() {
+        let name = path.strip_prefix(root()).unwrap().display().to_string();
+        if path.ends_with("target") || exempt.iter().any(|part| name.starts_with(part)) {
+            continue;
+        }
+        if path.is_dir() {
+            let entries = std::fs::read_dir(path).unwrap();
+            paths.extend(entries.map(|entry| entry.unwrap().path()));
+            continue;
+        }
+        let kind = path.extension().and_then(std::ffi::OsStr::to_str);
+        if !matches!(kind, Some("rs" | "py" | "toml" | "md") | None) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap_or_default();
+        let lines = match kind {
+            Some("rs") => wide_comments(&text, "//"),
+            Some("md") => wide_prose(&text),
+            _ => wide_comments(&text, "#"),
+        };
+        for line in lines {
+            writeln!(wide, "{name}:{line}").unwrap();
+        }
+    }
+    assert!(wide.is_empty(), "lines wider than 100 columns:\n{wide}");
+}
+
 #[test]
 fn every_campaign_is_one() {
     for file in files() {
@@ -194,7 +269,8 @@ fn every_campaign_is_one() {
                 Ok(campaign) => campaign,
                 Err(error) => panic!("{file}: {error}\n{text}"),
             };
-            // A block that names a file in its first line is that file, but for what it says beside.
+            // A block that names a file in its first line is that file, but for what it says
+            // beside.
             let name = text.lines().next().unwrap_or_default();
             if let Some(name) = name.strip_prefix("# sweeps/") {
                 let there =

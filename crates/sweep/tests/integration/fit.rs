@@ -1,4 +1,4 @@
-//! The model of Wyart and Cates fitted to a campaign.
+//! The Wyart-Cates model fitted to a campaign.
 
 use crate::harness::{Computed, campaign, json, refused, sweep};
 use std::sync::LazyLock;
@@ -27,7 +27,7 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
     let folder = COMPUTED.folder();
     let at = folder.path();
     let fit = json(at, &["fit", "s.sqlite", "--replicates", "40"]);
-    // An onset that may be of any steepness has an interval without an upper end.
+    // The interval of an onset of unknown steepness has no upper end.
     let of = |name: &str, key: &str| match &fit["parameters"][name][key] {
         serde_json::Value::String(word) => word.parse::<f64>().unwrap(),
         number => number.as_f64().unwrap(),

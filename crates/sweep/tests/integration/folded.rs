@@ -1,4 +1,5 @@
-//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without friction.
+//! Points that share their runs: friction has no effect at Γ = 0, nor has the shear rate without
+//! friction.
 
 use crate::harness::{folder, json, refused, run, sweep, words};
 
@@ -37,7 +38,7 @@ fn check_folding(campaign: &str) {
     assert_eq!((&plan["cases"], &plan["folded"]), (&6.into(), &6.into()));
     let text = sweep(at, &["plan", "folded.toml"]);
     assert!(
-        text.contains("6 more runs of the grids are folded"),
+        text.contains("6 more runs of the grids are identical"),
         "{text}"
     );
     sweep(at, &["run", "folded.toml", "--quiet"]);
@@ -63,7 +64,7 @@ fn check_folding(campaign: &str) {
     }
     assert!(viscosity(5) > 1.01 * viscosity(0));
     assert!(points.iter().all(|point| point["seeds"] == 2));
-    // A point that is folded can be selected by what was written.
+    // A folded point can be selected by its values in the file.
     let some = json(
         at,
         &[
@@ -88,7 +89,8 @@ fn check_folding(campaign: &str) {
 
 #[test]
 fn the_same_layers_without_folding_have_the_same_numbers() {
-    // A spring that is a unit of the flow has a shear rate that says nothing without friction; one in units of F_crit has not.
+    // With springs in units of the flow the shear rate has no effect without friction; with springs
+    // in units of F_crit it has.
     let spring = |unit: &str| {
         CAMPAIGN
             .replace("friction = [0.0, 0.3]", "friction = 0.0")
@@ -195,7 +197,7 @@ fn a_start_that_is_a_store_or_stands_elsewhere_is_told_what_to_write() {
         error.contains("did you mean \"../results/x.sqlite\"?"),
         "{error}"
     );
-    // A point that shares its runs with others is found as it was written.
+    // A point that shares its runs with others is found by its values in the file.
     with(&format!("{{ store = \"../results/x.sqlite\", {point} }}"));
     sweep(at, &["run", "sweeps/on.toml", "--quiet"]);
     let shown = sweep(at, &["show", "sweeps/on.toml", "1"]);

@@ -1,4 +1,5 @@
-//! What all tests share: the program in a folder of its own, stores that are computed once, and waiting for other processes.
+//! Common helpers: the program in a separate folder, stores that are computed once, and waiting for
+//! other processes.
 
 use assert_cmd::cargo::cargo_bin;
 use rustix::process::{Pid, Signal, kill_process};
@@ -8,7 +9,8 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// After this time a test gives up on another process. It guards against a hang and measures nothing.
+/// After this time a test gives up on another process. It guards against a hang and measures
+/// nothing.
 pub(crate) const PATIENCE: Duration = Duration::from_mins(2);
 
 /// The repository.
@@ -16,7 +18,8 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The program in a folder, without arguments yet. Its cache is there too, so that no test depends on another.
+/// The program in a folder, without arguments. Its cache is there too, so that tests are
+/// independent.
 pub(crate) fn program(at: &Path) -> Command {
     let mut command = Command::new(cargo_bin("sweep"));
     command
@@ -38,7 +41,7 @@ pub(crate) fn run(at: &Path, arguments: &[&str]) -> Output {
     command(at, arguments).output().unwrap()
 }
 
-/// What it prints when all goes well.
+/// Its output on success.
 pub(crate) fn sweep(at: &Path, arguments: &[&str]) -> String {
     let output = run(at, arguments);
     assert!(output.status.success(), "{arguments:?}: {output:?}");
@@ -51,7 +54,7 @@ pub(crate) fn json(at: &Path, arguments: &[&str]) -> serde_json::Value {
     serde_json::from_str(&text).unwrap()
 }
 
-/// What it says of bad input, which leaves nothing on standard output.
+/// Its message about bad input, with an empty standard output.
 pub(crate) fn refused(at: &Path, arguments: &[&str]) -> String {
     let output = run(at, arguments);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
@@ -59,7 +62,7 @@ pub(crate) fn refused(at: &Path, arguments: &[&str]) -> String {
     words(&output.stderr)
 }
 
-/// The words of an error on one line, without its frame: lines are broken to fit the terminal.
+/// The text of an error on one line, without its frame: lines are wrapped to fit the terminal.
 pub(crate) fn words(text: &[u8]) -> String {
     let text = String::from_utf8_lossy(text).replace(['│', '╰', '─', '▶', '×'], " ");
     text.split_whitespace().collect::<Vec<_>>().join(" ")
@@ -83,7 +86,7 @@ pub(crate) fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).unwrap();
 }
 
-/// Waits until something is there.
+/// Waits until a condition holds.
 pub(crate) fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {
@@ -118,7 +121,7 @@ pub(crate) fn folder(name: &str, campaign: &str) -> tempfile::TempDir {
     folder
 }
 
-/// A campaign of this name whose runs shear by so much strain, and discard some of it; with its grids.
+/// A campaign with this name, strain, discarded strain and grids.
 pub(crate) fn campaign(name: &str, [strain, discard]: [f64; 2], grids: &str) -> &'static str {
     let protocol = format!("time_step = 0.02\nstrain = {strain}\ndiscard = {discard:?}");
     format!("name = \"{name}\"\n[protocol]\n{protocol}\n{grids}").leak()
@@ -155,7 +158,7 @@ impl Computed {
     }
 }
 
-/// Changes a store behind the back of the program.
+/// Changes a store without the program.
 pub(crate) fn edit(store: &Path, statements: &str) {
     let connection = rusqlite::Connection::open(store).unwrap();
     connection.execute_batch(statements).unwrap();
@@ -163,12 +166,12 @@ pub(crate) fn edit(store: &Path, statements: &str) {
     sweep::store::accept_changes(store).unwrap();
 }
 
-/// Changes the store of a folder, as a bad night might.
+/// Damages the store of a folder.
 pub(crate) fn spoil(at: &Path, statements: &str) {
     edit(&at.join("s.sqlite"), statements);
 }
 
-/// Makes runs of a store fail: those that a condition of SQL is true of.
+/// Marks runs of a store that meet an SQL condition as failed.
 pub(crate) fn fail(at: &Path, which: &str) {
     spoil(
         at,

@@ -1,7 +1,8 @@
-//! The program as a user, a cluster or a browser meets it: one module for each subject. What they share is in `harness`.
+//! Tests of the program by users, clusters and browsers: one module per subject, with common
+//! helpers in `harness`.
 //!
-//! No test asserts how long something takes. Where a test waits for another process it gives up after two minutes, so that a process
-//! that never ends fails the test instead of blocking it.
+//! No test asserts how long something takes. Where a test waits for another process it gives up
+//! after two minutes, so that a process that never ends fails the test instead of blocking it.
 #![cfg(unix)]
 #![expect(
     clippy::unwrap_used,

@@ -1,4 +1,5 @@
-//! A campaign that asks for a precision: it ends by itself, and gives the same table to the bit however often it is interrupted.
+//! A campaign with a requested precision: it ends by itself, and gives the same bits however often
+//! it is interrupted.
 
 use crate::harness::{folder, json, spawn, sweep};
 use std::path::Path;
@@ -117,7 +118,7 @@ fn waves_of_tasks_give_the_same_table() {
 }
 
 #[test]
-fn store_from_which_runs_were_pruned_goes_on() {
+fn store_with_pruned_runs_continues() {
     let directory = directory();
     let at = directory.path();
     let (file, quiet) = (at.join("precise.toml"), ["run", "precise.toml", "--quiet"]);
@@ -126,7 +127,7 @@ fn store_from_which_runs_were_pruned_goes_on() {
     std::fs::write(&file, CAMPAIGN.replace("[0.3, 0.6]", "[0.6]")).unwrap();
     let pruned = json(at, &["prune", "precise.toml", "--yes"]);
     assert!(pruned["removed"].as_u64() >= Some(3), "{pruned}");
-    // Seeds that were not needed have their place still.
+    // Seeds that were not needed keep their position.
     sweep(at, &quiet);
     assert_eq!(table(at)[..], expected[1..]);
     std::fs::write(&file, CAMPAIGN).unwrap();

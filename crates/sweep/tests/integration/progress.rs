@@ -1,4 +1,4 @@
-//! What programs see of a run: lines of JSON, a command at the end, a time limit.
+//! Interfaces of a run for programs: lines of JSON, a command at the end, a time limit.
 
 use crate::harness::{folder, run};
 
@@ -69,7 +69,7 @@ fn every_line_of_progress_is_json_and_every_case_is_told_to_end() {
 }
 
 #[test]
-fn time_limit_checkpoints_and_the_same_command_goes_on() {
+fn time_limit_checkpoints_and_the_same_command_continues() {
     let directory = directory();
     let limited = run(
         directory.path(),
@@ -103,7 +103,7 @@ fn time_limit_checkpoints_and_the_same_command_goes_on() {
 }
 
 #[test]
-fn command_at_the_end_is_told_what_came_of_the_run() {
+fn command_at_the_end_receives_the_outcome_of_the_run() {
     let directory = directory();
     let hook = "echo $SWEEP_OUTCOME $SWEEP_EXIT_CODE $SWEEP_CAMPAIGN >> told";
     for (arguments, code) in [
@@ -153,7 +153,7 @@ fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
     let after = plan(&[]);
     assert_eq!((&after["cases"], &after["ended"]), (&4.into(), &4.into()));
     assert_eq!(after["computing_time_s"], 0.0);
-    // Of the runs measured, another store's plan knows.
+    // The plan for another store uses the measured runs.
     let again = plan(&["--store", "none.sqlite"]);
     assert_eq!(again["kinds"][0]["source"], "runs");
 }

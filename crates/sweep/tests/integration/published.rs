@@ -1,17 +1,18 @@
-//! Published results: none that another physics made stands there as if the program had made it. `scripts/published --check` holds tables,
-//! figures and quoted numbers against the CSV files.
+//! Published results: none of an older version of the physics is presented as current.
+//! `scripts/published --check` compares tables, figures and quoted numbers with the CSV files.
 
 use crate::harness::root;
 use sweep::case::PHYSICS_VERSION;
 
-/// The versions of the physics that a report names: `... by sweep 0.1.0 (physics 12, build a22173902e77)`.
+/// The versions of the physics that a report names:
+/// `... by sweep 0.1.0 (physics 12, build a22173902e77)`.
 fn physics(report: &str) -> Vec<u32> {
     let named = report.split("(physics ").skip(1);
     let named = named.filter_map(|rest| rest.split_once(',')?.0.parse().ok());
     named.collect()
 }
 
-/// What is wrong with the row of a result in the list of the page.
+/// The fault in the row of a result in the list of the page.
 fn fault(page: &str, name: &str, report: &str, present: u32) -> Option<String> {
     let made_by = physics(report);
     if made_by.is_empty() {

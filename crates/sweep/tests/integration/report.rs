@@ -1,4 +1,4 @@
-//! What is made of a store: tables, figures, exports, the story of a run.
+//! Output from a store: tables, figures, exports, details of a run.
 
 mod chosen;
 mod diagram;
@@ -62,7 +62,7 @@ fn figure(at: &Path, more: &[&str]) -> String {
     std::fs::read_to_string(at.join("f.svg")).unwrap()
 }
 
-/// All texts of a figure, with its title and what it says of itself left out.
+/// All texts of a figure, without its title and metadata.
 fn words(svg: &str) -> Vec<&str> {
     svg.split("<text ")
         .skip(1)
@@ -74,7 +74,7 @@ fn words(svg: &str) -> Vec<&str> {
 }
 
 /// Gives every case the key of the parameters it has now.
-fn named_anew(directory: &Path) {
+fn with_new_keys(directory: &Path) {
     let path = directory.join("s.sqlite");
     let store = rusqlite::Connection::open(&path).unwrap();
     let cases: Vec<(i64, String, i64, i64)> = store

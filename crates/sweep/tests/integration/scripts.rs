@@ -1,4 +1,4 @@
-//! The scripts, as far as they can be tried without doing their work.
+//! The scripts, as far as they can be tested without their work.
 
 use crate::harness::root;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! Runs in segments: what `sweep segments` says of them, and `sweep report` of one.
+//! Runs in segments: output of `sweep segments`, and of `sweep report` for one.
 
 use crate::harness::{Computed, folder, json, refused, sweep};
 

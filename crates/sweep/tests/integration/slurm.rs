@@ -1,4 +1,5 @@
-//! Campaigns on a cluster, with stand-ins for Slurm's programs on PATH. `scripts/slurm-test` does it with a real one.
+//! Campaigns on a cluster, with substitutes for Slurm's programs on PATH. `scripts/slurm-test` uses
+//! a real Slurm.
 
 mod cluster;
 mod shards;

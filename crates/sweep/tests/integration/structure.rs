@@ -158,7 +158,7 @@ fn tables_files_and_figures_have_the_same_numbers() {
     ] {
         assert!(read("f.svg").contains(part), "{part}");
     }
-    // Both halves of every bin, and what g(r, θ) is around.
+    // Both halves of every bin, and the sphere at the centre of g(r, θ).
     let bins = point["g_r_theta"]["g"].as_array().unwrap().len() * 36;
     let areas = read("f.svg").matches("stroke-width=\"0.2\"").count();
     assert_eq!(areas, 2 * bins);

@@ -1,4 +1,4 @@
-//! Suspensions in a campaign: from the file to the report, interrupted and taken up again.
+//! Suspensions in a campaign: from the file to the report, interrupted and resumed.
 
 use crate::harness::{command, folder, refused, send, spawn};
 use assert_cmd::Command;

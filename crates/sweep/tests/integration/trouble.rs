@@ -1,4 +1,4 @@
-//! Signals, full disks, damage, killed processes: what happens to a campaign from outside.
+//! External events: signals, full disks, damage, killed processes.
 
 use crate::harness::{command, ended, folder, root, run, send, spawn, until};
 use assert_cmd::cargo::cargo_bin;
@@ -57,7 +57,7 @@ fn query(directory: &Path, query: &str) -> i64 {
         .unwrap_or(0)
 }
 
-/// Waits until the cases of a store have so many steps in their checkpoints.
+/// Waits until the cases of a store have a number of steps in their checkpoints.
 fn wait_for_steps(directory: &Path, steps: i64) -> i64 {
     until("checkpoints", || {
         let found = query(directory, "SELECT coalesce(sum(steps_done), 0) FROM cases");
@@ -110,20 +110,20 @@ hydrodynamics = "stokesian-dynamics"
 "#;
 
 #[test]
-fn second_signal_aborts_at_once_and_loses_at_most_one_interval() {
+fn second_signal_aborts_and_loses_at_most_one_interval() {
     let directory = directory_with(SLOW);
     let mut child = start(directory.path());
     let before = wait_for_steps(directory.path(), 1);
     send(&child, Signal::TERM);
     std::thread::sleep(Duration::from_millis(1100));
-    // On a fast machine it has ended by itself meanwhile.
+    // On a fast machine it may have ended before.
     let waited = child.try_wait().unwrap().is_none();
     if waited {
         send(&child, Signal::INT);
     }
     let code = ended(&mut child).code();
     assert_eq!(code, Some(if waited { 130 } else { 143 }));
-    // What was in the store before is there still: the rest is less than an interval of each run.
+    // Earlier data is still in the store: the loss is less than an interval of each run.
     assert!(query(directory.path(), "SELECT sum(steps_done) FROM cases") >= before);
 }
 
@@ -191,7 +191,8 @@ fn status_works_while_a_run_writes_and_without_write_access() {
     // A user who may only read: needs a user to be, so root only.
     if rustix::process::geteuid().is_root() && Path::new("/usr/bin/setpriv").exists() {
         use std::os::unix::fs::PermissionsExt as _;
-        // A look under way when the run ended has kept its log from being put into the file that is copied.
+        // A reader at the end of the run prevented the log from being moved into the file that is
+        // copied.
         let again = run(directory.path(), &["run", "small.toml", "--quiet"]);
         assert_eq!(again.status.code(), Some(0));
         let readable = tempfile::tempdir_in("/tmp").unwrap();
@@ -199,7 +200,8 @@ fn status_works_while_a_run_writes_and_without_write_access() {
             readable.path().join("sweep"),
             readable.path().join("s.sqlite"),
         );
-        // By another process: a program still open for writing in a test forked meanwhile would be busy.
+        // By another process: a program still open for writing in a test forked meanwhile would be
+        // busy.
         let copied = Command::new("cp")
             .arg(cargo_bin("sweep"))
             .arg(&program)
@@ -228,7 +230,7 @@ fn a_process_that_died_after_its_last_case_is_forgotten_by_the_next_run() {
     let directory = directory_with(&QUICK.replace("strain = 1.0", "strain = 0.1"));
     let at = directory.path();
     let says = |arguments: &[&str]| {
-        String::from_utf8_lossy(&run(at, arguments).stderr).contains("did not end in order")
+        String::from_utf8_lossy(&run(at, arguments).stderr).contains("did not exit cleanly")
     };
     assert!(!says(&["run", "small.toml", "--quiet"]));
     rusqlite::Connection::open(at.join("results/small.sqlite"))
@@ -237,7 +239,7 @@ fn a_process_that_died_after_its_last_case_is_forgotten_by_the_next_run() {
     assert!(says(&["status", "small.toml"]));
     assert!(
         says(&["run", "small.toml", "--quiet"]),
-        "it says so once more"
+        "it is reported again"
     );
     assert!(!says(&["status", "small.toml"]));
 }
@@ -360,7 +362,8 @@ fn what_is_whole_of_a_damaged_store_is_merged_and_the_rest_computed_again() {
         .and_then(|store| store.execute_batch("VACUUM"))
         .unwrap();
     let mut bytes = std::fs::read(&store).unwrap();
-    // The end is lost, as after a copy that was cut short: its last two pages hold what came of the later runs.
+    // The end is lost, as after an interrupted copy: its last two pages hold results of the later
+    // runs.
     bytes.truncate(bytes.len() - 2 * 4096);
     std::fs::write(&store, bytes).unwrap();
     let error = run(directory.path(), &["report", "small.toml"]);

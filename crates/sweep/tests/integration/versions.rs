@@ -1,4 +1,5 @@
-//! The campaign file is what counts: two versions of it on one store, longer and shorter runs, stores of older schemas.
+//! Versions of a campaign file: two versions on one store, longer and shorter runs, stores of older
+//! schemas.
 
 use crate::harness::{command, json, run, spawn, until};
 use rusqlite::types::Value;
@@ -24,7 +25,7 @@ spheres = 20
 hydrodynamics = "ball-melrose"
 "#;
 
-/// What a command wrote, once it has ended with this code.
+/// The output of a command that ended with this code.
 fn said(directory: &Path, arguments: &[&str], code: i32) -> (String, String) {
     let output = run(directory, arguments);
     assert_eq!(output.status.code(), Some(code), "{output:?}");
@@ -38,7 +39,7 @@ fn write(directory: &Path, file: &str, text: &str) {
     std::fs::write(path, text).unwrap();
 }
 
-/// All that was computed of each run, in the order of the keys; averages are of what is asked for.
+/// All that was computed of each run, in the order of the keys; averages follow the request.
 fn computed(store: &Path) -> Vec<Vec<Value>> {
     let store = rusqlite::Connection::open(store).unwrap();
     let mut all = Vec::new();
@@ -86,7 +87,7 @@ fn said_by_the_server(directory: &Path, file: &str) -> String {
 }
 
 #[test]
-fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
+fn report_and_status_show_the_request_of_the_file_and_name_the_last_run_version() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     write(at, "small.toml", CAMPAIGN);
@@ -106,7 +107,7 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         "copy.toml",
         "copy.toml differs from the last campaign in small.sqlite: 4 new runs, 2 reused, 0 extended",
         "2 runs in",
-        "not asked for",
+        "no longer in the campaign",
         "sweep prune",
     ] {
         assert!(err.contains(part), "{part} not in {err}");
@@ -120,7 +121,7 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         err.contains("another version") && err.contains("copy.toml"),
         "{err}"
     );
-    // So do all others that read; what they print is not mixed with it.
+    // So do all other readers, without mixing it into their output.
     let (out, _) = said(at, &["show", "small.toml", "1", "--json"], 0);
     assert!(serde_json::from_str::<Json>(&out).is_ok(), "{out}");
     for (arguments, code) in [
@@ -156,7 +157,7 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         text.contains("another version") && text.contains("sweep prune"),
         "{text}"
     );
-    // Points that were never computed are there, and pending.
+    // Points that were never computed are present and pending.
     write(
         at,
         "small.toml",
@@ -168,12 +169,12 @@ fn report_and_status_show_what_the_file_asks_for_and_say_what_was_run_last() {
         (&2.into(), &2.into())
     );
     assert_eq!(wider["points"][1]["shear_rate"], 3.0);
-    // The store as such is shown as it was last run.
+    // The store itself is shown as last run.
     assert_eq!(json(at, &["report", store])["cases"]["done"], 6);
 }
 
 #[test]
-fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_work() {
+fn second_of_two_simultaneous_campaigns_of_one_name_is_refused_without_loss() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let long = CAMPAIGN.replace("strain = 0.4", "strain = 4.0");
@@ -220,7 +221,7 @@ fn of_two_campaigns_of_one_name_at_once_the_second_is_refused_and_nobody_loses_w
 }
 
 #[test]
-fn prune_asks_first_and_removes_what_the_file_does_not_ask_for() {
+fn prune_prompts_and_removes_runs_that_are_not_in_the_file() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     write(at, "small.toml", CAMPAIGN);
@@ -298,7 +299,7 @@ fn a_run_continued_from_1_to_2_strains_has_the_bits_of_a_run_of_2() {
     }
     said(continued.path(), &["run", "small.toml", "--quiet"], 0);
     assert_eq!(computed(&store(&continued)), computed(&store(&whole)));
-    // Nothing was computed twice but what was lost at a signal: every run went on from a strain of 1.
+    // Only the loss at a signal was computed twice: every run continued from a strain of 1.
     let resumed: i64 = rusqlite::Connection::open(store(&continued))
         .unwrap()
         .query_row("SELECT min(resumed) FROM results", [], |row| row.get(0))

@@ -1,4 +1,4 @@
-//! The periodic mobility: real- and wave-space sums put together, block by block.
+//! The periodic mobility: real- and wave-space sums combined, block by block.
 
 use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
@@ -12,9 +12,10 @@ use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Chunks of pairs that one thread sums before they are written: many enough that sharing them pays, few enough for the cache.
+/// Chunks of pairs that one thread sums before they are written: enough to amortize sharing, few
+/// enough for the cache.
 const BATCH: usize = 8;
-/// Spheres from which on the sums are shared with an idle thread.
+/// Minimum number of spheres for sharing the sums with an idle thread.
 const LARGE: usize = 100;
 
 /// The two halves of the periodic sum.
@@ -33,7 +34,7 @@ pub(super) struct Ewald {
     pub(super) wave: WaveSpace,
     /// The pairs in chunks of about [`CHUNK`].
     pub(super) chunks: Vec<Chunk>,
-    /// Sums at hand, of one thread and of another that helps.
+    /// Sums of the current chunk, for one thread and for a helper.
     pub(super) sums: [Sums; 2],
 }
 
@@ -47,7 +48,7 @@ pub(super) struct Chunk {
 /// The sums of the pairs of some chunks, both halves together.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sums {
-    /// Those of each pair, in one layer for equal radii and in two otherwise.
+    /// Sums of each pair, in one layer for equal radii and in two otherwise.
     lanes: Vec<Lanes>,
     /// The wave-space half of one chunk.
     wave: WaveSums,
@@ -64,8 +65,9 @@ pub(super) struct CutOffs {
 
 /// The smallest cut-offs whose remainders stay below the tolerance.
 ///
-/// The remainder in real space is that of the images in the ring where the summand falls by e, taken as random; in
-/// wave space, where a sphere's own term adds up coherently, that of the ring in full.
+/// The remainder in real space is estimated from the images in the ring where the summand falls by
+/// e, as random terms; in wave space, where a sphere's own term adds coherently, from the full sum
+/// over the ring.
 pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> CutOffs {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let size = FiniteSize::new(largest);
@@ -144,7 +146,7 @@ impl Ewald {
         self.sums = sums;
     }
 
-    /// The real-space sums of all pairs, and nothing else of [`Ewald::fill`].
+    /// The real-space sums of all pairs, without the rest of [`Ewald::fill`].
     pub(super) fn real_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         self.real.update(cell);
         let mut sums = std::mem::take(&mut self.sums);
@@ -154,7 +156,7 @@ impl Ewald {
         self.sums = sums;
     }
 
-    /// The wave-space sums of all pairs, and nothing else of [`Ewald::fill`].
+    /// The wave-space sums of all pairs, without the rest of [`Ewald::fill`].
     pub(super) fn wave_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         self.wave.update(cell, centres);
         for chunk in &self.chunks {
@@ -260,7 +262,8 @@ impl Ewald {
     }
 }
 
-/// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the mobility of the uniform force.
+/// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the
+/// mobility of the uniform force.
 #[expect(
     clippy::inline_always,
     reason = "must be compiled for the caller's instruction set"
@@ -293,7 +296,7 @@ pub(super) struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Gives the matrix the shape `[6N × 6N]` and finds its rows.
+    /// Sets the shape `[6N × 6N]` of the matrix and determines its rows.
     pub(super) fn new(
         matrix: &'a mut TiledMatrix,
         rows: &'a mut Vec<[usize; 2]>,
@@ -336,12 +339,13 @@ impl<'a> Target<'a> {
                 3 * (n + j) + c,
                 column_of(&blocks.velocity_force, c),
             );
-            // The velocity of j from the stresslet of i is the transpose of the strain of i from the force of j.
+            // The velocity of j from the stresslet of i is the transpose of the strain of i from
+            // the force of j.
             self.write(velocity_j, 3 * i + c, blocks.strain_force[c]);
         }
     }
 
-    /// Writes the block of sphere i with itself: its own mobility and what its images add.
+    /// Writes the self block of sphere i: its own mobility and that of its images.
     pub(super) fn write_self(&mut self, i: usize, images: &Lanes, radius: f64) {
         let n = self.rows.len();
         let own = self_mobility(radius);

@@ -1,13 +1,15 @@
-//! The long-ranged part of the periodic mobility applied to a vector, by fast Fourier transforms on a grid in the plane.
+//! The long-ranged part of the periodic mobility applied to a vector, by fast Fourier transforms on
+//! a grid in the plane.
 //!
 //! ```text
 //! u(x_i) = Σ_k e^(ik·x_i) [G^ P + L^ Q],   v(x_i) = Σ_k e^(ik·x_i) L^ P,   L = ∇²G,   k ≠ 0
 //! P(k) = Σ_j e^(−ik·x_j) f_j,   Q(k) the same with every mode times its κ a²;   f_j: force, and dipoles as −Q_bc ∂_c
 //! velocity mode of i: read off u, plus κ a² times the same of v
 //! ```
-//! Sources go to the grid, and velocities come from it, through a Kaiser-Bessel window in lattice coordinates, whose transform is
-//! divided out twice; dipoles and gradients go through the window's derivative. Reading is the transpose of writing, so the
-//! operator is symmetric to rounding. The cost is that of four transforms and of N times the points under a window.
+//! Sources are spread to the grid, and velocities are interpolated from it, by a Kaiser-Bessel
+//! window in lattice coordinates, whose transform is divided out twice; dipoles and gradients use
+//! the window's derivative. Reading is the transpose of writing, so the operator is symmetric to
+//! rounding. The cost is that of four transforms and of N times the points under a window.
 
 pub(super) mod axis;
 
@@ -20,7 +22,7 @@ use axis::{Axis, WIDTH, Window, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Rows of the grid transformed at once.
+/// Rows of the grid transformed together.
 const ROWS: usize = 4;
 
 /// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
@@ -37,11 +39,14 @@ pub(super) struct Grid {
     /// Cell as `(length_x, length_y, offset)`.
     cell: [f64; 3],
     windows: Vec<[Window; 2]>,
-    /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid; zero beyond the cut-off.
+    /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid;
+    /// zero beyond the cut-off.
     kernel: Vec<[f64; 3]>,
-    /// `(P_x, P_y, Q_x, Q_y)`, then the same of u and v: rows of the second coordinate, each followed by its first points again.
+    /// `(P_x, P_y, Q_x, Q_y)`, then the same for u and v: rows of the second coordinate, each
+    /// followed by its first points again.
     values: Vec<[f64; 4]>,
-    /// P and Q as `f_x + i f_y`, then u and v, by wave numbers: rows of the first, 0 to `highest`, −`highest` to −1.
+    /// P and Q as `f_x + i f_y`, then u and v, by wave numbers: rows of the first, 0 to `highest`,
+    /// −`highest` to −1.
     columns: [Vec<Complex64>; 2],
     /// [`ROWS`] rows of P, then of Q.
     lines: Vec<Complex64>,
@@ -87,7 +92,7 @@ impl Grid {
         self.axes[0].points * self.axes[1].points
     }
 
-    /// Takes the cell and the centres of the next applications.
+    /// Sets the cell and the centres for the next applications.
     pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
         let Cell::Periodic { sides, offset, .. } = *cell else {
             return;
@@ -141,7 +146,8 @@ impl Grid {
         }
     }
 
-    /// Adds the wave part of `M x` to y; modes of each sphere as `(s1, s2, s3, F_x, F_y, T)` or `(e1, e2, e3, U_x, U_y, Ω)`.
+    /// Adds the wave part of `M x` to y; modes of each sphere as `(s1, s2, s3, F_x, F_y, T)` or
+    /// `(e1, e2, e3, U_x, U_y, Ω)`.
     pub(super) fn add(&mut self, x: &[[f64; 6]], y: &mut [[f64; 6]]) {
         vectorised(
             #[inline(always)]
@@ -213,7 +219,8 @@ impl Grid {
         }
     }
 
-    /// Transforms both fields to wave numbers; of the first coordinate only the wave numbers that are kept.
+    /// Transforms both fields to wave numbers; of the first coordinate only the wave numbers that
+    /// are kept.
     fn transform_forward(&mut self) {
         let Self {
             axes,
@@ -305,7 +312,7 @@ impl Grid {
             let kx = 2.0 * PI * m as f64 / length_x;
             for at in 0..rows {
                 let (here, there) = (m * rows + at, opposite * rows + (rows - at) % rows);
-                // Among m = 0 each pair of wave vectors k, −k is met twice.
+                // At m = 0 each pair of wave vectors k, −k occurs twice.
                 if m == 0 && here > there {
                     continue;
                 }
@@ -393,14 +400,15 @@ impl Grid {
 
 /// Grid points over wave numbers that keep the window's errors below a tolerance of M.
 ///
-/// The window leaves exp(−π WIDTH √(1 − 1/oversampling)) of each wave; derivatives of what is folded onto the smallest wave
-/// vectors weigh some hundred times more. Test `operator_is_the_dense_mobility`.
+/// The window leaves exp(−π WIDTH √(1 − 1/oversampling)) of each wave; derivatives of aliases on
+/// the smallest wave vectors weigh about a hundred times more. Test
+/// `operator_is_the_dense_mobility`.
 pub(super) fn oversampling(tolerance: f64) -> f64 {
     let root = (FOLDED / tolerance).ln() / (PI * WIDTH as f64);
     (1.0 - root * root).max(0.25).recip().max(1.25)
 }
 
-/// How much more than other entries of M those of dipoles suffer from the window's errors.
+/// Amplification of the window's errors in dipole entries of M relative to others.
 const FOLDED: f64 = 200.0;
 
 /// Grid index of a line of kept wave numbers: 0 to `highest`, then −`highest` to −1.

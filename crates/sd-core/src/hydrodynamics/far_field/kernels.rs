@@ -1,8 +1,9 @@
 //! The twenty numbers that make up the 6 × 6 mobility block of a pair.
 //!
-//! Every entry of the block is a derivative of one scalar field f of the separation, so by rotational symmetry it is
-//! an angular harmonic of order m = 0..4 of the separation `z = x + iy` (or of the wave vector) times a radial
-//! function. There are twelve radial functions: four with m = 0, and eight which come with both `Re zᵐ` and `Im zᵐ`.
+//! Every entry of the block is a derivative of one scalar field f of the separation, so by
+//! rotational symmetry it is an angular harmonic of order m = 0..4 of the separation `z = x + iy`
+//! (or of the wave vector) times a radial function. There are twelve radial functions: four with
+//! m = 0, and eight which come with both `Re zᵐ` and `Im zᵐ`.
 //!
 //! ```text
 //! lanes 0-7:  UU₂ EΩ₂ E₃E₂ EE₄ | UΩ₁ US₁' US₁ US₃   times Re zᵐ (subscript: m; US₁' is the third stresslet)
@@ -36,10 +37,11 @@ impl FiniteSize {
         }
     }
 
-    /// The factor of ∇² for the velocity modes of `self` due to the force modes of `other`, by radial function.
+    /// The factor of ∇² for the velocity modes of `self` due to the force modes of `other`, by
+    /// radial function.
     ///
-    /// Lanes UΩ and EΩ belong to velocity or strain of `self` and torque of `other`, lanes US to velocity of `self`
-    /// and stresslet of `other`.
+    /// Lanes UΩ and EΩ belong to velocity or strain of `self` and torque of `other`, lanes US to
+    /// velocity of `self` and stresslet of `other`.
     pub(crate) fn factors(&self, other: &Self) -> [f64; RADIAL] {
         let force_force = self.force + other.force;
         let force_stresslet = self.force + other.stresslet;
@@ -109,7 +111,8 @@ pub(crate) struct Blocks {
     pub(crate) strain_stresslet: [[f64; 3]; 3],
 }
 
-/// The blocks of pair (i, j) at separation `x_i − x_j`, from its lanes and those of (j, i) at the same separation.
+/// The blocks of pair (i, j) at separation `x_i − x_j`, from its lanes and those of (j, i) at the
+/// same separation.
 ///
 /// The two differ only in the finite-size factors; for equal radii they are the same.
 #[expect(clippy::inline_always, reason = "must be compiled for the caller's instruction set")]

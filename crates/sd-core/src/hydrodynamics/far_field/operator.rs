@@ -1,8 +1,9 @@
 //! The periodic mobility as an operator: `M x` in O(N log N), M never formed.
 //!
-//! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes through a grid
-//! (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`], but **without the uniform force
-//! mode**: a force common to all spheres moves none of them here, where the dense matrix has an arbitrary constant.
+//! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes
+//! through a grid (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`],
+//! but **without the uniform force mode**: a force common to all spheres moves none of them here,
+//! where the dense matrix has an arbitrary constant.
 
 use super::check;
 use super::ewald::{CutOffs, cut_offs};
@@ -18,18 +19,19 @@ use crate::space::modes::Vec2;
 use crate::space::neighbours::NeighbourList;
 use std::f64::consts::PI;
 
-/// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by columns; modes are
-/// `(s1, s2, s3, F_x, F_y, T)`.
+/// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by
+/// columns; modes are `(s1, s2, s3, F_x, F_y, T)`.
 #[derive(Debug, Clone, Copy)]
 struct NearPair {
     /// Sphere that moves.
     i: usize,
-    /// Sphere that is pushed.
+    /// Sphere with the force.
     j: usize,
     block: [[f64; 6]; 6],
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
+/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
+/// last given.
 pub struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
@@ -45,29 +47,32 @@ pub struct FarOperator {
     list: NeighbourList,
     /// Cut-off of the short-ranged part, in a.
     reach: f64,
-    /// Radii of one for all spheres, which the list is given so that its range is a distance.
+    /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
     pairs: Vec<NearPair>,
-    /// Self mobility less what the grid holds of a sphere's own image: a diagonal, modes as in [`NearPair`].
+    /// Self mobility minus the grid's part of a sphere's own image: a diagonal, modes as in
+    /// [`NearPair`].
     own: Vec<[f64; 6]>,
-    /// Force modes of each sphere, of all vectors at hand.
+    /// Force modes of each sphere, for all current vectors.
     sources: Vec<[f64; 6]>,
-    /// Velocity modes of each sphere, of all vectors at hand.
+    /// Velocity modes of each sphere, for all current vectors.
     results: Vec<[f64; 6]>,
-    /// What the long-ranged part adds to them.
+    /// Contribution of the long-ranged part.
     waves: Vec<[f64; 6]>,
 }
 
 impl FarOperator {
-    /// Makes the plan whose applications cost least.
+    /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
     /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
     /// - `radii`: one per sphere, in a.
-    /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a few 1e-9.
+    /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a
+    ///   few 1e-9.
     ///
     /// # Errors
-    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without bounds.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
+    /// bounds.
     pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let [length_x, length_y] = periodic_sides(cell)?;
@@ -80,7 +85,8 @@ impl FarOperator {
             if cut_offs.distance > longest {
                 continue;
             }
-            // Measured nanoseconds for each near pair, and for each wave vector on its share of the grid.
+            // Measured nanoseconds for each near pair, and for each wave vector on its share of the
+            // grid.
             let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
             let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
             let cost = 40.0 * pairs + 50.0 * points;
@@ -151,7 +157,8 @@ impl FarOperator {
         })
     }
 
-    /// Takes new positions. Allocates only when there are more near pairs than ever before.
+    /// Sets new positions. Allocates only when the number of near pairs exceeds its previous
+    /// maximum.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -207,11 +214,13 @@ impl FarOperator {
         Ok(())
     }
 
-    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques or velocities; or several such
-    /// vectors one after another, which share the reading of the near pairs. Two threads may share the work: the bits are the same.
+    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques
+    /// or velocities; or several such vectors in sequence, for which the near pairs are read once.
+    /// Two threads may share the work, with the same bits.
     ///
     /// # Accuracy
-    /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
+    /// The tolerance of the plan, relative to the largest entry of M; test
+    /// `operator_is_the_dense_mobility`.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let n = self.radii.len();
         self.sources.clear();
@@ -269,7 +278,7 @@ impl FarOperator {
     }
 }
 
-/// Adds what near pairs do to each other, for vectors of n spheres one after another.
+/// Adds the contribution of near pairs, for vectors of n spheres in sequence.
 #[inline(always)]
 fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
     for NearPair { i, j, block } in pairs {
@@ -292,7 +301,7 @@ fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [
     }
 }
 
-/// Refuses radii out of range, and tolerances that the grid does not reach.
+/// Refuses radii out of range, and tolerances below the accuracy of the grid.
 fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     check(radii, tolerance)?;
     if tolerance < 1e-8 {
@@ -305,7 +314,8 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Longest reach of the near part: beyond half a side a sphere would meet two images of one neighbour.
+/// Maximum range of the near part: beyond half a side a sphere would have two images of one
+/// neighbour in range.
 fn longest(sides: [f64; 2]) -> f64 {
     0.499 * sides[0].min(sides[1])
 }

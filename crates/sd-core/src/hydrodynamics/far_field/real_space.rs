@@ -1,7 +1,9 @@
-//! The short-ranged part of the periodic mobility: a sum over images of the kernels of `f = r erfc(αr)`.
+//! The short-ranged part of the periodic mobility: a sum over images of the kernels of
+//! `f = r erfc(αr)`.
 //!
-//! The radial functions are tabulated as polynomials in r². The intervals of the table divide every octave of r²
-//! evenly, so that the bits of r² are the index, and narrow where the functions are steep.
+//! The radial functions are tabulated as polynomials in r². The intervals of the table divide every
+//! octave of r² evenly, so that the bits of r² are the index, and narrow where the functions are
+//! steep.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use super::unbounded::{self, RadialChain};
@@ -22,7 +24,8 @@ impl RadialChain {
         let distance = square.sqrt();
         let gauss = (-alpha * alpha * square).exp();
         let slope = 2.0 * alpha / PI.sqrt();
-        // With D = 1/r d/dr: f₁ = h − slope·gauss, h = erfc(αr)/r, D gauss = −2α² gauss, and (−D)ᵏ h by recurrence.
+        // With D = 1/r d/dr: f₁ = h − slope·gauss, h = erfc(αr)/r, D gauss = −2α² gauss, and (−D)ᵏ
+        // h by recurrence.
         let mut derivatives = [0.0; 6];
         let mut h = libm::erfc(alpha * distance) / distance;
         let mut gaussian = slope * gauss;
@@ -39,7 +42,7 @@ impl RadialChain {
         }
     }
 
-    /// f = r erf(αr) at r = 0: what the wave part contains of a sphere's own image.
+    /// f = r erf(αr) at r = 0: a sphere's own image in the wave part.
     pub(crate) fn own_image(alpha: f64) -> Self {
         // f = 2/√π Σ (−1)ⁿ α^(2n+1) r^(2n+2) / (n! (2n+1)),  f_k = 2ᵏ k! [coefficient of r^(2k)].
         let mut derivatives = [0.0; 6];
@@ -68,7 +71,8 @@ struct RadialTable {
 }
 
 impl RadialTable {
-    /// Fits `function` at Chebyshev points for `from ≤ r² ≤ to`, with 2^digits intervals per octave.
+    /// Fits `function` at Chebyshev points for `from ≤ r² ≤ to`, with 2^digits intervals per
+    /// octave.
     fn new(from: f64, to: f64, digits: u32, function: impl Fn(f64) -> [f64; RADIAL]) -> Self {
         let (first, last) = (index(from, digits), index(to, digits));
         let nodes: [f64; DEGREE + 1] =
@@ -98,7 +102,7 @@ impl RadialTable {
     fn evaluate(&self, square: f64) -> [f64; RADIAL] {
         let bits = square.to_bits();
         let Interval(interval) = &self.intervals[index(square, self.digits) - self.first];
-        // The digits below the index, as a number in [1, 2), then moved to [−1, 1).
+        // The digits below the index, as a number in [1, 2), mapped to [−1, 1).
         let fraction =
             f64::from_bits(((bits << self.digits) & (u64::MAX >> 12)) | 1.0_f64.to_bits());
         let u = 2.0 * fraction - 3.0;
@@ -165,7 +169,7 @@ pub(crate) struct RealSpace {
     tables: Vec<RadialTable>,
     /// Finite-size factors if all radii are equal.
     equal: Option<[f64; RADIAL]>,
-    /// Lattice vectors that bring some pair within the cut-off.
+    /// Lattice vectors that can bring a pair within the cut-off.
     images: Vec<Vec2>,
     /// Cell as `(length_x, length_y, offset)`.
     cell: [f64; 3],
@@ -205,7 +209,7 @@ impl RealSpace {
         }
     }
 
-    /// Takes the cell of this call and returns the self terms: all images of a sphere but itself.
+    /// Sets the cell and returns the self terms: all images of a sphere but itself.
     pub(crate) fn update(&mut self, cell: &Cell) -> [Lanes; 2] {
         let Cell::Periodic { sides, offset, .. } = *cell else {
             return [[0.0; LANES]; 2];
@@ -247,7 +251,8 @@ impl RealSpace {
         sums
     }
 
-    /// The term of one separation within the cut-off: lanes of equal spheres and nothing, or those of f and of ∇²f.
+    /// The term of one separation within the cut-off: lanes of equal spheres and zeros, or those of
+    /// f and of ∇²f.
     #[inline(always)]
     pub(crate) fn single(&self, separation: Vec2) -> [Lanes; 2] {
         let square = separation.norm_squared();
@@ -263,7 +268,8 @@ impl RealSpace {
         lanes
     }
 
-    /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and table.
+    /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and
+    /// table.
     #[expect(
         clippy::inline_always,
         reason = "must be compiled for the caller's instruction set"
@@ -313,10 +319,10 @@ impl RealSpace {
     }
 }
 
-/// Images gathered before they are summed.
+/// Number of images gathered before summation.
 const NEAR: usize = 64;
 
-/// Lanes being summed, apart from each other so that they stay in registers.
+/// Partial sums of lanes, in separate arrays so that they stay in registers.
 struct Sum {
     /// Lanes 0-7.
     re: [f64; 8],
@@ -370,7 +376,7 @@ impl Sum {
     }
 }
 
-/// Radial functions without a table: those of equal spheres and nothing, or those of f and of ∇²f.
+/// Radial functions without a table: those of equal spheres and zeros, or those of f and of ∇²f.
 fn exact(square: f64, alpha: f64, equal: Option<&[f64; RADIAL]>) -> [[f64; RADIAL]; 2] {
     let (mut point, mut laplacian) = RadialChain::screened(square, alpha).radial_functions();
     if let Some(factors) = equal {
@@ -416,7 +422,8 @@ mod tests {
 
     #[test]
     fn own_image_and_screened_part_make_up_the_whole() {
-        // r erf(αr) near 0 tends to its series; r − r erfc(αr) cancels there, so compare at moderate αr.
+        // r erf(αr) near 0 tends to its series; r − r erfc(αr) cancels there, so compare at
+        // moderate αr.
         let (alpha, r) = (0.05, 2.0_f64);
         let (whole, screened, own) = (
             RadialChain::distance(r * r),

@@ -1,4 +1,5 @@
-//! The far-field resistance: inverse of the grand mobility, without resistance to a layer's translation as a whole.
+//! The far-field resistance: inverse of the grand mobility, without resistance to a uniform
+//! translation of a layer.
 
 use super::FarField;
 use crate::error::Error;
@@ -8,12 +9,14 @@ use crate::linalg::simd::vectorised;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 
-/// The far-field resistance of one configuration: M⁻¹, without resistance to a uniform translation of a layer.
+/// The far-field resistance of one configuration: M⁻¹, without resistance to a uniform translation
+/// of a layer.
 ///
 /// ```text
 /// periodic:  R_far = M⁻¹ − M⁻¹ V (Vᵀ M⁻¹ V)⁻¹ Vᵀ M⁻¹ = L⁻ᵀ (I − W Wᵀ) L⁻¹,   V: uniform forces [6N × 2]
 /// ```
-/// with `M = L Lᵀ` and W the orthonormalised `L⁻¹ V`. Its limit is that of an infinite mobility of the uniform force.
+/// with `M = L Lᵀ` and W the orthonormalised `L⁻¹ V`. Its limit is that of an infinite mobility of
+/// the uniform force.
 pub struct FarResistance {
     /// Fills in M.
     far_field: FarField,
@@ -44,11 +47,13 @@ impl FarResistance {
     /// Computes `R_far` of a configuration. Allocates nothing after the first call.
     ///
     /// # Arguments
-    /// - `r_fu`: takes force from velocity, the lower triangle `[3N × 3N]` of `R_far`'s trailing block, in mu·a, mu·a², mu·a³; rows and
-    ///   columns are `(x, y, z-rotation)` of sphere 0, of sphere 1, ….
+    /// - `r_fu`: takes force from velocity, the lower triangle `[3N × 3N]` of `R_far`'s trailing
+    ///   block, in mu·a, mu·a², mu·a³; rows and columns are `(x, y, z-rotation)` of sphere 0, of
+    ///   sphere 1, ….
     ///
     /// # Errors
-    /// Those of [`FarField::fill`]; [`Error::NotPositiveDefinite`] names the sphere at which the factorization broke down.
+    /// Those of [`FarField::fill`]; [`Error::NotPositiveDefinite`] names the sphere at which the
+    /// factorization broke down.
     pub fn update(
         &mut self,
         cell: &Cell,
@@ -127,7 +132,8 @@ impl FarResistance {
         );
     }
 
-    /// `x ← R_far x`, with x `[6N]` as (−E; U − u∞, Ω − Ω∞) in the order of the module; becomes (S~; F, T).
+    /// `x ← R_far x`, with x `[6N]` as (−E; U − u∞, Ω − Ω∞) in the order of the module; becomes
+    /// (S~; F, T).
     ///
     /// Two triangular solves, 2(6N)² flops.
     pub fn apply(&self, x: &mut [f64]) {
@@ -135,7 +141,8 @@ impl FarResistance {
         self.cholesky.solve_upper_vector(x, 0);
     }
 
-    /// As [`FarResistance::apply`] for the forces and torques alone: what becomes of the 3N leading entries has no meaning.
+    /// As [`FarResistance::apply`] for the forces and torques alone: the 3N leading entries are
+    /// undefined.
     pub fn apply_for_forces(&self, x: &mut [f64]) {
         self.apply_lower(x);
         self.cholesky

@@ -8,7 +8,8 @@ use crate::linalg::join::tests::assert_same_with_any_threads;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A triangular layer of `columns × rows` spheres at an area fraction, each moved by at most `shake`.
+/// A triangular layer of `columns × rows` spheres at an area fraction, each displaced by at most
+/// `shake`.
 pub(super) fn layer(
     columns: usize,
     rows: usize,
@@ -39,7 +40,7 @@ pub(super) fn layer(
     (cell, centres)
 }
 
-/// The whole of `R_far`.
+/// The full matrix `R_far`.
 fn resistance(far_field: FarField, cell: &Cell, centres: &[Vec2]) -> Matrix {
     let n = 6 * centres.len();
     let mut far = FarResistance::new(far_field);
@@ -234,7 +235,7 @@ fn force_free_sources_agree_with_a_plain_lattice_sum() {
             b[(0, 0)]
         })
         .collect();
-    // A uniform velocity is left open.
+    // A uniform velocity is undetermined.
     for values in [&mut found, &mut expected] {
         for k in 0..2 {
             let mean = (0..n).map(|i| values[entry(n, i, k)]).sum::<f64>() / 3.0;
@@ -291,7 +292,7 @@ fn dense_layers_have_a_positive_definite_mobility() {
     ] {
         let (cell, centres) = layer(columns, rows, area_fraction, shake, 0.0);
         for radius in [1.0, 0.5] {
-            // Spheres of half the size have a far field as well.
+            // Spheres of half the size also have a far field.
             let radii = vec![radius; centres.len()];
             let mut far = FarResistance::new(
                 FarField::new(&cell, &radii, FarField::DEFAULT_TOLERANCE).unwrap(),

@@ -88,19 +88,21 @@ pub(crate) fn lanes(radial: &[f64; RADIAL], separation: Vec2) -> Lanes {
 /// ```text
 /// (U_x, U_y, Ω, e1, e2, e3) of i  =  M_ij (F_x, F_y, T, s1, s2, s3) of j
 /// ```
-/// F and T are external, s is the moment S~ that sphere j exerts on the fluid, and e is the strain of the
-/// disturbance at i. With the self terms, M maps (F, T, S~) to (U − u∞, Ω − Ω∞, −E∞), because an isolated sphere in
-/// strain E exerts S~ = −(20/3) π a³ E.
+/// F and T are external, s is the moment S~ that sphere j exerts on the fluid, and e is the strain
+/// of the disturbance at i. With the self terms, M maps (F, T, S~) to (U − u∞, Ω − Ω∞, −E∞),
+/// because an isolated sphere in strain E exerts S~ = −(20/3) π a³ E.
 ///
 /// # Arguments
 /// - `separation`: `x_i − x_j`, in a; from j, the source, to i.
 /// - `radius_i`, `radius_j`: in a.
 ///
 /// # Returns
-/// `[6 × 6]` in 1/(mu a), 1/(mu a²), 1/(mu a³); `pair_mobility(−x, a_j, a_i)` is its transpose; → 0 as r → ∞.
+/// `[6 × 6]` in 1/(mu a), 1/(mu a²), 1/(mu a³); `pair_mobility(−x, a_j, a_i)` is its transpose; → 0
+/// as r → ∞.
 ///
 /// # Accuracy
-/// Rounding. The truncated multipoles themselves leave 1e-4 (forces) and 2e-3 (strains) at s' = 3.9 of equal spheres, test `agrees_with_exact_pairs_at_distance`.
+/// Rounding. The truncated multipoles themselves leave 1e-4 (forces) and 2e-3 (strains) at s' = 3.9
+/// of equal spheres, test `agrees_with_exact_pairs_at_distance`.
 ///
 /// # Source
 /// Durlofsky, Brady & Bossis 1987, reduced to the planar modes.
@@ -119,7 +121,8 @@ pub(crate) fn pair_lanes(separation: Vec2, i: &FiniteSize, j: &FiniteSize) -> [L
     })
 }
 
-/// Diagonal of the mobility of an isolated sphere: 1/(6πa) twice, 1/(8πa³), and 3/(20πa³) three times.
+/// Diagonal of the mobility of an isolated sphere: 1/(6πa) twice, 1/(8πa³), and 3/(20πa³) three
+/// times.
 ///
 /// Signs as in [`pair_mobility`]; `radius` in a.
 pub(crate) fn self_mobility(radius: f64) -> Modes {
@@ -199,8 +202,9 @@ mod tests {
             for (k, v) in found.iter().enumerate() {
                 let u = vector(&case["velocity_disturbance"][k]);
                 let omega = case["angular_velocity_disturbance"][k].as_f64().unwrap();
-                // The first neglected multipoles: 2e-3 in a unit strain; under a force 5e-3 of the smaller
-                // sphere's own mobility, 2e-2 where that sphere is close to a much larger one.
+                // The first neglected multipoles: 2e-3 in a unit strain; under a force 5e-3 of the
+                // smaller sphere's own mobility, 2e-2 where that sphere is close to a much larger
+                // one.
                 let smaller = radii[0].min(radii[1]);
                 let limit = if case["case"].as_str().unwrap().starts_with('E') {
                     3e-3 / smaller

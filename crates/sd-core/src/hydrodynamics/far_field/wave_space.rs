@@ -6,8 +6,8 @@
 //! J0 = e^(−q²) α/√π,  J1 = erfc(q)/(2k),  J2 = [erfc(q)(1 − 2q²) + 2q e^(−q²)/√π]/(4k³)
 //! J₋₁ = J0 (k² + 1/2σ),  J₋₂ = J0 ((k² + 1/2σ)² + 1/2σ²);   σ = 1/(4α²),  q = k/(2α)
 //! ```
-//! Per pair the twenty lanes are sums over k of weights times cos k·x (even lanes) or sin k·x (odd ones): with one row
-//! per pair, two products of a tall matrix and a narrow one.
+//! Per pair the twenty lanes are sums over k of weights times cos k·x (even lanes) or sin k·x (odd
+//! ones): with one row per pair, two products of a tall matrix and a narrow one.
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use crate::linalg::dense::{Matrix, product};
@@ -16,11 +16,11 @@ use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Pairs that are summed at once, unless one column of the matrix has more.
+/// Number of pairs summed together, unless one column of the matrix has more.
 pub(super) const CHUNK: usize = 256;
-/// Lanes that go with the cosine.
+/// Lanes with the cosine.
 pub(crate) const EVEN: [usize; 12] = [0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19];
-/// Lanes that go with the sine.
+/// Lanes with the sine.
 pub(crate) const ODD: [usize; 8] = [4, 5, 6, 7, 12, 13, 14, 15];
 
 /// `(b0, b1, b2)/8π` of one wave vector: the factor 8π of G cancels against that of the mobility.
@@ -88,7 +88,7 @@ pub(crate) struct WaveSpace {
     equal: Option<[f64; RADIAL]>,
     /// Half of the wave vectors, as multiples (m, n) of the reciprocal lattice vectors.
     vectors: Vec<(usize, i32)>,
-    /// Most of them that any offset can bring.
+    /// Their maximum number at any offset.
     most: usize,
     /// Weights `[K × 12]` or `[K × 24]` of the cosines.
     even: Matrix,
@@ -98,7 +98,8 @@ pub(crate) struct WaveSpace {
     cosines: Matrix,
     /// sin k·x of every sphere `[N × K]`.
     sines: Matrix,
-    /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice coordinate.
+    /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice
+    /// coordinate.
     powers_x: Matrix,
     /// The same powers of the second coordinate.
     powers_y: Matrix,
@@ -140,7 +141,7 @@ impl WaveSpace {
         if self.equal.is_some() { 1 } else { 2 }
     }
 
-    /// Takes the cell and the centres of this call; returns the sum at separation 0.
+    /// Sets the cell and the centres; returns the sum at separation 0.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
         let Cell::Periodic { sides, offset, .. } = *cell else {
             return [[0.0; LANES]; 2];
@@ -193,7 +194,7 @@ impl WaveSpace {
         sums
     }
 
-    /// Makes room for the most wave vectors that any offset can bring.
+    /// Allocates the maximum number of wave vectors at any offset.
     fn reserve(&mut self, spheres: usize, columns: usize, first: f64, second: f64) {
         #[expect(
             clippy::cast_possible_truncation,

@@ -4,35 +4,39 @@
 //! given q and c:   contact forces and velocities under sparse hydrodynamics and the forces −δ of the far field
 //! next:            P x + δ of both parts as in `split`
 //! ```
-//! One evaluation solves one contact problem, whose forces and states are those of the evaluation before but for little.
+//! One evaluation solves one contact problem, whose forces and states change little between
+//! evaluations.
 
 use super::{Convergence, IterativeFarField};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 
-/// How far the iteration has come when the map is evaluated once more.
+/// State of the iteration at an evaluation of the map.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress {
-    /// Evaluations made before in this solve.
+    /// Number of earlier evaluations in this solve.
     pub evaluations: u32,
     /// Relative residual of the last one; infinite before the first.
     pub residual: f64,
 }
 
-/// The map whose fixed point is sought along with the far field: a contact problem under sparse hydrodynamics.
+/// The map whose fixed point is sought along with the far field: a contact problem under sparse
+/// hydrodynamics.
 pub trait FixedPointMap {
     /// Evaluates the map once.
     ///
     /// # Arguments
     /// - `forces`: `[6N]`, on part N and on part T, without contact forces.
-    /// - `progress`: forces and velocities need only be a little better than its residual.
-    /// - `velocities`: v_N, then v_T `[6N]`; v_T is zero where the contact law does not read the motion without friction.
+    /// - `progress`: forces and velocities need only be slightly more accurate than its residual.
+    /// - `velocities`: v_N, then v_T `[6N]`; v_T is zero where the contact law does not read the
+    ///   motion without friction.
     ///
     /// # Returns
-    /// Whether the problem itself has changed since the last evaluation, as by another choice of activated contacts. It must not forever.
+    /// Whether the problem itself has changed since the last evaluation, as by an update of the
+    /// active set. It may change only finitely often.
     ///
     /// # Errors
-    /// Whatever makes the stage fail.
+    /// Any error of the stage.
     fn evaluate(
         &mut self,
         forces: &[f64],
@@ -41,21 +45,22 @@ pub trait FixedPointMap {
     ) -> Result<bool, Error>;
 }
 
-/// Evaluations at most; near jamming some thirty are needed.
+/// Maximum number of evaluations; near jamming about thirty are needed.
 const MOST_EVALUATIONS: u32 = 200;
-/// Relative residual above which a motion is none.
+/// Relative residual above which the result is rejected.
 const WORST: f64 = 0.1;
-/// Rise of the residual over its least at which the acceleration starts anew.
+/// Ratio of the residual to its minimum at which the acceleration is restarted.
 const WORSE: f64 = 10.0;
 
 impl<S: Fluid> IterativeFarField<S> {
-    /// Disturbance velocities `[3N]` with contacts; their forces stay with `map`.
+    /// Disturbance velocities `[3N]` with contacts; their forces are kept in `map`.
     ///
-    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities are v = v_N + v_T of the last
-    /// evaluation, and [`IterativeFarField::correct`] then has the far field of both parts.
+    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities
+    /// are v = v_N + v_T of the last evaluation, and [`IterativeFarField::correct`] then has the
+    /// far field of both parts.
     ///
-    /// States of contacts need not exist that agree with the far field of their own motion, or may not be found: then the residual is above
-    /// the one asked for.
+    /// States of contacts that are consistent with the far field of their own motion may not exist
+    /// or may not be found: then the residual is above the tolerance.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
@@ -103,7 +108,8 @@ impl<S: Fluid> IterativeFarField<S> {
                 break Ok(found.residual <= WORST);
             }
             found.iterations += 1;
-            // Another choice of contacts changes few directions: the steps learned still serve, but not the one to that choice.
+            // An update of the active set changes few directions: earlier steps remain useful,
+            // except the one across the update.
             if changed {
                 work.anderson.skip_step();
             }

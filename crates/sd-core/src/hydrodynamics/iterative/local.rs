@@ -1,4 +1,5 @@
-//! P, the far field's resistance as far as near pairs alone have it: see `far_pairs` of the resistance.
+//! P, the approximation of the far field's resistance by near pairs: see `far_pairs` of the
+//! resistance.
 
 use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
 use crate::linalg::simd::vectorised;
@@ -16,7 +17,7 @@ impl<S: Fluid> LocalResistance<S> {
     /// Modes of a sphere.
     const MODES: usize = S::STRAINS + S::MODES;
 
-    /// Takes the drag of isolated spheres, strains first, and what near pairs of `near` add to it.
+    /// Sets the drag of isolated spheres, strains first, and the terms of near pairs of `near`.
     pub(super) fn update(&mut self, drag: &[f64], near: &Resistance<S>) {
         let spheres = near.radii().len();
         let (strains, velocities) = drag.split_at(S::STRAINS * spheres);

@@ -5,17 +5,17 @@ use crate::hydrodynamics::resistance::{Fluid, NearMatrix, Resistance};
 use crate::linalg::Until;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
-/// Largest residual force at which conjugate gradients stop, over the largest force.
-const LEFT: f64 = 1e-10;
+/// Relative tolerance of conjugate gradients: largest residual force over the largest force.
+const RESIDUAL_TOLERANCE: f64 = 1e-10;
 const MOST_ITERATIONS: u32 = 500;
 
-/// Workspace of solves with the `R_FU` of what the far field is iterated on.
+/// Workspace of solves with the sparse `R_FU` below the iterated far field.
 #[derive(Default)]
 pub(crate) struct NearSolver<S: Fluid> {
     /// Vector in the order of the factor's rows, `[3N]`.
     rows: Vec<f64>,
     forces: Vec<f64>,
-    /// Factor of the near part of what is held pair by pair.
+    /// Factor of the near part of a pairwise resistance.
     factor: NearMatrix<S>,
     /// Conjugate gradients with all of `R_FU`, which that factor preconditions.
     gradients: ConjugateGradients,
@@ -59,19 +59,19 @@ impl<S: Fluid> NearSolver<S> {
         self.gradients.solve(
             &self.forces,
             x,
-            Until::new(LEFT * largest, MOST_ITERATIONS as usize),
+            Until::new(RESIDUAL_TOLERANCE * largest, MOST_ITERATIONS as usize),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
         let residual = self.gradients.residual();
-        if residual <= LEFT * largest {
+        if residual <= RESIDUAL_TOLERANCE * largest {
             return Ok(());
         }
         Err(Error::NotConverged {
             quantity: "the motion under near-field hydrodynamics",
             iterations: MOST_ITERATIONS,
             residual: residual / largest,
-            wanted: LEFT,
+            wanted: RESIDUAL_TOLERANCE,
         })
     }
 }

@@ -1,15 +1,16 @@
-//! The motion in two parts under an iterated far field, as laws ask for that read one part alone.
+//! The motion in two parts under an iterated far field, for laws that depend on one part.
 //!
 //! ```text
-//! v_N: the motion under the forces N,   v_T: what the forces T add,   v = v_N + v_T
+//! v_N: the motion under the forces N,   v_T: the response to the forces T,   v = v_N + v_T
 //! R_P v_N = F + (R_n + P)_FE E + Cᵀ f − δ_N,   R_P v_T = −Dᵀ F_t − δ_T        contact law on v and the slip of v_N
 //! M q_N = (−E; v_N) − V c_N,   M q_T = (0; v_T) − V c_T                       q = P x + δ, Vᵀ q = 0 for each part
 //! ```
-//! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the forces −δ. Given q and c, take
-//! `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is the next q, and c moves by what the pair terms would need to
-//! take up the force on the layer, `(Vᵀ R_n V)⁻¹ Vᵀ q`. This map is what the preconditioned conjugate gradients of [`super`]
-//! iterate; contacts make it piecewise linear, and friction takes its symmetry: [`super::fixed_point`] accelerates it, remembering many
-//! steps.
+//! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the
+//! forces −δ. Given q and c, take `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is
+//! the next q, and c moves by what the pair terms would need to take up the force on the layer,
+//! `(Vᵀ R_n V)⁻¹ Vᵀ q`. The preconditioned conjugate gradients of [`super`] iterate the same map;
+//! contacts make it piecewise linear, and friction makes it unsymmetric: [`super::fixed_point`]
+//! accelerates it with a history of many steps.
 
 use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
@@ -17,10 +18,11 @@ use crate::hydrodynamics::resistance::{FarProduct, Fluid};
 use crate::linalg::anderson::Anderson;
 use std::marker::PhantomData;
 
-/// Steps that the acceleration remembers.
+/// Length of the history of the acceleration.
 const DEPTH: usize = 40;
 
-/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where said also c of both parts, four numbers.
+/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where noted also c
+/// of both parts, four numbers.
 pub(super) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
@@ -50,7 +52,7 @@ impl<S: Fluid> SplitMotion<S> {
     /// Modes of a sphere.
     const MODES: usize = S::STRAINS + S::MODES;
 
-    /// An iteration that starts from nothing. `drag` is the diagonal of M₀⁻¹, `[6N]`, strains first.
+    /// An iteration that starts from zero. `drag` is the diagonal of M₀⁻¹, `[6N]`, strains first.
     pub(super) fn new(drag: &[f64]) -> Self {
         let n = drag.len();
         let spheres = n / Self::MODES;
@@ -74,7 +76,7 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Forgets the last solve: the next one starts from nothing.
+    /// Discards the last solution: the next solve starts from zero.
     pub(super) fn forget(&mut self) {
         self.scaled.fill(0.0);
     }
@@ -91,15 +93,15 @@ impl<S: Fluid> SplitMotion<S> {
         self.scaled.iter().map(|&x| single(x)).collect()
     }
 
-    /// Takes back what [`SplitMotion::found`] gave.
+    /// Restores a value of [`SplitMotion::found`].
     pub(super) fn start_from(&mut self, found: &[f32]) {
         for (x, &found) in self.scaled.iter_mut().zip(found) {
             *x = f64::from(found);
         }
     }
 
-    /// Norm of the residual, as a change of `scaled` under isolated drag, over that of the next `√M₀ q` of both parts together: near
-    /// jamming the two are large and all but cancel.
+    /// Norm of the residual, as a change of `scaled` under isolated drag, over that of the next
+    /// `√M₀ q` of both parts together: near jamming the two are large and nearly cancel.
     pub(super) fn relative_residual(&self) -> f64 {
         let part = (self.roots.len() - 4) / 2;
         let next: f64 = (0..part)
@@ -160,7 +162,8 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Computes the residual of the velocities found, and the changes for them: `√M₀ P (x − M q − V c)`, and that of c.
+    /// Computes the residual of the velocities found, and the changes for them:
+    /// `√M₀ P (x − M q − V c)`, and that of c.
     pub(super) fn take_change(
         &mut self,
         uniform: &Uniform<S>,
@@ -185,7 +188,7 @@ impl<S: Fluid> SplitMotion<S> {
             for (at, pushed) in rows.zip(&self.work) {
                 self.change[at] = pushed / self.roots[at];
             }
-            // The next q, whose sum the pair terms are to take up.
+            // The next q, whose sum the pair terms balance.
             let mut net = [0.0; 2];
             for k in (0..moves).filter(|k| k % S::MODES < S::DRIFTS) {
                 let at = part * whole + half + k;
@@ -214,7 +217,7 @@ impl<S: Fluid> SplitMotion<S> {
 }
 
 /// The nearest number of single precision.
-#[expect(clippy::cast_possible_truncation, reason = "to round is what is meant")]
+#[expect(clippy::cast_possible_truncation, reason = "rounding is intended")]
 fn single(x: f64) -> f32 {
     x as f32
 }

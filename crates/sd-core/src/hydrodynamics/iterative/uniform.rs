@@ -1,4 +1,5 @@
-//! Translations of the layer as a whole: what resists them, and what keeps the far field's forces adding up to zero.
+//! Uniform translations of the layer: their resistance, and the constraint that the far field's
+//! forces sum to zero.
 
 use super::local::LocalResistance;
 use super::near_solver::NearSolver;
@@ -6,7 +7,8 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::add_scaled;
 
-/// Resistance of the pair terms to a translation, over isolated drag, below which it counts as none.
+/// Resistance of the pair terms to a translation, over isolated drag, below which it counts as
+/// zero.
 const LEAST: f64 = 1e-9;
 
 /// The two translations V at one set of positions, under sparse hydrodynamics.
@@ -27,12 +29,13 @@ pub(super) struct Uniform<S: Fluid> {
     /// A translation of all spheres, `(0; V)`, `[6N]`.
     velocities: Vec<f64>,
     work: Vec<f64>,
-    /// Stresslets that come with the forces and are not used.
+    /// Stresslets, a by-product that is not used.
     stresslets: Vec<S::Strain>,
 }
 
 impl<S: Fluid> Uniform<S> {
-    /// Computes how the pair terms resist translations; `drag` is that of the velocity rows, `[3N]`.
+    /// Computes the resistance of the pair terms to translations; `drag` is that of the velocity
+    /// rows, `[3N]`.
     pub(super) fn update(
         &mut self,
         near: &Resistance<S>,
@@ -68,7 +71,7 @@ impl<S: Fluid> Uniform<S> {
         self.invert([a, b].map(|force| translations::<S>(force)));
     }
 
-    /// Solves for the motion that the translations' resistance drives: `Vᵀ W V`.
+    /// Solves for the motion driven by the resistance to translations: `Vᵀ W V`.
     pub(super) fn solve(
         &mut self,
         near: &Resistance<S>,
@@ -91,7 +94,8 @@ impl<S: Fluid> Uniform<S> {
         Ok(())
     }
 
-    /// Inverts the products of V with two vectors, symmetric up to rounding; whole drag is the scale.
+    /// Inverts the products of V with two vectors, symmetric up to rounding; the total drag is the
+    /// scale.
     fn invert(&mut self, m: [[f64; 2]; 2]) {
         let least = LEAST * self.drag;
         let off = 0.5 * (m[0][1] + m[1][0]);
@@ -106,7 +110,8 @@ impl<S: Fluid> Uniform<S> {
         };
     }
 
-    /// The translation of the layer, against the fluid, that adds to a net force on it the opposite one.
+    /// The translation of the layer, against the fluid, that adds to a net force on it the opposite
+    /// one.
     pub(super) fn against(&self, net: [f64; 2]) -> [f64; 2] {
         self.inverse.map(|row| row[0] * net[0] + row[1] * net[1])
     }

@@ -25,8 +25,8 @@ impl Fluid for Bulk {
     const ENDS_AT_CUTOFF: bool = true;
     /// The wave vector k = 0 is left out: there is no mean flow.
     const DRIFTS: usize = 0;
-    /// With those of the layer the factor fills in: a Ball-Melrose instant of 1000 spheres at
-    /// φ = 0.45 takes 0.09 s in place of 0.035 s.
+    /// The values of the layer cause more fill-in: a Ball-Melrose instant of 1000 spheres at φ =
+    /// 0.45 then takes 0.09 s instead of 0.035 s.
     const REACHES: [Reach; 2] = [Reach {
         needed: 2.02,
         taken: 2.05,
@@ -202,7 +202,7 @@ impl FarMatrix<Bulk> for BulkFarMatrix {
 /// Products with the mobility.
 pub struct BulkFarProduct {
     operator: MobilityOperator,
-    /// Modes of each sphere together, and what becomes of them.
+    /// Modes grouped by sphere, before and after the product.
     modes: [Vec<Modes>; 2],
 }
 

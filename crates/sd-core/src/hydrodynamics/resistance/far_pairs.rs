@@ -1,11 +1,13 @@
-//! The far field of near pairs, each pair alone: a sparse resistance near that of the whole far field, which is iterated on top of it.
+//! The far field of near pairs, each pair alone: a sparse approximation of the far field, whose
+//! remainder is iterated.
 //!
 //! ```text
 //! P = D + Σ_near θ_ij (R2B∞ − D_ij),   θ_ij = min(1, LARGEST / max(w_i, w_j)),   w_i = Σ_j w_ij
 //! ```
-//! With θ = 1 a pair far from others is exact. A sphere among many moves with all of them, which pairs summed up would count too
-//! often: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least `(1 − LARGEST) D`. Of isolated spheres alone, `P = D`, the iteration takes
-//! about twice as many steps.
+//! With θ = 1 a pair far from others is exact. For a sphere among many neighbours the sum over
+//! pairs overestimates collective motion: as `R2B∞ − D ≥ −w_ij D`, these θ keep P at least
+//! `(1 − LARGEST) D`. With isolated spheres only, `P = D`, the iteration takes about twice as many
+//! steps.
 
 use super::fluid::{Fluid, NearTerm};
 use super::tables::{BySizes, largest_of_many};
@@ -15,21 +17,21 @@ use crate::space::pair::Neighbours;
 
 /// Pairs closer than this, in s', are near.
 const NEAR: f64 = 2.4;
-/// Largest share of its drag that a sphere's pairs may take away.
+/// Largest fraction of the drag of a sphere by which its pairs may reduce it.
 const LARGEST: f64 = 0.95;
 
 /// The far field of twists is left out, as it is small: P need not be exact.
 const NO_TWIST: [f64; 3] = [0.0; 3];
 
-/// Step of the size ratios of the tables for many sizes, as a factor's logarithm. Radii are then taken as other ones within a quarter of
-/// it, so that `R2B∞ − D ≥ −1.015 w D`, and P stays positive definite.
+/// Logarithmic step of the size ratios of the tables for many sizes. Radii are then approximated
+/// within a quarter of it, so that `R2B∞ − D ≥ −1.015 w D`, and P stays positive definite.
 const STEP: f64 = 0.02;
 
 /// `R2B∞ − D` of all pairs.
 enum Tables {
-    /// Of a few sizes.
+    /// For a few sizes.
     Few(BySizes<FarPair>),
-    /// Of many, near enough: by size ratio, in steps of [`STEP`] from 1.
+    /// For many sizes, approximately: by size ratio, in steps of [`STEP`] from 1.
     Many(Vec<FarPair>),
 }
 
@@ -88,7 +90,7 @@ impl<S: Fluid> FarPairs<S> {
         })
     }
 
-    /// Finds the terms of the near ones among all pairs, and adds them to those that `terms` has.
+    /// Computes the terms of near pairs, and adds them to `terms`.
     pub(super) fn add(&mut self, radii: &[f64], pairs: &[Neighbours<S>], terms: &mut [S::Term]) {
         self.terms.clear();
         self.totals.fill(0.0);

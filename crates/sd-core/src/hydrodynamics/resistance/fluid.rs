@@ -1,4 +1,4 @@
-//! What hydrodynamics has for a layer and for a suspension each.
+//! The parts of the hydrodynamics that differ between layers and suspensions.
 
 use super::pairwise::Reach;
 use crate::error::Error;
@@ -13,19 +13,19 @@ pub trait Fluid: Space {
     type Term: NearTerm<Self>;
     /// The far field of all spheres in full matrices.
     type Far: FarMatrix<Self>;
-    /// The same as products with the mobility.
+    /// The far field as products with the mobility.
     type Operator: FarProduct<Self>;
-    /// Something of each mode of a sphere, strains first.
+    /// A value for each mode of a sphere, strains first.
     type PerAnyMode<T: Copy>: Few<T>;
     /// Whether spheres twist about their line of centres.
     const TWISTS: bool;
     /// Whether pairs beyond the cutoff of leading-order lubrication, of which a sphere has many in
     /// three dimensions, are left out of the list.
     const ENDS_AT_CUTOFF: bool;
-    /// Directions in which the far field lets all spheres drift together.
+    /// Directions of uniform translation that the far field does not resist.
     const DRIFTS: usize;
-    /// Which pairs the near part has under Ball-Melrose and lubrication, and under an iterated far
-    /// field.
+    /// Range of pairs of the near part under Ball-Melrose and lubrication, and under an iterated
+    /// far field.
     const REACHES: [Reach; 2];
 
     /// The resistance of a pair; `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
@@ -34,7 +34,7 @@ pub trait Fluid: Space {
     /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
     fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);
 
-    /// The same for all modes, strains first, as the far field has it.
+    /// The same for all modes, strains first, in the far field.
     fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
 
     /// A value for each mode.
@@ -103,18 +103,18 @@ pub trait FarMatrix<S: Fluid>: Sized {
 
 /// The mobility of the far field by its products.
 pub trait FarProduct<S: Fluid>: Sized {
-    /// Makes a plan for cells of the given sides.
+    /// Plans for cells of the given sides.
     ///
     /// # Errors
     /// A radius or tolerance out of range, or unbounded fluid.
     fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error>;
 
-    /// Takes new positions.
+    /// Sets new positions.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
     fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error>;
 
-    /// `y ← M x` for one motion or several, one after the other, each strains first.
+    /// `y ← M x` for one or several motions in sequence, each strains first.
     fn apply(&mut self, x: &[f64], y: &mut [f64]);
 }

@@ -15,8 +15,9 @@ use crate::space::modes::Vec2;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// Drag, over that of free spheres, on a periodic layer that moves as a whole. The fluid gives it none, and a layer without
-/// pairs would be free to drift; forces add up to zero, so this small drag only sets that drift to zero.
+/// Drag, over that of free spheres, on the uniform translation of a periodic layer. The fluid does
+/// not resist it, and a layer without pairs could drift; since forces sum to zero, this small drag
+/// only sets the drift to zero.
 const UNIFORM_DRAG: f64 = 1e-9;
 
 impl Fluid for Layer {
@@ -28,13 +29,15 @@ impl Fluid for Layer {
     const ENDS_AT_CUTOFF: bool = false;
     const DRIFTS: usize = 2;
     const REACHES: [Reach; 2] = [
-        // Pairs that touch or soon may: the factor is then small, and iterations on it are quick, if more of them.
+        // Pairs in contact or close to it: the factor is then small, which gives more but cheaper
+        // iterations.
         Reach {
             needed: 2.1,
             taken: 2.2,
             ahead: 0.08,
         },
-        // First neighbours too: each iteration then gains a factor of about thirty.
+        // Includes first neighbours: each iteration then reduces the residual by a factor of about
+        // thirty.
         Reach {
             needed: 2.4,
             taken: 2.7,
@@ -70,7 +73,7 @@ fn joined(both: &Both<Layer>) -> PairVector {
     vector
 }
 
-/// The parts of such a vector.
+/// Splits such a vector by sphere.
 fn parted(vector: &PairVector) -> Both<Layer> {
     [0, 3].map(|k| [vector[k], vector[k + 1], vector[k + 2]])
 }

@@ -13,7 +13,7 @@ use std::marker::PhantomData;
 /// Rows of a block of the factor.
 const ROWS: usize = 3;
 
-/// Which pairs of spheres have a block.
+/// The pattern: pairs of spheres with a block.
 #[derive(Debug)]
 pub(crate) struct NearPattern<S: Space> {
     blocks: BlockPattern,
@@ -93,12 +93,12 @@ impl<S: Space> NearMatrix<S> {
         self.blocks.reset(&pattern.blocks);
     }
 
-    /// Takes over the matrix of another of the same pattern.
+    /// Copies another matrix of the same pattern.
     pub(crate) fn copy_matrix(&mut self, other: &Self) {
         self.blocks.copy_matrix(&other.blocks);
     }
 
-    /// Takes over the block of a sphere from another of the same pattern.
+    /// Copies the block of a sphere from another matrix of the same pattern.
     pub(crate) fn copy_own(&mut self, pattern: &NearPattern<S>, other: &Self, sphere: usize) {
         let parts = NearPattern::<S>::PARTS;
         for p in 0..parts {
@@ -158,7 +158,7 @@ impl<S: Space> NearMatrix<S> {
         }
     }
 
-    /// Factors the matrix, which stays as it is.
+    /// Factors the matrix, which is unchanged.
     ///
     /// # Errors
     /// [`BadPivot`] with `S::MODES × sphere + component`.
@@ -166,8 +166,8 @@ impl<S: Space> NearMatrix<S> {
         self.blocks.factor(&pattern.blocks)
     }
 
-    /// The same for a matrix of the pattern it was when it was factored last: takes only what other
-    /// values change.
+    /// Refactors a matrix of the same pattern as at the last factorization: updates only what
+    /// changed values affect.
     ///
     /// # Errors
     /// As there.

@@ -1,4 +1,4 @@
-//! The near-field terms of all pairs in range, and what they add to matrices and vectors.
+//! The near-field terms of all pairs in range, and their contributions to matrices and vectors.
 
 use super::fluid::{Both, Fluid, NearTerm};
 use crate::linalg::dense::Matrix;
@@ -23,7 +23,7 @@ pub(super) fn add_to_matrix<S: Fluid>(
                 }
             }
         }
-        // The coupling stands below the diagonal, in the columns of the sphere that comes first.
+        // The coupling is below the diagonal, in the columns of the first sphere.
         let (first, second, block) = if i < j {
             (i, j, term.block(n, 1, 0))
         } else {
@@ -38,7 +38,8 @@ pub(super) fn add_to_matrix<S: Fluid>(
     }
 }
 
-/// Adds `slope` n nᵀ of a pair's relative velocity to the lower triangle of `R_FU`, `rows` the first rows of its spheres.
+/// Adds `slope` n nᵀ of a pair's relative velocity to the lower triangle of `R_FU`, `rows` the
+/// first rows of its spheres.
 pub(super) fn add_spring<S: Space>(
     pair: &Neighbours<S>,
     slope: f64,
@@ -72,7 +73,8 @@ pub(super) fn add_background_forces<S: Fluid>(
     }
 }
 
-/// Adds the counterforces and the stresslets that the terms give disturbances `velocities` in the background strain.
+/// Adds the counterforces and the stresslets that the terms give disturbances `velocities` in the
+/// background strain.
 pub(super) fn add_counterforces<S: Fluid>(
     pairs: &[Neighbours<S>],
     terms: &[S::Term],

@@ -1,4 +1,5 @@
-//! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part for a sparse factor.
+//! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part
+//! for a sparse factor.
 
 use super::fluid::{Fluid, NearTerm as _};
 use super::near_matrix::{NearMatrix, NearPattern};
@@ -7,14 +8,15 @@ use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Space};
 
-/// Which pairs the near part has, in s'. Others count by their diagonal blocks alone.
+/// Range of pairs of the near part, in s'. Other pairs contribute only their diagonal blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {
     /// Pairs closer than this must be in the pattern.
     pub(super) needed: f64,
-    /// A new pattern takes in pairs up to this, so that it serves for a while.
+    /// A new pattern includes pairs up to this range, so that it stays valid for several steps.
     pub(super) taken: f64,
-    /// Gap, in s' − 2, that is needed beyond the height of contacts, which approach and are then stiff.
+    /// Required gap, in s' − 2, beyond the height of contacts, since approaching contacts are
+    /// stiff.
     pub(super) ahead: f64,
 }
 
@@ -34,7 +36,8 @@ impl Reach {
 pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Block of each sphere with itself.
     own: Vec<S::Block>,
-    /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the numbers are short.
+    /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the
+    /// numbers are short.
     couplings: Vec<([u32; 2], S::Block)>,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
@@ -45,7 +48,7 @@ pub struct PairwiseResistance<S: Fluid = Layer> {
 }
 
 impl<S: Fluid> PairwiseResistance<S> {
-    /// A resistance without blocks yet, with the pattern of the given pairs.
+    /// A resistance without blocks, with the pattern of the given pairs.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -64,13 +67,13 @@ impl<S: Fluid> PairwiseResistance<S> {
         })
     }
 
-    /// Takes all pairs into the near part that touch at asperities of that height, in a.
+    /// Includes in the near part all pairs that touch at asperities of this height, in a.
     pub(super) fn expect_contacts(&mut self, height: f64, radii: &[f64]) {
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
         self.reach = self.reach.with_contacts(height / smallest);
     }
 
-    /// Takes over the pair terms, and makes a new pattern where a near pair is not in the old one.
+    /// Sets the pair terms, and makes a new pattern if a near pair is not in the old one.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -109,7 +112,8 @@ impl<S: Fluid> PairwiseResistance<S> {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
         let Reach { needed, taken, .. } = self.reach;
-        // A pattern without a pair is made again each time: a snapshot does not tell it from none.
+        // An empty pattern is rebuilt each time: a snapshot does not distinguish it from a missing
+        // one.
         let serves = self.number(pairs, |pair| closer(pair, needed));
         if !serves || self.pattern_pairs.is_empty() {
             let near = pairs.iter().filter(|pair| closer(pair, taken));
@@ -121,7 +125,7 @@ impl<S: Fluid> PairwiseResistance<S> {
         Ok(())
     }
 
-    /// Finds each pair in the pattern; `false` if one that the pattern needs is not there.
+    /// Finds each pair in the pattern; `false` if a required one is missing.
     fn number(&mut self, pairs: &[Neighbours<S>], needs: impl Fn(&Neighbours<S>) -> bool) -> bool {
         self.numbers.clear();
         let mut listed = self.pattern_pairs.iter().enumerate().peekable();
@@ -181,7 +185,7 @@ impl<S: Fluid> PairwiseResistance<S> {
         self.multiply(side_by_side::<S>(v), side_by_side_mut::<S>(y));
     }
 
-    /// The same for L motions at once, of which each sphere has its velocities side by side: that reads the blocks once.
+    /// The same for L motions together, interleaved by sphere, which reads the blocks once.
     pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
         vectorised(
             #[inline(always)]
@@ -191,7 +195,8 @@ impl<S: Fluid> PairwiseResistance<S> {
                         y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
                     }
                 }
-                // All pairs of a sphere i follow each other: what they do to it is summed before it is written.
+                // All pairs of a sphere i are consecutive: their contributions are summed before
+                // writing.
                 for of_one in self.couplings.chunk_by(|([a, _], _), ([b, _], _)| a == b) {
                     let i = of_one[0].0[0] as usize;
                     let (v_i, mut y_i) = (v[i], y[i]);
@@ -212,7 +217,8 @@ impl<S: Fluid> PairwiseResistance<S> {
         );
     }
 
-    /// Puts the near part into a matrix of the pattern: all diagonal blocks, couplings of the pattern.
+    /// Copies the near part to a matrix of the pattern: all diagonal blocks, and couplings of the
+    /// pattern.
     pub(crate) fn fill(&self, pattern: &NearPattern<S>, matrix: &mut NearMatrix<S>) {
         matrix.reset(pattern);
         for (sphere, block) in self.own.iter().enumerate() {
@@ -234,7 +240,7 @@ pub(crate) fn side_by_side<S: Space>(x: &[f64]) -> &[Motion<S, 1>] {
     S::by_sphere(x.as_chunks().0)
 }
 
-/// The same, to write.
+/// The same, mutable.
 pub(crate) fn side_by_side_mut<S: Space>(x: &mut [f64]) -> &mut [Motion<S, 1>] {
     S::by_sphere_mut(x.as_chunks_mut().0)
 }

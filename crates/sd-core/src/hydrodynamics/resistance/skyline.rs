@@ -1,4 +1,5 @@
-//! Ball-Melrose hydrodynamics with `R_FU` factored: spheres ordered along the gradient, where only near ones couple.
+//! Ball-Melrose hydrodynamics with `R_FU` factored: with spheres ordered along the gradient, only
+//! near ones couple.
 
 use super::fluid::Fluid;
 use super::pair_terms;
@@ -78,7 +79,7 @@ struct Order<S> {
     spheres: Vec<usize>,
     /// First row of each sphere.
     rows: Vec<usize>,
-    /// By place, the end of the rows it couples to before `tail`.
+    /// By position, the end of the rows it couples to before `tail`.
     ends: Vec<usize>,
     /// First row of the spheres that couple across the boundary of the cell to lower ones.
     tail: usize,
@@ -88,7 +89,7 @@ struct Order<S> {
 }
 
 impl<S: Space> Order<S> {
-    /// The order in which the spheres are numbered.
+    /// The order by sphere number.
     fn new(spheres: usize) -> Self {
         Self {
             spheres: (0..spheres).collect(),

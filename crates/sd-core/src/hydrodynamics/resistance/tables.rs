@@ -1,4 +1,5 @@
-//! Where near-field terms come from: tables of any size ratios, shared between runs, and the terms of the pairs of sizes in one layer.
+//! Sources of near-field terms: tables of any size ratios, shared between runs, and the terms of
+//! the pairs of sizes in one layer.
 
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::{
@@ -9,17 +10,18 @@ use crate::linalg::simd::vectorised;
 use crate::model::{Hydrodynamics, LeadingOrder};
 use std::sync::{Arc, OnceLock};
 
-/// Most sizes of which every pair has a table of its own; of more sizes one table has all size ratios up to the largest.
+/// Maximum number of sizes with one table per pair; with more sizes, one table covers all size
+/// ratios up to the largest.
 const FEW_SIZES: usize = 6;
 
 /// Near-field tables by size ratio, shared between runs.
 #[derive(Debug, Clone, Default)]
 pub struct NearFields {
-    /// Tables of unequal spheres; equal ones are in the program.
+    /// Tables of unequal spheres; that of equal ones is built in.
     tables: Vec<Arc<NearField>>,
-    /// What was made of them for many sizes, by range of size ratios.
+    /// Tables for many sizes, by range of size ratios.
     ranges: Arc<[OnceLock<Arc<NearFieldRange>>; RANGES.len()]>,
-    /// The same of twists.
+    /// The same for twists.
     twists: Arc<[OnceLock<Arc<TwistRange>>; RANGES.len()]>,
 }
 
@@ -39,8 +41,8 @@ pub(super) fn largest_of_many(radii: &[f64]) -> Option<f64> {
 }
 
 impl NearFields {
-    /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that of 1: those of its pairs, or for many
-    /// sizes those that [`NearFieldRange`] is made from.
+    /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that
+    /// of 1: those of its pairs, or for many sizes those that [`NearFieldRange`] is made from.
     pub fn ratios(radii: &[f64]) -> Vec<f64> {
         if let Some(largest) = largest_of_many(radii) {
             // A size ratio out of range is refused where the tables are used.
@@ -62,7 +64,7 @@ impl NearFields {
         self.tables.push(Arc::new(table));
     }
 
-    /// Whether the table of a size ratio (≥ 1) is here.
+    /// Whether the table of a size ratio (≥ 1) is present.
     pub fn contains(&self, size_ratio: f64) -> bool {
         self.find(size_ratio).is_some()
     }
@@ -91,7 +93,7 @@ impl NearFields {
         Ok(Arc::clone(place.get_or_init(|| range)))
     }
 
-    /// The same of twists.
+    /// The same for twists.
     fn twist_range(&self, largest: f64) -> Result<Arc<TwistRange>, Error> {
         let range = range_of(largest)?;
         let made = self.twists[range].get_or_init(|| Arc::new(TwistRange::new(RANGES[range].0)));
@@ -104,9 +106,9 @@ fn same_ratio(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-12 * a
 }
 
-/// Something for each pair of sizes that a set of spheres has.
+/// A value for each pair of sizes of a set of spheres.
 pub(crate) struct BySizes<T> {
-    /// Of each pair of sizes, row by row.
+    /// Values of the pairs of sizes, row by row.
     pairs: Vec<T>,
     /// Number of the size of each sphere, from the smallest.
     sizes: Vec<usize>,
@@ -114,7 +116,7 @@ pub(crate) struct BySizes<T> {
 }
 
 impl<T> BySizes<T> {
-    /// Makes it for every pair of sizes in order.
+    /// Computes the value of every pair of sizes, in order.
     pub(crate) fn new(
         radii: &[f64],
         mut make: impl FnMut([f64; 2]) -> Result<T, Error>,
@@ -137,14 +139,14 @@ impl<T> BySizes<T> {
         })
     }
 
-    /// That of spheres i and j.
+    /// The value for spheres i and j.
     #[inline(always)]
     pub(crate) fn of(&self, i: usize, j: usize) -> &T {
         &self.pairs[self.size_count * self.sizes[i] + self.sizes[j]]
     }
 }
 
-/// Where the near-field terms of pairs come from.
+/// Source of the near-field terms of pairs.
 pub(crate) enum NearTerms {
     /// Exact pairs without their far field, from tables of a few size ratios.
     Exact(BySizes<Arc<NearField>>),
@@ -154,11 +156,11 @@ pub(crate) enum NearTerms {
     Many(ManySizes),
 }
 
-/// Where the terms of many sizes come from.
+/// Source of the terms of many sizes.
 pub(crate) enum ManySizes {
     /// One table of exact pairs.
     Exact(Arc<NearFieldRange>),
-    /// Leading-order lubrication, made anew for every pair.
+    /// Leading-order lubrication, computed for every pair.
     LeadingOrder(LeadingOrder),
 }
 
@@ -177,7 +179,8 @@ impl ManySizes {
 }
 
 impl NearTerms {
-    /// The terms of spheres of the given radii; tables that `tables` lacks are made here, which costs seconds per size ratio.
+    /// The terms of spheres of the given radii; tables missing in `tables` are computed here, which
+    /// takes seconds per size ratio.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
@@ -221,9 +224,10 @@ impl NearTerms {
         Ok(Self::Exact(pairs))
     }
 
-    /// Puts the terms of all pairs, given by their spheres and gaps, into `terms`; below the gap `least` they are those at that gap.
+    /// Computes the terms of all pairs, given by their spheres and gaps; below the gap `least` they
+    /// are those at that gap.
     ///
-    /// `finish`: what becomes of the term of spheres at a gap.
+    /// `finish`: final operation on the term of spheres at a gap.
     pub(crate) fn evaluate<T>(
         &self,
         radii: &[f64],
@@ -294,7 +298,7 @@ impl Twists {
         })
     }
 
-    /// The entries of spheres i and j.
+    /// The entries for spheres i and j.
     #[inline(always)]
     pub(super) fn evaluate(&self, [i, j]: [usize; 2], radii: &[f64], gap: f64) -> [f64; 3] {
         match self {

@@ -1,4 +1,4 @@
-//! Forms of the resistance beside each other.
+//! Comparison of the forms of the resistance.
 
 use super::*;
 use crate::space::modes::Vec2;
@@ -61,7 +61,8 @@ fn contacts_of_high_asperities_are_in_the_near_part() {
 
 #[test]
 fn far_pairs_leave_a_positive_definite_resistance() {
-    // Touching spheres on a hexagonal lattice, where every sphere has six: pairs summed up would leave less than nothing.
+    // Touching spheres on a hexagonal lattice with six neighbours each: the plain sum over pairs
+    // would be indefinite.
     let (rows, distance) = (8, 2.02);
     let height = distance * 0.75_f64.sqrt();
     let cell = Cell::<Layer>::periodic(
@@ -106,7 +107,8 @@ fn far_pair_alone_is_the_whole_two_sphere_resistance() {
         near.apply(v, &strain, &mut work, &mut forces, &mut stresslets);
         forces
     };
-    // Two touching spheres that move side by side: 6π 0.6453 each along their line (Stimson & Jeffery 1926), a little more apart.
+    // Two touching spheres that move side by side: 6π 0.6453 each along their line (Stimson &
+    // Jeffery 1926), a little more apart.
     let both = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
     let whole = resisted(Hydrodynamics::StokesianDynamics, &both)[0] / (6.0 * PI);
     assert!((whole - 0.65).abs() < 0.01, "{whole}");

@@ -1,18 +1,22 @@
-//! How the modes of one sphere enter those of another in three dimensions, in fifteen numbers and the direction between them.
+//! Coupling of the modes of two spheres in three dimensions, by fifteen numbers and the direction
+//! between them.
 //!
-//! Eleven modes a sphere, ordered `(U 3, Ω 3, e 5)`, the strain in the orthonormal basis of symmetric traceless tensors
+//! Eleven modes a sphere, ordered `(U 3, Ω 3, e 5)`, the strain in the orthonormal basis of
+//! symmetric traceless tensors
 //!
 //! ```text
 //! e1 = (E_xx − E_yy)/√2   e2 = √2 E_xy   e3 = √(3/2)(E_xx + E_yy)   e4 = √2 E_xz   e5 = √2 E_yz
 //! ```
-//! A coupling that has no direction but the unit vector n takes velocities and strains apart along and across n:
+//! A coupling that depends only on the unit vector n decomposes velocities and strains into parts
+//! along and across n:
 //!
 //! ```text
 //! E = √(3/2) a (nn − I/3) + (nσ + σn)/√2 + W,   a = √(3/2) n·E·n,   σ = √2 (E·n − n (n·E·n)),   W across n
 //! F = ∥ U∥ + ⊥ U⊥ + f n×Ω + (axial a) n + shear σ        T = t n×U + ∥ Ω∥ + ⊥ Ω⊥ + s n×σ
 //! a of S = axial U∥ + axial a,   σ of S = shear U⊥ + s n×Ω + shear σ,   W of S = transverse W
 //! ```
-//! The same form serves resistances and mobilities. Its orders about n are 0, ±1 and ±2: the X, Y and Z functions.
+//! The same form serves resistances and mobilities. Its orders about n are 0, ±1 and ±2: the X, Y
+//! and Z functions.
 
 use super::pair_frame::{axial, odd, transverse};
 use super::pair_term::PairTerm;
@@ -82,7 +86,7 @@ fn strain_from(n: &Vector3<f64>, a: f64, sigma: &Vector3<f64>) -> [f64; 5] {
 }
 
 impl Coupling {
-    /// Adds the modes that this gives to those of one sphere, for modes `x` of the other.
+    /// Adds the product with the modes `x` of one sphere to the modes of the other.
     #[inline(always)]
     pub(crate) fn add(&self, n: &Vector3<f64>, x: &Modes, to: &mut Modes) {
         let u = Vector3::new(x[0], x[1], x[2]);
@@ -116,7 +120,7 @@ impl Coupling {
         }
     }
 
-    /// As [`Coupling::add`], of velocities and forces alone.
+    /// As [`Coupling::add`], for velocities and forces only.
     #[inline(always)]
     pub(crate) fn add_forces(&self, n: &Vector3<f64>, v: &Motion, to: &mut Motion) {
         let u = Vector3::new(v[0], v[1], v[2]);
@@ -131,7 +135,7 @@ impl Coupling {
         }
     }
 
-    /// All numbers, to change them alike.
+    /// All numbers, mutable.
     fn numbers_mut(&mut self) -> [&mut [f64]; 9] {
         [
             &mut self.force_velocity,
@@ -163,7 +167,7 @@ impl Coupling {
         }
     }
 
-    /// The coupling the other way round, of a symmetric whole.
+    /// The reverse coupling, in a symmetric matrix.
     #[inline(always)]
     pub(crate) fn transposed(&self) -> Self {
         Self {
@@ -199,7 +203,7 @@ impl Coupling {
         })
     }
 
-    /// What isolated spheres have: force, torque and stresslet.
+    /// The coupling of isolated spheres: force, torque and stresslet.
     pub(crate) fn isotropic(velocity: f64, rotation: f64, strain: f64) -> Self {
         Self {
             force_velocity: [velocity; 2],
@@ -211,8 +215,8 @@ impl Coupling {
 }
 
 impl PairTerm {
-    /// The blocks (i, i), (j, i) and (j, j) of the term in three dimensions, n from i to j; `twist`: entries (i, i), (i, j), (j, j) of
-    /// X^C in mu·a³.
+    /// The blocks (i, i), (j, i) and (j, j) of the term in three dimensions, n from i to j;
+    /// `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
     #[inline(always)]
     pub(crate) fn couplings(&self, twist: [f64; 3]) -> [Coupling; 3] {
         let entries = self.entries();
@@ -240,7 +244,7 @@ mod tests {
     use super::*;
     use crate::space::modes::Vec2;
 
-    /// A term with entries that have nothing in common.
+    /// A term with unrelated entries.
     fn term() -> PairTerm {
         PairTerm::new(&std::array::from_fn(|k| (1.7 * k as f64).sin()))
     }

@@ -1,4 +1,4 @@
-//! What is solved for to make the near-field table of equal spheres.
+//! Solved constants of the near-field table of equal spheres.
 //!
 //! Written by the example `equal_spheres_table`; compared with a fresh solution by the test
 //! `equal_sphere_constants_are_what_solving_gives`.

@@ -3,7 +3,7 @@
 //! ```text
 //! R2B∞ − D,   D the drag of both spheres isolated,   w = 1 − λ_min(D^−1/2 R2B∞ D^−1/2)
 //! ```
-//! w says how much less than isolated drag the pair can resist: `R2B∞ − D ≥ −w D`.
+//! w bounds the reduction below isolated drag: `R2B∞ − D ≥ −w D`.
 
 use super::pair_frame::{self, ENTRIES};
 use super::pair_term::PairTerm;
@@ -12,11 +12,12 @@ use crate::hydrodynamics::far_field::unbounded::self_mobility;
 use nalgebra::SVector;
 use std::f64::consts::PI;
 
-/// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test `polynomials_meet_the_inverse_mobility`.
+/// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test
+/// `polynomials_meet_the_inverse_mobility`.
 const NODES: usize = 8;
 /// The entries, and w.
 const LANES: usize = ENTRIES + 1;
-/// Least distance in s'; nearer pairs, which overlap, have the term of this one.
+/// Minimum distance in s'; closer pairs, which overlap, use this distance.
 const LEAST: f64 = 2.0;
 
 /// `R2B∞ − D` of two spheres of given radii.
@@ -65,8 +66,9 @@ impl FarPair {
         (PairTerm::new(entries), sums[ENTRIES])
     }
 
-    /// The term of spheres of about the size ratio of this table, of which the first has radius 1 and the second is no smaller, and w:
-    /// that of spheres of this size ratio and with the same product of the radii.
+    /// The term of spheres of about the size ratio of this table, of which the first has radius 1
+    /// and the second is no smaller, and w: that of spheres of this size ratio and with the same
+    /// product of the radii.
     #[inline(never)]
     pub(crate) fn evaluate_near(
         &self,

@@ -1,15 +1,16 @@
-//! Leading-order lubrication: the singular terms of a pair alone, softened near contact.
+//! Leading-order lubrication: the singular terms of a pair, regularized near contact.
 //!
 //! ```text
-//! X functions: g1/x,   Y functions: g2 ln(1/x),   Z^M = 0,   x = max(ξ, 0) + δ,   nothing for ξ ≥ cutoff
+//! X functions: g1/x,   Y functions: g2 ln(1/x),   Z^M = 0,   x = max(ξ, 0) + δ,   zero for ξ ≥ cutoff
 //! ```
 //!
-//! Nothing regular is added and no far field of the pair, so the term stands beside the drag of isolated spheres as it is. It is positive
-//! semidefinite while x ≤ 1, and finite where surfaces overlap.
+//! No regular terms and no far field of the pair are added, so the term directly complements the
+//! drag of isolated spheres. It is positive semidefinite while x ≤ 1, and finite where surfaces
+//! overlap.
 //!
 //! # Source
-//! Ball & Melrose, Physica A 247, 444 (1997); Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014), with all of the force, torque and
-//! stresslet terms. Coefficients: `near_contact`.
+//! Ball & Melrose, Physica A 247, 444 (1997); Mari, Seto, Morris & Denn, J. Rheol. 58, 1693 (2014),
+//! with all of the force, torque and stresslet terms. Coefficients: `near_contact`.
 
 use super::Scalars;
 use super::near_contact;
@@ -79,7 +80,8 @@ impl LeadingOrderPair {
         PairTerm::new(&self.entries(gap))
     }
 
-    /// Resistance K to slip at the contact of the pair alone, as [`super::NearField::slip_resistance`]: the term and isolated drags.
+    /// Resistance K to slip at the contact of the pair alone, as
+    /// [`super::NearField::slip_resistance`]: the term and isolated drags.
     pub(crate) fn slip_resistance(&self, gap: f64) -> f64 {
         let mut entries = self.entries(gap);
         for (sphere, a) in self.radii.into_iter().enumerate() {
@@ -97,7 +99,7 @@ mod tests {
     use super::super::two_sphere_resistance;
     use super::*;
 
-    /// Terms without a softened contact.
+    /// Terms without regularization.
     fn sharp(radii: [f64; 2]) -> LeadingOrderPair {
         let numbers = LeadingOrder {
             cutoff: 0.5,
@@ -117,8 +119,8 @@ mod tests {
             };
             let (near, nearer) = (rest(1e-4), rest(1e-6));
             let change = nearer - near;
-            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; what is left out of X grows as the logarithm, and
-            // what is left out of Y does not grow.
+            // 1/ξ grows by 1e6 − 1e4 between the two gaps and ln(1/ξ) by 4.6; the omitted terms of
+            // X grow as the logarithm, and those of Y do not grow.
             for row in 0..12 {
                 for column in 0..12 {
                     let most = 6.0 * PI * mean.powi(3) * 8.0;
@@ -128,7 +130,7 @@ mod tests {
                     );
                 }
             }
-            // What is left of Y is of the order of ξ ln(1/ξ), 1e-3 at the first gap.
+            // The remainder of Y is of the order of ξ ln(1/ξ), 1e-3 at the first gap.
             let most = 1e-3 * 8.0 * PI * radii[0].max(radii[1]).powi(3);
             for mode in [1, 2, 4, 7, 8, 10] {
                 for other in [1, 2, 4, 7, 8, 10] {
@@ -136,7 +138,7 @@ mod tests {
                     assert!(left < most, "{radii:?} {mode} {other} {left:.2e}");
                 }
             }
-            // The squeezing flow itself, which the terms must carry nearly whole.
+            // The squeezing flow itself, which the terms must reproduce almost completely.
             let exact = two_sphere_resistance(radii[0], radii[1], mean * (2.0 + 1e-6)).unwrap();
             for (row, column) in [(0, 0), (0, 6), (0, 3), (3, 9), (5, 5)] {
                 let ratio =
@@ -152,7 +154,7 @@ mod tests {
     #[test]
     fn term_is_positive_semidefinite_and_resists_no_rigid_motion() {
         for radii in [[1.0, 1.0], [1.0, 1.4], [1.0, 3.0], [1.0, 10.0], [5.0, 1.0]] {
-            let pair = LeadingOrderPair::new(radii, LeadingOrder::USUAL);
+            let pair = LeadingOrderPair::new(radii, LeadingOrder::DEFAULT);
             for gap in [-0.1, 0.0, 1e-4, 0.01, 0.1, 0.3] {
                 let matrix = pair.evaluate(gap).matrix();
                 assert!((matrix - matrix.transpose()).amax() < 1e-12 * matrix.amax());
@@ -175,7 +177,7 @@ mod tests {
 
     #[test]
     fn beyond_the_cutoff_there_is_nothing_and_overlaps_are_as_contact() {
-        let pair = LeadingOrderPair::new([1.0, 1.4], LeadingOrder::USUAL);
+        let pair = LeadingOrderPair::new([1.0, 1.4], LeadingOrder::DEFAULT);
         assert_eq!(pair.evaluate(0.6), PairTerm::new(&[0.0; ENTRIES]));
         assert_ne!(pair.evaluate(0.599), PairTerm::new(&[0.0; ENTRIES]));
         assert_eq!(pair.evaluate(-0.01), pair.evaluate(0.0));
@@ -188,9 +190,10 @@ mod tests {
 
     #[test]
     fn slip_of_a_free_pair_under_a_force_is_that_of_its_resistance() {
-        // K is defined by a whole solve of the pair: forces ±1 across and the torques l that go with them.
+        // K is defined by a whole solve of the pair: forces ±1 across and the torques l that go
+        // with them.
         let (radii, gap) = ([1.0, 1.4], 0.004);
-        let pair = LeadingOrderPair::new(radii, LeadingOrder::USUAL);
+        let pair = LeadingOrderPair::new(radii, LeadingOrder::DEFAULT);
         let term = pair.evaluate(gap).matrix();
         let modes = [0, 1, 2, 6, 7, 8];
         let mut resistance =

@@ -4,8 +4,8 @@
 //! f(ξ) = g1/ξ + g2 ln(1/ξ) + g3 ξ ln(1/ξ) + c0 + c1 ξ + Σ_{k≥2} ξ^k (p_k ln ξ + q_k)
 //! ```
 //!
-//! The c, p and q are fitted to values solved at larger gaps, where solving is cheap and exact. Below the
-//! fitted range the result is better than solving there, whose rounding grows as 1/ξ².
+//! The c, p and q are fitted to values solved at larger gaps, where solving is cheap and exact.
+//! Below the fitted range the result is better than solving there, whose rounding grows as 1/ξ².
 
 use super::{Scalars, ordered, series};
 use crate::linalg::dense::Matrix;
@@ -13,7 +13,8 @@ use crate::linalg::lu;
 
 /// Fitted terms, and gaps solved for them.
 pub(super) const TERMS: usize = 12;
-/// Gap over the smaller radius below which this form stands in for solving: a quarter of the fitted range.
+/// Gap over the smaller radius below which this form replaces solving: a quarter of the fitted
+/// range.
 const SWITCH: f64 = 5e-2;
 
 /// A polynomial, lowest power first.
@@ -24,8 +25,8 @@ fn polynomial(coefficients: &[f64], x: f64) -> f64 {
 /// Coefficients of `1/ξ`, `ln(1/ξ)` and `ξ ln(1/ξ)` in every function, with λ = a2/a1.
 ///
 /// # Source
-/// Jeffrey & Onishi (1984), Jeffrey (1992), in the normalisation of [`Scalars`]. In `Y12M` the coefficient of
-/// `ξ ln(1/ξ)` is often given with 728 for 748; solved values decide for 748, test
+/// Jeffrey & Onishi (1984), Jeffrey (1992), in the normalisation of [`Scalars`]. In `Y12M` the
+/// coefficient of `ξ ln(1/ξ)` is often given as 728 instead of 748; solved values confirm 748, test
 /// `logarithmic_term_of_y12m_is_748`.
 #[rustfmt::skip]
 pub(super) fn singular(l: f64) -> [Scalars; 3] {
@@ -87,7 +88,7 @@ pub(super) fn xi_per_smaller_radius(size_ratio: f64) -> f64 {
     2.0 / (1.0 + ordered(size_ratio).0)
 }
 
-/// ξ below which this form stands in for solving in tables.
+/// ξ below which this form replaces solving in tables.
 pub(super) fn switch(size_ratio: f64) -> f64 {
     SWITCH * xi_per_smaller_radius(size_ratio)
 }
@@ -236,7 +237,7 @@ mod tests {
 
     #[test]
     fn logarithmic_term_of_y12m_is_748() {
-        // With 728 the term itself would differ by 7e-5 here, and the fit could not make up for it.
+        // With 728 the term itself would differ by 7e-5 here, which the fit could not compensate.
         let fit = NearContact::solve(1.0);
         let solved = series::solve(1.0, 2e-3, 1.0)[0].y_m[1];
         assert!((fit.evaluate(2e-3)[0].y_m[1] - solved).abs() < 1e-9);

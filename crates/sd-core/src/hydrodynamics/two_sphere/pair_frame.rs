@@ -18,9 +18,9 @@ use std::f64::consts::PI;
 
 /// Number of independent entries of a pair matrix.
 pub(super) const ENTRIES: usize = 34;
-/// Where the transverse block begins.
+/// Start of the transverse block.
 const TRANSVERSE: usize = 10;
-/// Where the odd block begins.
+/// Start of the odd block.
 const ODD: usize = 13;
 
 /// Mode vectors of both spheres, or a coupling of them, in the frame of the pair.
@@ -76,7 +76,7 @@ pub(super) static LENGTH_POWER: [usize; ENTRIES] = {
 
 /// For every entry of the pair (j, i), the entry of (i, j) it equals up to sign.
 ///
-/// Exchanging the spheres turns n round, which changes the sign of velocities only.
+/// Exchanging the spheres reverses n, which changes the sign of velocities only.
 pub(super) static EXCHANGED: [(usize, f64); ENTRIES] = {
     let mut map = [(0, 1.0); ENTRIES];
     let mut row = 0;
@@ -105,7 +105,7 @@ pub(super) static EXCHANGED: [(usize, f64); ENTRIES] = {
 
 /// Entries of the two-sphere resistance from its functions: with i as sphere 1, with j as sphere 1.
 ///
-/// Linear in the functions, so it serves their singular coefficients as well.
+/// Linear in the functions, so it also applies to their singular coefficients.
 pub(super) fn resistance_entries(scalars: &[Scalars; 2], radii: [f64; 2]) -> [f64; ENTRIES] {
     let mut out = [0.0; ENTRIES];
     for one in 0..2 {

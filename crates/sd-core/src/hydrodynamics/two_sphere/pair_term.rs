@@ -12,7 +12,7 @@ pub type PairVector = SVector<f64, 6>;
 /// ```text
 /// (F, T, S~) = R (U − u∞, Ω − Ω∞, −E∞)
 /// ```
-/// All methods take the unit vector `n` from i to j and speak of modes in the frame of the layer.
+/// All methods take the unit vector `n` from i to j and use modes in the frame of the layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairTerm {
     /// The independent entries, numbered in `pair_frame`.
@@ -38,7 +38,7 @@ fn double_angle(n: Vec2) -> (f64, f64) {
 const ROOT: f64 = 0.866_025_403_784_438_6;
 
 impl Strains {
-    /// Turns components from the layer's frame to that of the pair.
+    /// Rotates components from the layer's frame to that of the pair.
     fn along(n: Vec2, e_i: &Vector3<f64>, e_j: &Vector3<f64>) -> Self {
         let (c, s) = double_angle(n);
         let both = [e_i, e_j];
@@ -50,7 +50,7 @@ impl Strains {
         }
     }
 
-    /// Turns components from the frame of the pair to the layer's.
+    /// Rotates components from the frame of the pair to the layer's.
     fn to_layer(&self, n: Vec2) -> PairVector {
         let (c, s) = double_angle(n);
         let mut out = PairVector::zeros();
@@ -101,7 +101,8 @@ impl PairTerm {
         self.entries[odd(row, column)]
     }
 
-    /// The whole matrix in the frame of the pair: modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of j.
+    /// The whole matrix in the frame of the pair: modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of
+    /// j.
     pub fn matrix(&self) -> PairMatrix {
         pair_frame::expand(&self.entries)
     }
@@ -122,7 +123,8 @@ impl PairTerm {
         out
     }
 
-    /// Block (p, q) of [`PairTerm::force_velocity`], by columns: forces and torque on sphere p from the velocities of sphere q.
+    /// Block (p, q) of [`PairTerm::force_velocity`], by columns: forces and torque on sphere p from
+    /// the velocities of sphere q.
     #[inline(always)]
     pub(crate) fn block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 3]; 3] {
         let along = self.axial(2 * p, 2 * q);
@@ -142,14 +144,16 @@ impl PairTerm {
         ]
     }
 
-    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
+    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from
+    /// `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
     #[inline]
     pub(crate) fn mode_block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
         let (velocity, strain) = (|k: usize| 2 * k, |k: usize| 2 * k + 1);
         let transverse = self.entries[transverse(p, q)];
         let stretch = self.axial(strain(p), strain(q));
         let mut block = [[0.0; 6]; 6];
-        // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one (−1/2, ·, √3/2).
+        // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one
+        // (−1/2, ·, √3/2).
         block[0][0] = 0.75 * stretch + 0.25 * transverse;
         block[2][2] = 0.25 * stretch + 0.75 * transverse;
         block[0][2] = 0.5 * ROOT * (stretch - transverse);

@@ -9,7 +9,8 @@
 //! x1 = b1 + K12 x2,   x2 = b2 + K21 x1   ⟹   (I − K12 K21) x1 = b1 + K12 b2
 //! ```
 //!
-//! where the sphere with fewer multipoles is kept. All coefficients are rational multiples of
+//! where the unknowns of the sphere with fewer multipoles are kept. All coefficients are rational
+//! multiples of
 //!
 //! ```text
 //! T(n,s) = C(n+s, n) t^n t'^s,   t = a/r,   T(n,s) = t T(n−1,s) + t' T(n,s−1)
@@ -25,7 +26,7 @@ use crate::linalg::lu;
 const ORDERS_PER_ALPHA: f64 = 16.0;
 /// Fewest multipoles kept.
 const MINIMUM_ORDER: usize = 14;
-/// Orders of the eliminated sphere handled at a time, to bound memory.
+/// Orders of the eliminated sphere handled together, to bound memory.
 const CHUNK: usize = 512;
 
 /// Two spheres, the first of radius 1.
@@ -79,7 +80,7 @@ enum Family {
     Z,
 }
 
-/// How a multipole of order s of the other sphere enters those of order n.
+/// Coupling of a multipole of order s of the other sphere to those of order n.
 struct Coupling {
     /// `P_n` from `P'_s`.
     pp: f64,
@@ -169,7 +170,7 @@ impl Family {
     }
 }
 
-/// `T(·,s)` for one s after the other.
+/// `T(·,s)` for successive s.
 struct Binomials {
     /// `T(n,s)`, n from 0.
     column: Vec<f64>,
@@ -189,7 +190,7 @@ impl Binomials {
         Self { column, t, t_other }
     }
 
-    /// Goes on to the column of the next s.
+    /// Advances to the column of the next s.
     fn advance(&mut self) {
         self.column[0] = flush(self.t_other * self.column[0]);
         for n in 1..self.column.len() {
@@ -198,7 +199,7 @@ impl Binomials {
     }
 }
 
-/// Sets tiny numbers to zero: they carry nothing, and subnormal arithmetic is slow.
+/// Sets tiny numbers to zero: they are negligible, and subnormal arithmetic is slow.
 fn flush(x: f64) -> f64 {
     if x < 1e-290 { 0.0 } else { x }
 }
@@ -404,7 +405,8 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
     response
 }
 
-/// Both labellings of the resistance functions of one pair: with the first sphere as 1, and with the second.
+/// Both labellings of the resistance functions of one pair: with the first sphere as 1, and with
+/// the second.
 ///
 /// `effort` multiplies the number of multipoles; 1 gives 1e-11.
 pub(super) fn solve(size_ratio: f64, xi: f64, effort: f64) -> [Scalars; 2] {

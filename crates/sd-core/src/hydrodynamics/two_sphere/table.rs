@@ -1,10 +1,11 @@
-//! The near-field table: what a pair adds to the far field, at one size ratio.
+//! The near-field table: correction of a pair to the far field, at one size ratio.
 //!
 //! ```text
 //! R2B − R2B∞ = g1/ξ + g2 ln(1/ξ) + g3 ξ ln(1/ξ) + p(ln ξ)
 //! ```
-//! for each of the 34 entries of the pair frame; p is a polynomial on every interval of a uniform grid in ln ξ.
-//! R2B∞ is the inverse of the far-field mobility of the two spheres alone. Beyond ξ = 1 the singular terms are left in p.
+//! for each of the 34 entries of the pair frame; p is a polynomial on every interval of a uniform
+//! grid in ln ξ. R2B∞ is the inverse of the far-field mobility of the two spheres alone. Beyond ξ =
+//! 1 the singular terms are included in p.
 
 mod range;
 
@@ -40,7 +41,7 @@ const LANES: usize = ENTRIES + 2;
 const BLOCK: usize = 12;
 /// Blocks of lanes.
 const BLOCKS: usize = LANES / BLOCK;
-/// Place of the slip resistance.
+/// Index of the slip resistance.
 const SLIP: usize = ENTRIES;
 
 /// Pair terms of the grand resistance for spheres of one size ratio, at any gap.
@@ -48,19 +49,20 @@ const SLIP: usize = ENTRIES;
 /// Evaluating allocates nothing.
 ///
 /// # Accuracy
-/// Within 1e-9 of [`super::two_sphere_resistance`] at the same gap, relative to each entry or, if larger, the geometric mean
-/// of the two isolated drags it joins: tests `table_meets_solutions` (1e-8 asserted). Beyond ξ = 54 the term is
-/// zero; it is below 1e-9 of those drags, test `correction_beyond_the_table_is_negligible`.
+/// Within 1e-9 of [`super::two_sphere_resistance`] at the same gap, relative to each entry or, if
+/// larger, the geometric mean of the two isolated drags it joins: tests `table_meets_solutions`
+/// (1e-8 asserted). Beyond ξ = 54 the term is zero; it is below 1e-9 of those drags, test
+/// `correction_beyond_the_table_is_negligible`.
 ///
 /// # Cost
-/// 0.2 µs per evaluation. [`NearField::new`] takes 0.2 s at size ratio 1, 0.3 s at 2, 0.9 s at 10 and 5 s at 100; reading a
-/// stored table 2 ms.
+/// 0.2 µs per evaluation. [`NearField::new`] takes 0.2 s at size ratio 1, 0.3 s at 2, 0.9 s at 10
+/// and 5 s at 100; reading a stored table 2 ms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Stored", into = "Stored")]
 pub struct NearField {
     /// Larger over smaller radius.
     size_ratio: f64,
-    /// What it was made from.
+    /// Its source values.
     solved: Solved,
     /// Coefficients of the singular terms, by block and term.
     singular: [[[f64; BLOCK]; 3]; BLOCKS],
@@ -68,16 +70,16 @@ pub struct NearField {
     regular: Vec<[[[f64; BLOCK]; NODES]; BLOCKS]>,
 }
 
-/// The numbers that had to be solved for.
+/// The solved values.
 #[derive(Debug, Clone, PartialEq)]
 struct Solved {
-    /// Everything at small gaps.
+    /// All functions at small gaps.
     near_contact: NearContact,
-    /// Values at the nodes beyond, both labellings.
+    /// Values at the other nodes, both labellings.
     nodes: Vec<[Scalars; 2]>,
 }
 
-/// The stored form: what costs seconds to solve, without what follows from it in a millisecond.
+/// The stored form: values that take seconds to solve, without those derived in a millisecond.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Stored {
@@ -87,7 +89,8 @@ struct Stored {
     size_ratio: f64,
     /// ξ at which the near-contact variable is 1.
     scale: f64,
-    /// Near-contact coefficients: smaller sphere as 1, then the larger; the functions in their order.
+    /// Near-contact coefficients: smaller sphere as 1, then the larger; the functions in their
+    /// order.
     fitted: Vec<Vec<f64>>,
     /// Values at the nodes: all with the smaller sphere as 1, then all with the larger.
     nodes: Vec<Vec<f64>>,
@@ -108,7 +111,7 @@ fn positions<const N: usize>() -> [f64; N] {
     std::array::from_fn(|node| -((node as f64 + 0.5) / N as f64 * std::f64::consts::PI).cos())
 }
 
-/// All nodes at which values are solved for, at a size ratio ≥ 1.
+/// All nodes with solved values, at a size ratio ≥ 1.
 fn solved_nodes(size_ratio: f64) -> impl Iterator<Item = (usize, usize)> {
     let least = near_contact::switch(size_ratio);
     (0..INTERVALS)
@@ -116,7 +119,7 @@ fn solved_nodes(size_ratio: f64) -> impl Iterator<Item = (usize, usize)> {
         .filter(move |&(interval, node)| node_xi(interval, node) >= least)
 }
 
-/// The interval of `ln ξ` and the place in it; the ends stand for all beyond.
+/// The interval of `ln ξ` and the position in it, clamped to the ends.
 #[inline(always)]
 pub(super) fn locate(logarithm: f64) -> (usize, f64) {
     let position = ((logarithm - FIRST) / WIDTH).clamp(0.0, INTERVALS as f64);
@@ -134,7 +137,7 @@ pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
     powers_from_values(&positions())
 }
 
-/// The matrix from values at these places to coefficients of powers.
+/// The matrix from values at these points to coefficients of powers.
 fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
     // Lagrange polynomials, multiplied out: well conditioned at this degree.
     std::array::from_fn(|node| {
@@ -153,7 +156,8 @@ fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
     })
 }
 
-/// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these radii.
+/// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these
+/// radii.
 #[inline(always)]
 pub(super) fn scaled(sums: &[f64], radius_i: f64, radius_j: f64) -> PairTerm {
     let mut entries = [0.0; ENTRIES];
@@ -174,7 +178,8 @@ pub(super) fn scaled(sums: &[f64], radius_i: f64, radius_j: f64) -> PairTerm {
     PairTerm::new(&entries)
 }
 
-/// The value of a polynomial in the place x of an interval of ln ξ; below the grid it goes on as a straight line.
+/// The value of a polynomial at the position x of an interval of ln ξ; below the grid it is
+/// continued linearly.
 fn with_tail(powers: &[f64; NODES], logarithm: f64, x: f64) -> f64 {
     let (mut sum, mut slope) = (0.0, 0.0);
     for power in powers.iter().rev() {
@@ -201,10 +206,10 @@ impl NearField {
         Ok(Self::assemble(ratio, solved))
     }
 
-    /// The table of equal spheres, from constants kept in this crate; takes 1 ms.
+    /// The table of equal spheres, from constants in this crate; takes 1 ms.
     ///
     /// # Panics
-    /// Never: the constants are complete, and every test of this type would notice.
+    /// Never: the constants are complete, as tests verify.
     pub fn equal_spheres() -> Self {
         let twice = |rows: &[[f64; 20]]| [rows, rows].concat();
         Self::from_values(
@@ -216,7 +221,7 @@ impl NearField {
         .expect("the constants are complete")
     }
 
-    /// The table from what was stored; `None` if the numbers are too few or too many.
+    /// The table from its stored form; `None` if the number of values is wrong.
     fn from_values(
         size_ratio: f64,
         scale: f64,
@@ -240,7 +245,7 @@ impl NearField {
         ))
     }
 
-    /// Makes the polynomials; the smaller sphere is i, of radius 1.
+    /// Computes the polynomials; the smaller sphere is i, of radius 1.
     fn assemble(size_ratio: f64, solved: Solved) -> Self {
         let radii = [1.0, size_ratio];
         let mean = 0.5 * (1.0 + size_ratio);
@@ -309,7 +314,8 @@ impl NearField {
     ///
     /// # Arguments
     /// - `radius_i`, `radius_j`: in a; their ratio is that of the table or its inverse.
-    /// - `gap`: surface to surface, in a; positive. Below ξ = 1e-8 the regular part is that of 1e-8.
+    /// - `gap`: surface to surface, in a; positive. Below ξ = 1e-8 the regular part is that of
+    ///   1e-8.
     #[inline(always)]
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
         let xi = 2.0 * gap / (radius_i + radius_j);

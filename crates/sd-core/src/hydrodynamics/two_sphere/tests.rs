@@ -60,7 +60,8 @@ fn agrees_with_reference() {
             let expected = number(&case[name][k % 2]);
             let (tolerance, floor) = match (name, s_prime < 2.002) {
                 (_, false) => (1e-8, 0.0),
-                // Y12M near contact was made with a misprinted logarithmic term: see `near_contact::singular`.
+                // The reference for Y12M near contact used a misprinted logarithmic term: see
+                // `near_contact::singular`.
                 ("YM", true) => (2e-5, 0.5),
                 _ => (1e-5, 0.0),
             };
@@ -96,7 +97,8 @@ fn more_multipoles_change_nothing() {
 
 #[test]
 fn constants_of_touching_spheres_are_those_published() {
-    // Jeffrey & Onishi (1984), A11X, A12X, A11Y, A12Y at λ = 1: the functions less 1/ξ and ln ξ terms, ξ → 0.
+    // Jeffrey & Onishi (1984), A11X, A12X, A11Y, A12Y at λ = 1: the functions less 1/ξ and ln ξ
+    // terms, ξ → 0.
     let xi = 1e-7;
     let f = NearContact::solve(1.0).evaluate(xi)[0];
     let (x, y) = (0.25 / xi - 0.225 * xi.ln(), -xi.ln() / 6.0);
@@ -208,7 +210,8 @@ fn arguments_out_of_range_are_refused() {
     assert!(two_sphere_resistance(-1.0, 1.0, 3.0).is_err());
 }
 
-/// Worst error of a table against solving, of the entry or of the geometric mean of the drags it joins.
+/// Worst error of a table against solving, of the entry or of the geometric mean of the drags it
+/// joins.
 fn table_error(table: &NearField, radii: [f64; 2], xi: f64) -> f64 {
     let gap = 0.5 * xi * (radii[0] + radii[1]);
     let resistance = pair_frame::expand(&pair_frame::resistance_entries(
@@ -219,7 +222,8 @@ fn table_error(table: &NearField, radii: [f64; 2], xi: f64) -> f64 {
     pair_error(&found, &(resistance - far_field(radii, gap)), radii)
 }
 
-/// Worst difference of a pair term from what it should be, of the entry or of the geometric mean of the drags it joins.
+/// Worst error of a pair term, relative to the entry or to the geometric mean of the drags it
+/// joins.
 fn pair_error(found: &PairMatrix, expected: &PairMatrix, radii: [f64; 2]) -> f64 {
     let [found, expected] = [found, expected].map(|matrix| normalised(matrix, radii));
     expected
@@ -269,8 +273,9 @@ fn table_meets_solutions_at_extreme_size_ratios() {
     }
 }
 
-/// Draws size ratios log-uniform in 1 to the largest of a range, both ends among them, and for each gaps log-uniform in ξ from 1e-2 to 50,
-/// where it compares with solutions, and from 1e-8 on, where it compares with the table of that ratio.
+/// Draws size ratios log-uniform in 1 to the largest of a range, both ends among them, and for each
+/// gaps log-uniform in ξ from 1e-2 to 50, where it compares with solutions, and from 1e-8 on, where
+/// it compares with the table of that ratio.
 fn check_range(largest: f64, ratios: usize) {
     let start = std::time::Instant::now();
     let tables: Vec<Arc<NearField>> = NearFieldRange::ratios(largest)
@@ -366,8 +371,9 @@ fn stored_table_gives_the_same_bits() {
     assert!(serde_json::from_str::<NearField>(&torn).is_err());
 }
 
-/// Draws 10,000 pairs: 6 size ratios (1, 30, and four log-uniform between), each with gaps log-uniform in
-/// ξ from 1e-8 to 50, either sphere first, a random size; resistance and pair term from tables.
+/// Draws 10,000 pairs: 6 size ratios (1, 30, and four log-uniform between), each with gaps
+/// log-uniform in ξ from 1e-8 to 50, either sphere first, a random size; resistance and pair term
+/// from tables.
 #[test]
 fn resistance_is_spd_and_pair_terms_semidefinite_for_10000_pairs_from_six_tables() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
@@ -396,7 +402,7 @@ fn resistance_is_spd_and_pair_terms_semidefinite_for_10000_pairs_from_six_tables
             );
             let term = normalised(&term, radii);
             let least = term.symmetric_eigenvalues().min();
-            // Rounding of the largest entry, and the table's own error where the term fades.
+            // Rounding of the largest entry, and the table's error where the term vanishes.
             let rounding = 1e-14 * term.amax() + 1e-11;
             assert!(least > -rounding, "{radii:?} {xi}: {least:e}");
             drawn += 1;
@@ -405,8 +411,8 @@ fn resistance_is_spd_and_pair_terms_semidefinite_for_10000_pairs_from_six_tables
     assert!(drawn >= 10_000);
 }
 
-/// Draws 100 pairs solved one by one: size ratio log-uniform in 0.01..100, gap over the smaller radius
-/// log-uniform in 0.05..50.
+/// Draws 100 pairs solved one by one: size ratio log-uniform in 0.01..100, gap over the smaller
+/// radius log-uniform in 0.05..50.
 #[test]
 fn solved_resistance_is_spd_for_100_pairs_of_any_size_ratio() {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);

@@ -1,12 +1,13 @@
-//! X^C: two spheres that turn about their line of centres, in closed form and tabulated.
+//! X^C: two spheres that rotate about their line of centres, in closed form and tabulated.
 //!
 //! ```text
 //! X11C = Σ_{n≥0} [sinh α / sinh(α + n (α + β))]³,   X12C = −Σ_{n≥1} [sinh α / sinh(n (α + β))]³
 //! cosh α = (r² + a_1² − a_2²)/(2 r a_1),   cosh β = (r² + a_2² − a_1²)/(2 r a_2)
 //! ```
 //!
-//! Both stay finite at contact, where they are `x³ ζ(3, x)` and `−x³ ζ(3)` with `x = λ/(1 + λ)`; their slope there has a logarithm.
-//! The two-sphere resistance less that of the far field is, with `t = (a_1 a_2/r²)³`:
+//! Both stay finite at contact, where they are `x³ ζ(3, x)` and `−x³ ζ(3)` with `x = λ/(1 + λ)`;
+//! their slope there has a logarithm. The two-sphere resistance minus that of the far field is,
+//! with `t = (a_1 a_2/r²)³`:
 //!
 //! ```text
 //! R11 = 8π a_1³ [X11C − 1/(1 − t)],   R12 = 8π a_1³ [X12C + (a_2/r)³/(1 − t)]
@@ -34,14 +35,16 @@ fn sum(scale: f64, first: f64, step: f64) -> f64 {
             return total;
         }
     }
-    // Euler-Maclaurin: ∫ csch³ = −(coth csch + ln tanh(x/2))/2 and its value and slope at the lower end.
+    // Euler-Maclaurin: ∫ csch³ = −(coth csch + ln tanh(x/2))/2 and its value and slope at the lower
+    // end.
     let x = first + f64::from(SUMMED) * step;
     let integral = 0.5 * ((x.tanh() * x.sinh()).recip() + (0.5 * x).tanh().ln());
     let rest = scale.powi(3) * integral / step;
     total + rest + term(x) * (0.5 + 0.25 * step / x.tanh())
 }
 
-/// X^C of both spheres at ξ, the first of radius 1: `[X11C, X12C]` with it as sphere 1, then with the other.
+/// X^C of both spheres at ξ, the first of radius 1: `[X11C, X12C]` with it as sphere 1, then with
+/// the other.
 fn functions(size_ratio: f64, xi: f64) -> [[f64; 2]; 2] {
     let mean = 0.5 * (1.0 + size_ratio);
     let (gap, distance) = (mean * xi, mean * (2.0 + xi));
@@ -62,7 +65,8 @@ fn functions(size_ratio: f64, xi: f64) -> [[f64; 2]; 2] {
     })
 }
 
-/// X^C of two spheres in unbounded fluid, `[X11C, X12C]`: the torque from turning about the line of centres, over `8π mu a_1³`.
+/// X^C of two spheres in unbounded fluid, `[X11C, X12C]`: the torque from rotation about the line
+/// of centres, over `8π mu a_1³`.
 ///
 /// # Arguments
 /// - `size_ratio`: `λ = a_2/a_1`, within 0.01..=100.
@@ -79,7 +83,8 @@ pub fn twist(size_ratio: f64, s_prime: f64) -> Result<[f64; 2], Error> {
     Ok(functions(size_ratio, s_prime - 2.0)[0])
 }
 
-/// The twist entries of the near-field term of spheres of two radii, i before j: `[ii, ij, jj]`, in mu·a³.
+/// The twist entries of the near-field term of spheres of two radii, i before j: `[ii, ij, jj]`, in
+/// mu·a³.
 #[derive(Debug, Clone)]
 pub(crate) struct TwistTable {
     /// By interval of ln ξ, as in [`super::NearField`], and power of the local variable.
@@ -153,11 +158,13 @@ fn horner<const N: usize>(powers: &[[f64; 3]; N], x: f64) -> [f64; 3] {
 /// Nodes of a cell of [`TwistRange`] in ln λ.
 const COARSE: usize = 7;
 
-/// The twist entries at any size ratio up to a largest, as [`super::NearFieldRange`] has the others.
+/// The twist entries at any size ratio up to a largest, like [`super::NearFieldRange`] for the
+/// others.
 #[derive(Debug)]
 pub(crate) struct TwistRange {
     cells: Cells,
-    /// By cell in ln λ and in ln ξ, power of ln ξ and of ln λ; the smaller sphere is i, of radius 1.
+    /// By cell in ln λ and in ln ξ, power of ln ξ and of ln λ; the smaller sphere is i, of
+    /// radius 1.
     powers: Vec<[[[f64; 3]; COARSE]; NODES]>,
 }
 
@@ -212,7 +219,8 @@ mod tests {
     use crate::linalg::dense::Matrix;
     use crate::linalg::lu;
 
-    /// X^C from the coupled multipoles `Q_n = start − Σ_s C(n+s, n) tⁿ t'^(s+1) s/(n+1) Q'_s`, solved as they stand.
+    /// X^C from the coupled multipoles `Q_n = start − Σ_s C(n+s, n) tⁿ t'^(s+1) s/(n+1) Q'_s`,
+    /// solved as they stand.
     fn coupled(size_ratio: f64, xi: f64, orders: usize) -> [f64; 2] {
         let distance = 0.5 * (1.0 + size_ratio) * (2.0 + xi);
         let t = [1.0 / distance, size_ratio / distance];

@@ -1,10 +1,11 @@
-//! Surfaces that never touch: nothing holds the spheres apart but the repulsion of [`crate::law::repulsion`].
+//! Surfaces that never touch: only the repulsion of [`crate::law::repulsion`] separates the
+//! spheres.
 
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "exponential-repulsion";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "Nothing but the repulsion `F = F0 exp(−g/l)`: the surfaces never touch.";
 /// Those of the repulsion belong to every law that it is added to.
 pub const PARAMETERS: &[&Quantity] = &[];

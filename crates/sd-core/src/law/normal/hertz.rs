@@ -5,15 +5,15 @@
 //! ```
 //!
 //! k in mu·a^(1/2)·rate, c in mu·a; for two equal spheres of modulus E and Poisson number σ it is
-//! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson, Contact Mechanics (1985),
-//! eq. (4.23).
+//! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson,
+//! Contact Mechanics (1985), eq. (4.23).
 
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "hertz";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "`F = k d^(3/2)`, the force of elastic spheres.";
 /// Its stiffness and its dashpot.
 pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
@@ -31,7 +31,7 @@ pub fn slope(overlap: f64, stiffness: f64) -> f64 {
     1.5 * stiffness * overlap.max(0.0).sqrt()
 }
 
-/// Overlap at which the spheres bear a force.
+/// Overlap at which the force has a given value.
 pub fn overlap(force: f64, stiffness: f64) -> f64 {
     (force / stiffness).cbrt().powi(2)
 }

@@ -4,15 +4,16 @@
 //! F = k d − c v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·a·rate, c in mu·a; v_n is negative for approach. Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions
-//! Seto et al., Phys. Rev. Lett. 111, 218301 (2013). The dashpot never pulls.
+//! k in mu·a·rate, c in mu·a; v_n is negative for approach. Source: Cundall & Strack, Géotechnique
+//! 29, 47 (1979); in suspensions Seto et al., Phys. Rev. Lett. 111, 218301 (2013). The dashpot
+//! never pulls.
 
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "linear-spring";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "`F = k d`, a linear spring.";
 /// Its stiffness and its dashpot.
 pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];
@@ -29,7 +30,7 @@ pub fn slope(overlap: f64, stiffness: f64) -> f64 {
     if overlap > 0.0 { stiffness } else { 0.0 }
 }
 
-/// Overlap at which the spring bears a force.
+/// Overlap at which the force has a given value.
 pub fn overlap(force: f64, stiffness: f64) -> f64 {
     force / stiffness
 }

@@ -4,15 +4,15 @@
 //! |F_t| < ν f: u_t = 0 (sticks);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of tangential springs in Cundall &
-//! Strack, Géotechnique 29, 47 (1979).
+//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of
+//! tangential springs in Cundall & Strack, Géotechnique 29, 47 (1979).
 
 use super::Halt;
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "coulomb";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "No slip at all within `|F_t| ≤ ν f`.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];

@@ -1,23 +1,23 @@
 //! Spheres that touch roll on each other, up to Coulomb's limit.
 //!
 //! ```text
-//! F_roll = K u_t,   K > 0 the inverse slip mobility of the isolated pair, u_t the slip that normal forces alone would leave
+//! F_roll = K u_t,   K > 0 the inverse slip mobility of the isolated pair, u_t the slip under normal forces alone
 //! |F_roll| ≤ ν f: F_t = F_roll (rolls);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! Forces in mu·a²·rate, K in mu·a. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017), steps 4 to 6, with the sign of
-//! (19) mended: friction opposes slip.
+//! Forces in mu·a²·rate, K in mu·a. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017),
+//! steps 4 to 6, with a sign error of (19) corrected: friction opposes slip.
 
 use super::Halt;
 use crate::law::Quantity;
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "roll-slip";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "The paper's: the force that lets the isolated pair roll, at most ν f.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
-/// The slip of the pair by itself.
+/// The slip of the isolated pair.
 pub const HALTS: Halt = Halt::IsolatedSlip;
 
 /// Coulomb's limit.
@@ -25,7 +25,8 @@ pub fn bound(friction: f64, load: f64) -> f64 {
     friction * load
 }
 
-/// The friction force at a slip u_t and a load, and whether the pair rolls; the force has the sign of the slip.
+/// The friction force at a slip u_t and a load, and whether the pair rolls; the force has the sign
+/// of the slip.
 pub fn force(slip: f64, slip_resistance: f64, bound: f64) -> (f64, bool) {
     let roll = slip_resistance * slip;
     if roll.abs() <= bound {

@@ -4,12 +4,16 @@
 //! F_t = k_t ξ,   |F_t| ≤ ρ(f),   ξ' = u_t while the spring sticks; at the limit the spring slides and keeps F_t = ±ρ
 //! ```
 //!
-//! In a layer the stretch ξ is a number along the tangent t of the pair, which turns with the pair: it does not change when the pair is
-//! turned as a whole. In a suspension it is a vector across the line of centres, carried along with it, and |F_t| its length. It begins at 0 when two spheres touch and friction acts, and is forgotten when they part or friction ceases.
-//! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58, 1693 (2014), eq. (9)-(11).
+//! In a layer the stretch ξ is a number along the tangent t of the pair, which rotates with the
+//! pair: it does not change under a rigid rotation of the pair. In a suspension it is a vector
+//! across the line of centres, carried along with it, and |F_t| its length. It starts at 0 when two
+//! spheres touch and friction acts, and is discarded when they separate or friction is deactivated.
+//! Source: Cundall & Strack, Géotechnique 29, 47 (1979); in suspensions Mari et al., J. Rheol. 58,
+//! 1693 (2014), eq. (9)-(11).
 //!
-//! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact forces do. In terms of the force
-//! s = k_t ξ at the start of the step, with r = s + 2 (F1 − s) terms that the second stage takes back:
+//! In a two-stage step of size τ with the coefficient γ the spring looks ahead as all contact
+//! forces do. In terms of the force s = k_t ξ at the start of the step, with r = s + 2 (F1 − s)
+//! terms that the second stage takes back:
 //!
 //! ```text
 //! F1 = clamp(s + k_t γτ u1),             s2 = s + (F1 − s)/γ
@@ -17,20 +21,21 @@
 //! s  ← s + (3 (F1 − s) + F2 − s2)/(2γ)
 //! ```
 //!
-//! so that s follows u_t to second order while the spring sticks, and lands on a limit at which both stages slide.
+//! so that s follows u_t to second order while the spring sticks, and lands on a limit at which
+//! both stages slide.
 
 use super::Halt;
 use crate::law::Quantity;
 use crate::law::quantity::Range;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// Its word.
+/// Keyword in campaign files.
 pub const WORD: &str = "stick-slide";
-/// What it does.
+/// Description.
 pub const MEANING: &str = "A tangential spring, at most ν f.";
 /// The stiffness of its spring.
 pub const PARAMETERS: &[&Quantity] = &[&TANGENTIAL_STIFFNESS];
-/// The slip beyond what the spring gives way.
+/// The slip minus the deformation of the spring.
 pub const HALTS: Halt = Halt::SpringSlip;
 
 /// Stiffness k_t of the tangential spring over the normal stiffness k.
@@ -45,8 +50,8 @@ pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {
     logarithmic: false,
 };
 
-/// k_t over k unless said otherwise: Mari et al., J. Rheol. 58, 1693 (2014).
-pub const USUAL_STIFFNESS: f64 = 0.5;
+/// Default of k_t over k: Mari et al., J. Rheol. 58, 1693 (2014).
+pub const DEFAULT_STIFFNESS: f64 = 0.5;
 
 /// Coulomb's limit.
 pub fn bound(friction: f64, load: f64) -> f64 {
@@ -66,7 +71,7 @@ impl<T> TangentialSpring<T>
 where
     T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
 {
-    /// The same with both forces changed alike.
+    /// The same with both forces mapped by a function.
     #[must_use]
     pub fn map(&self, change: impl Fn(T) -> T) -> Self {
         Self {
@@ -80,7 +85,7 @@ where
         self.start + (self.first - self.start) / gamma
     }
 
-    /// What the second stage adds `k_t γτ u2` to.
+    /// The force to which the second stage adds `k_t γτ u2`.
     pub fn base(&self, gamma: f64) -> T {
         self.second(gamma) - (self.first - self.start) * 2.0
     }
@@ -129,7 +134,7 @@ mod tests {
             first: 3.0,
         };
         assert!((stretch.end(3.0, GAMMA) - 3.0).abs() < 1e-13);
-        // Parted: nothing is left.
+        // After separation the spring force is 0.
         let parted = TangentialSpring {
             start: 1.0,
             first: 0.0,

@@ -9,11 +9,11 @@ use faer::{Par, Spec};
 
 /// Cholesky factorization `A = L Lᵀ` of a symmetric positive definite matrix, with its workspace.
 pub(crate) struct DenseCholesky {
-    /// L in the lower triangle; the upper triangle has no meaning.
+    /// L in the lower triangle; the upper triangle is undefined.
     factor: Matrix,
     /// Scratch, sized for the largest matrix so far.
     scratch: MemBuffer,
-    /// Largest dimension the scratch serves.
+    /// Largest dimension of the scratch.
     capacity: usize,
 }
 
@@ -24,7 +24,7 @@ impl Default for DenseCholesky {
 }
 
 impl DenseCholesky {
-    /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
+    /// Workspace for matrices up to `[n × n]`; grows for larger ones.
     pub(crate) fn new(n: usize) -> Self {
         let mut factor = Matrix::zeros(n, n);
         factor.reset(0, 0);

@@ -1,13 +1,13 @@
-//! Cholesky factorization of large full matrices by halves, which an idle thread may share.
+//! Recursive Cholesky factorization of large full matrices, which an idle thread may share.
 //!
 //! ```text
 //! A = ( A11     )    L11 from A11,   L21 = A21 L11⁻ᵀ (by halves of its rows),
 //!     ( A21 A22 )    L22 from A22 − L21 L21ᵀ (one square, two triangles)
 //! ```
 //!
-//! The work is cut in the same pieces whoever does them, so the bits do not depend on the number of threads. Within a pool of
-//! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
-//! Outside a pool no thread is started.
+//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it.
+//! In a pool of threads that runs several simulations, all are busy and nothing is shared; when one
+//! simulation remains, idle threads help. Outside a pool no thread is started.
 
 use crate::linalg::error::BadPivot;
 use crate::linalg::join::join;
@@ -17,7 +17,7 @@ use faer::linalg::matmul::{self, triangular::BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
-/// Dimension from which a matrix is cut in halves.
+/// Minimum dimension at which a matrix is halved.
 const LARGE: usize = 1000;
 
 /// Factors the lower triangle of `matrix` in place. Cost n³/3.
@@ -58,7 +58,7 @@ fn solve_below(l: MatRef<'_, f64>, x: MatMut<'_, f64>) {
     join(true, || solve(upper), || solve(lower));
 }
 
-/// Lower triangle of `A ← A − X Xᵀ`: the square below the diagonal beside two triangles.
+/// Lower triangle of `A ← A − X Xᵀ`: the square below the diagonal and two triangles.
 fn subtract_square(x: MatRef<'_, f64>, a: MatMut<'_, f64>) {
     let half = (a.nrows() / 2).next_multiple_of(16).min(a.nrows());
     let (upper, _, square, lower) = a.split_at_mut(half, half);

@@ -7,8 +7,8 @@
 //!     ████
 //! ```
 //!
-//! A full matrix is the special case of a band that reaches the last row. Storage is that of the full matrix; what lies outside is
-//! neither read nor written.
+//! A full matrix is the special case of a band that reaches the last row. Storage is that of the
+//! full matrix; entries outside are neither read nor written.
 
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
@@ -22,7 +22,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par, Spec};
 use std::ops::Range;
 
-/// Columns eliminated at once; a multiple of four.
+/// Columns eliminated together; a multiple of four.
 pub(in crate::linalg) const PANEL: usize = 24;
 
 /// Cholesky factorization `A = L Lᵀ` within a band and last rows, with its workspace.
@@ -37,7 +37,7 @@ pub struct SkylineCholesky {
 }
 
 impl SkylineCholesky {
-    /// Workspace for matrices up to `[n × n]`; larger ones make it grow.
+    /// Workspace for matrices up to `[n × n]`; grows for larger ones.
     pub fn new(n: usize) -> Self {
         Self {
             full: DenseCholesky::new(n),
@@ -46,7 +46,8 @@ impl SkylineCholesky {
         }
     }
 
-    /// The matrix to fill (lower triangle) before [`SkylineCholesky::factor`], as a full one of whatever shape it is given.
+    /// The matrix to fill (lower triangle) before [`SkylineCholesky::factor`], as a full matrix of
+    /// any shape.
     pub fn full_matrix(&mut self) -> &mut Matrix {
         self.ends.clear();
         self.full.matrix_mut()
@@ -54,7 +55,8 @@ impl SkylineCholesky {
 
     /// The matrix `[n × n]` to fill (lower triangle), zero in its profile.
     ///
-    /// `ends`: by column, the end of the rows before `tail` that are not zero; rows from `tail` on may all be.
+    /// `ends`: by column, the end of the rows before `tail` that are not zero; rows from `tail` on
+    /// may all be nonzero.
     pub fn matrix_of_skyline(
         &mut self,
         n: usize,
@@ -84,17 +86,17 @@ impl SkylineCholesky {
         self.full.matrix_mut()
     }
 
-    /// The matrix as filled so far, to be added to within its profile.
+    /// The matrix as filled so far, for additions within its profile.
     pub fn filled_matrix(&mut self) -> &mut Matrix {
         self.full.matrix_mut()
     }
 
-    /// L, in the lower triangle; beyond the profile without meaning.
+    /// L, in the lower triangle; undefined outside the profile.
     pub fn lower(&self) -> &Matrix {
         self.full.lower()
     }
 
-    /// Rows below a panel that are not zero: within the band, and the last ones.
+    /// Nonzero rows below a panel: within the band, and the last ones.
     pub(in crate::linalg) fn rows(&self, panel: usize) -> [Range<usize>; 2] {
         let n = self.lower().rows();
         let end = ((panel + 1) * PANEL).min(n);
@@ -262,7 +264,7 @@ mod tests {
             fill(full.matrix_mut(), n, tail);
             full.factor().unwrap();
             let mut profile = SkylineCholesky::new(n);
-            // Whatever lies outside must not be read.
+            // Entries outside must not be read.
             profile.full_matrix().reshape(n, n);
             profile.full_matrix().values_mut().fill(f64::NAN);
             let ends = (0..n).map(|j| (j + 30).min(n));

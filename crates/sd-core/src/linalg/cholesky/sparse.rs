@@ -1,11 +1,14 @@
-//! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their Cholesky factors.
+//! Sparse symmetric positive definite matrices of 3 × 3 blocks, one block row per sphere, and their
+//! Cholesky factors.
 //!
-//! Pattern, order and symbolic factorization are made once and serve all matrices of that pattern. The order is that of approximate
-//! minimum degree on the graph of the spheres; the supernodes, columns that have the same rows, are those that faer finds. Matrix and factor
-//! are in **single precision**: they precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate in double
-//! precision, at half the traffic.
+//! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The
+//! order is that of approximate minimum degree on the graph of the spheres; faer determines the
+//! supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
+//! precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate
+//! in double precision, with half the memory traffic.
 //!
-//! [`numeric`] factors, [`levels`] solves: supernodes that do not wait for each other as in [`eight`], others as in [`single`].
+//! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
+//! [`single`].
 
 mod eight;
 mod lanes;
@@ -30,42 +33,43 @@ use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 /// A 3 × 3 block, by columns.
 pub(crate) type Block = [f64; 9];
 
-/// Where a block is in the values of a matrix.
+/// Position of a block in the values of a matrix.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     start: usize,
-    /// From one column of the block to the next.
+    /// Stride between columns of the block.
     stride: usize,
     /// Whether the block's columns are the second sphere's.
     transposed: bool,
 }
 
-/// Which blocks are not zero, in what order the spheres are eliminated, and what fills in.
+/// The pattern: nonzero blocks, elimination order of the spheres, and fill-in.
 #[derive(Debug)]
 pub(crate) struct BlockPattern {
     /// Block row of each sphere.
     rows: Vec<usize>,
     /// Scalar pattern of the lower triangle, diagonal blocks whole.
     scalar: SymbolicSparseColMat<usize>,
-    /// Place of each sphere's diagonal block.
+    /// Position of each sphere's diagonal block.
     diagonal: Vec<Place>,
-    /// Place of each coupling, in the order given.
+    /// Position of each coupling, in the order given.
     couplings: Vec<Place>,
     /// Symbolic factorization.
     symbolic: SymbolicSupernodalCholesky<usize>,
     /// Its supernodes.
     nodes: Vec<Node>,
-    /// Where values go in it.
+    /// Positions of values in it.
     schedule: numeric::Schedule,
-    /// The order of a solve, and where the rows of each sphere are in it.
+    /// The order of a solve, and the rows of each sphere in it.
     order: levels::SolveOrder,
     places: Vec<[u32; 3]>,
 }
 
 impl BlockPattern {
-    /// Finds the order of elimination and what fills in. `couplings`: pairs of different spheres, each once.
+    /// Determines the order of elimination and the fill-in. `couplings`: pairs of different
+    /// spheres, each once.
     ///
-    /// `None` if memory is short.
+    /// `None` if out of memory.
     pub(crate) fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
         let rows = elimination_order(spheres, couplings).ok()?;
         // Block rows below, and above, the diagonal of each block column, ascending.
@@ -194,11 +198,11 @@ fn analyse(
 pub(crate) struct BlockCholesky {
     /// Values of the matrix.
     values: Vec<f32>,
-    /// Values of the factor, of the matrix that was factored, and which supernodes are factored.
+    /// Values of the factor, of the factored matrix, and flags of factored supernodes.
     factor: Vec<f32>,
     factored: Vec<f32>,
     is_new: Vec<bool>,
-    /// The same, as solves read them.
+    /// The same, in the layout of solves.
     packed: Vec<lanes::Lanes>,
     /// Right-hand side in the order of a solve.
     ordered: Vec<lanes::Lanes>,
@@ -215,12 +219,12 @@ impl BlockCholesky {
         self.values.resize(pattern.scalar.row_idx().len(), 0.0);
     }
 
-    /// Takes over the matrix of another of the same pattern.
+    /// Copies another matrix of the same pattern.
     pub(crate) fn copy_matrix(&mut self, other: &Self) {
         self.values.clone_from(&other.values);
     }
 
-    /// Takes over the diagonal block of a sphere from another of the same pattern.
+    /// Copies the diagonal block of a sphere from another matrix of the same pattern.
     pub(crate) fn copy_own(&mut self, pattern: &BlockPattern, other: &Self, sphere: usize) {
         copy(&mut self.values, &other.values, pattern.diagonal[sphere]);
     }
@@ -230,7 +234,7 @@ impl BlockCholesky {
         copy(&mut self.values, &other.values, pattern.couplings[coupling]);
     }
 
-    /// Room for a factor and its solves.
+    /// Allocates a factor and its solves.
     fn make_room(&mut self, pattern: &BlockPattern) {
         self.ordered.clear();
         self.ordered
@@ -253,7 +257,7 @@ impl BlockCholesky {
         add(&mut self.values, pattern.couplings[coupling], block);
     }
 
-    /// Factors the matrix, which stays as it is. Allocates only for a pattern larger than all before.
+    /// Factors the matrix, which is unchanged. Allocates only for a pattern larger than all before.
     ///
     /// # Errors
     /// [`BadPivot`] with `3 × sphere + component`.
@@ -265,7 +269,8 @@ impl BlockCholesky {
         self.factor_new(pattern)
     }
 
-    /// The same for a matrix of the pattern it was when it was factored last: takes only what other values change, with the same bits.
+    /// Refactors a matrix of the same pattern as at the last factorization: updates only what
+    /// changed values affect, with the same bits.
     ///
     /// # Errors
     /// As there.
@@ -280,7 +285,7 @@ impl BlockCholesky {
 
     /// Factors the supernodes that are new.
     fn factor_new(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
-        // Of a factorization that fails nothing is left.
+        // A failed factorization is discarded.
         self.factored.clear();
         let Some(memory) = &mut self.scratch else {
             return Err(BadPivot { pivot: 0 });
@@ -355,7 +360,7 @@ fn add(values: &mut [f32], place: Place, block: &Block) {
     }
 }
 
-/// A place in a factor or in a vector, as patterns keep many of them.
+/// An index into a factor or a vector, 32 bits since patterns store many.
 fn narrow(place: usize) -> u32 {
     u32::try_from(place).expect("factors have fewer than 2^32 values")
 }
@@ -374,7 +379,8 @@ mod tests {
         pairs
     }
 
-    /// A matrix of a periodic lattice of `side²` spheres, some of whose neighbours are missing, and its pattern.
+    /// A matrix of a periodic lattice of `side²` spheres, some of whose neighbours are missing, and
+    /// its pattern.
     pub(super) fn lattice(side: usize) -> (BlockPattern, BlockCholesky) {
         let at = |x: usize, y: usize| (y % side) * side + x % side;
         let all = (0..side * side).flat_map(|i| {
@@ -385,7 +391,7 @@ mod tests {
         matrix(side * side, kept.map(|(_, pair)| pair).collect())
     }
 
-    /// A matrix of spheres two and two, without anything between these pairs, and its pattern.
+    /// A matrix of isolated pairs of spheres, and its pattern.
     pub(super) fn couples(n: usize) -> (BlockPattern, BlockCholesky) {
         matrix(2 * n, (0..n).map(|k| (2 * k, 2 * k + 1)).collect())
     }
@@ -463,7 +469,7 @@ mod tests {
             new.factor(&pattern).unwrap();
             assert!(new.factor == matrix.factor && new.packed == matrix.packed);
         }
-        // After one that failed there is nothing to keep.
+        // Nothing is kept after a failure.
         let (_, whole) = lattice(25);
         matrix.add_own(&pattern, 40, &[-1e3; 9]);
         assert!(matrix.factor_again(&pattern).is_err());

@@ -1,15 +1,16 @@
-//! Cholesky factorization of a full matrix stored in rows of tiles, and what follows from its factor.
+//! Cholesky factorization of a full matrix stored in rows of tiles, and operations with its factor.
 //!
 //! ```text
 //! row of tiles t: rows r_t .. r_(t+1) (at most TILE), columns 0 .. r_(t+1), by columns:  (i, j) at offset_t + TILE j + (i − r_t)
 //! L_ts = (A_ts − Σ_(u<s) L_tu L_suᵀ) L_ss⁻ᵀ        L_tt L_ttᵀ = A_tt − Σ_(u<t) L_tu L_tuᵀ
 //! ```
-//! The sum over u is one product of two contiguous strips `[TILE × K]`: the shape and the storage that a matrix product likes
-//! best, twice as fast as the same work on a large matrix stored by columns, and half the storage.
+//! The sum over u is one product of two contiguous strips `[TILE × K]`: the optimal shape and
+//! storage for a matrix product, twice as fast as on a large matrix stored by columns, with half
+//! the storage.
 //!
-//! The work is cut in the same pieces whoever does them, so the bits do not depend on the number of threads. Within a pool of
-//! threads that runs several simulations at once, all are busy and nothing is shared; when one simulation is left, the others help.
-//! Outside a pool no thread is started.
+//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it.
+//! In a pool of threads that runs several simulations, all are busy and nothing is shared; when one
+//! simulation remains, idle threads help. Outside a pool no thread is started.
 
 mod inverse;
 
@@ -23,31 +24,32 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 use std::ops::Range;
 
-/// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes of a sphere.
+/// Rows of a tile, and distance of its columns: a multiple of the vector length, and of the modes
+/// of a sphere.
 pub(crate) const TILE: usize = 48;
-/// Rows of a tile that are divided at once: two columns of them fit in the registers.
+/// Rows of a tile that are divided together: two columns of them fit in the registers.
 const ROWS: usize = 24;
-/// Rows of tiles that are finished before the rows below take their columns.
+/// Rows of tiles that are finished before their columns update the rows below.
 const GROUP: usize = 4;
 /// Columns of a strip that is used several times while it is in the cache.
 const DEPTH: usize = 384;
-/// Rows of tiles from which the work is shared with an idle thread.
+/// Minimum number of rows of tiles for sharing with an idle thread.
 const LARGE: usize = 20;
 
 /// The lower triangle of a square matrix `[n × n]`, in rows of tiles.
 #[derive(Debug, Clone, Default)]
 pub struct TiledMatrix {
-    /// Entries; between the rows of a short tile and the next column lies padding.
+    /// Entries; short tiles are padded up to the next column.
     values: Vec<f64>,
     /// First row of each row of tiles, then n.
     starts: Vec<usize>,
-    /// Where each row of tiles begins in `values`, then its length.
+    /// Start of each row of tiles in `values`, then its length.
     offsets: Vec<usize>,
 }
 
 impl TiledMatrix {
-    /// Takes the shape of two square blocks of dimension `half` on the diagonal, each cut into tiles of its own; entries are left
-    /// as they fall.
+    /// Sets the shape to two square blocks of dimension `half` on the diagonal, each cut into its
+    /// own tiles; entries are undefined.
     pub fn reshape_halves(&mut self, half: usize) {
         if self.rows() == 2 * half {
             return;
@@ -82,8 +84,9 @@ impl TiledMatrix {
         &mut self.values
     }
 
-    /// Where the entry (row, 0) is among the values; (row, j) is `TILE` j further, for j up to the end of the row's tile. Rows below
-    /// follow up to the end of the tile: three rows beginning at a multiple of three of either half are always together.
+    /// Index of the entry (row, 0) among the values; (row, j) is `TILE` j further, for j up to the
+    /// end of the row's tile. Rows below follow up to the end of the tile: three rows beginning at
+    /// a multiple of three of either half are always together.
     pub fn position(&self, row: usize) -> usize {
         let tile = self.starts.partition_point(|&start| start <= row) - 1;
         self.offsets[tile] + row - self.starts[tile]
@@ -101,13 +104,14 @@ fn strip(values: &[f64], height: usize, range: Range<usize>) -> MatRef<'_, f64> 
     MatRef::from_column_major_slice_with_stride(part, height, range.len(), TILE)
 }
 
-/// Rows and columns as in [`strip`], to write.
+/// Rows and columns as in [`strip`], mutable.
 fn strip_mut(values: &mut [f64], height: usize, range: Range<usize>) -> MatMut<'_, f64> {
     let part = &mut values[TILE * range.start..TILE * range.end];
     MatMut::from_column_major_slice_with_stride_mut(part, height, range.len(), TILE)
 }
 
-/// `X ← X L⁻ᵀ` for one tile, L the lower triangle of a diagonal tile; both by columns, `TILE` apart.
+/// `X ← X L⁻ᵀ` for one tile, L the lower triangle of a diagonal tile; both by columns, `TILE`
+/// apart.
 fn divide(l: &[f64], x: &mut [f64], height: usize) {
     vectorised(
         #[inline(always)]
@@ -153,9 +157,9 @@ fn divide_rows(l: &[f64], x: &mut [f64], first: usize) {
 /// Cholesky factorization `A = L Lᵀ` in rows of tiles, with its workspace.
 #[derive(Default)]
 pub struct TiledCholesky {
-    /// A, then L. Above the diagonal of a diagonal tile entries have no meaning.
+    /// A, then L. Entries above the diagonal of a diagonal tile are undefined.
     matrix: TiledMatrix,
-    /// Scratch of a diagonal tile; made in the first factorization.
+    /// Scratch of a diagonal tile, allocated in the first factorization.
     scratch: Option<MemBuffer>,
     /// Transposed inverse of the trailing factor: rows of tiles `[TILE × m]`.
     inverse: Vec<f64>,
@@ -166,7 +170,7 @@ pub struct TiledCholesky {
 struct Shape<'a> {
     /// First row of each row of tiles, then n.
     starts: &'a [usize],
-    /// Where each row of tiles begins.
+    /// Start of each row of tiles.
     offsets: &'a [usize],
 }
 
@@ -212,7 +216,8 @@ impl Shape<'_> {
         );
     }
 
-    /// Finishes the columns of a group in the rows of tiles `tiles`, all below the group; `rows` holds these alone.
+    /// Finishes the columns of a group in the rows of tiles `tiles`, all below the group; `rows`
+    /// holds these alone.
     fn finish_group(
         &self,
         upper: &[f64],
@@ -237,7 +242,8 @@ impl Shape<'_> {
         }
         let base = self.offsets[tiles.start];
         let known = self.starts[group.start];
-        // Whole pieces of the known columns first, each for all rows while the group's strips are in the cache.
+        // Complete pieces of the known columns first, each for all rows while the group's strips
+        // are in the cache.
         let mut first = 0;
         while first + DEPTH < known {
             for t in tiles.clone() {
@@ -347,7 +353,7 @@ impl TiledCholesky {
         );
     }
 
-    /// `x ← L⁻ᵀ x` for one vector, rows from `first` (0 or half) on: the others are left as they are.
+    /// `x ← L⁻ᵀ x` for one vector, rows from `first` (0 or half) on: the others are unchanged.
     pub fn solve_upper_vector(&self, x: &mut [f64], first: usize) {
         let matrix = &self.matrix;
         vectorised(

@@ -5,7 +5,8 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::{Accum, Par};
 
-/// Writes the lower triangle of the trailing block, from row `first` on, of `(L Lᵀ)⁻¹` into `out`: `L₂₂⁻ᵀ L₂₂⁻¹`.
+/// Writes the lower triangle of the trailing block, from row `first` on, of `(L Lᵀ)⁻¹` into `out`:
+/// `L₂₂⁻ᵀ L₂₂⁻¹`.
 ///
 /// `inverse` is scratch.
 pub(crate) fn trailing_inverse(

@@ -1,28 +1,29 @@
-//! Choices whose words stand for more than one field of the parameters: the contact scheme and friction.
+//! Choices whose keywords set more than one field of the parameters: the contact scheme and
+//! friction.
 
 use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, Sizes};
 
-/// Word for the paper's steps in the place of a normal law.
+/// Keyword of the paper's steps, in place of a normal law.
 const PROCEDURE: Word = Word {
     word: "procedure",
     meaning: "The paper's steps 1-6, to the letter.",
 };
-/// Word for a coefficient of friction of 0 in the place of a tangential law.
+/// Keyword of a friction coefficient of 0, in place of a tangential law.
 const FRICTIONLESS: Word = Word {
     word: "none",
     meaning: "No friction, whatever its coefficient.",
 };
 
-/// Words of `contact`: those of the normal laws, the paper's steps after the first.
+/// Keywords of `contact`: those of the normal laws, with the paper's steps after the first.
 pub(super) fn contact_words() -> Vec<Word> {
     let mut words = NormalLaw::WORDS.to_vec();
     words.insert(1, PROCEDURE);
     words
 }
 
-/// Words of `tangential`: those of the tangential laws, and none.
+/// Keywords of `tangential`: those of the tangential laws, and none.
 pub(super) fn tangential_words() -> Vec<Word> {
     let mut words = TangentialLaw::WORDS.to_vec();
     words.push(FRICTIONLESS);
@@ -36,7 +37,7 @@ pub(super) fn contact_word(params: &Params) -> &'static str {
     }
 }
 
-/// Reads a choice by its word.
+/// Reads a choice by its keyword.
 pub(super) fn read<T: Words>(choice: &mut T, key: &'static str, word: &str) -> Result<(), Refusal> {
     *choice = T::of_word(word).ok_or_else(|| unknown(key, word, T::WORDS))?;
     Ok(())
@@ -56,7 +57,7 @@ fn unknown(key: &'static str, word: &str, known: &[Word]) -> Refusal {
     }
 }
 
-/// The paper's steps have laws of their own: others that were chosen before are refused.
+/// The paper's steps have their own laws: others chosen before are refused.
 pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word != PROCEDURE.word {
         return match params.contact.chosen_laws() {
@@ -70,7 +71,7 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
         Err(Refusal {
             key,
             value,
-            problem: "does not go with `contact` = \"procedure\"".into(),
+            problem: "conflicts with `contact` = \"procedure\"".into(),
             allowed: "the procedure has the paper's laws only: \"roll-slip\" or \"none\", \"critical-load\", no repulsion, \
                       rolling friction or adhesion; give it a grid of its own"
                 .into(),
@@ -99,7 +100,7 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
 pub(super) fn put_hydrodynamics(params: &mut Params, word: &str) -> Result<(), Refusal> {
     let mut chosen = params.hydrodynamics;
     read(&mut chosen, "hydrodynamics", word)?;
-    // The numbers of a choice may have been written before its word.
+    // The parameters of a choice may have been set before its keyword.
     if chosen.place() != params.hydrodynamics.place() {
         params.hydrodynamics = chosen;
     }
@@ -126,21 +127,21 @@ pub(super) fn put_spheres(params: &mut Params, value: f64) {
     params.spheres = value as usize;
 }
 
-/// Changes the laws, where they are chosen one by one.
+/// Changes the laws, if they are chosen individually.
 pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)) {
     if let Some(laws) = params.contact.chosen_laws() {
         change(laws);
     }
 }
 
-/// Whether friction ever acts.
-pub(super) fn rubs(params: &Params) -> bool {
-    params.contact.laws().normal.touches() && params.rubs()
+/// Whether friction can act.
+pub(super) fn has_friction(params: &Params) -> bool {
+    params.contact.laws().normal.touches() && params.has_friction()
 }
 
-/// Whether rolling friction acts: where friction does, beside a law that leaves pairs free to roll.
+/// Whether rolling friction can act: with friction, and a law that leaves pairs free to roll.
 pub(super) fn resists_rolling(params: &Params) -> bool {
-    rubs(params) && rolling_friction::goes_with(params.contact.laws().tangential)
+    has_friction(params) && rolling_friction::can_combine(params.contact.laws().tangential)
 }
 
 /// Whether surfaces touch and may adhere. The paper's steps have no such law.
@@ -158,10 +159,10 @@ pub(super) fn has_two_sizes(params: &Params) -> bool {
     params.size_ratio > 1.0 && params.sizes.is_none()
 }
 
-/// The word for sizes that are those of `size_ratio` and `large_fraction`.
+/// The keyword for sizes given by `size_ratio` and `large_fraction`.
 pub(super) const ONE_OR_TWO: &str = "by size_ratio";
 
-/// Makes the spheres of these sizes: of one or two by their ratio and share.
+/// Sets these sizes: one or two by their ratio and fraction.
 pub(super) fn put_sizes(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word == ONE_OR_TWO {
         params.sizes = None;
@@ -183,7 +184,7 @@ pub(super) fn is_soft(params: &Params) -> bool {
     params.contact.laws().is_soft()
 }
 
-/// Whether lubrication is held constant below a gap: soft surfaces touch, and nothing else keeps it finite.
+/// Whether lubrication is constant below a gap, which keeps it finite for touching soft surfaces.
 pub(super) fn has_lubrication_gap(params: &Params) -> bool {
     is_soft(params) && !params.hydrodynamics.admits_overlap()
 }
@@ -200,7 +201,7 @@ pub(super) fn has_tangential_spring(params: &Params) -> bool {
     has_spring(params) && params.contact.laws().tangential.has_spring()
 }
 
-/// Whether nothing but the repulsion holds the spheres apart.
+/// Whether only the repulsion separates the spheres.
 pub(super) fn alone(params: &Params) -> bool {
     !params.contact.laws().normal.touches()
 }
@@ -209,7 +210,7 @@ pub(super) fn repels(params: &Params) -> bool {
     params.contact.laws().repulsion > 0.0
 }
 
-/// The words of those choices for which something holds.
+/// The keywords of the choices that meet a condition.
 fn words_where<T: Words>(holds: impl Fn(T) -> bool) -> String {
     let choices = T::ALL.iter().copied().filter(|choice| holds(*choice));
     let words: Vec<String> = choices
@@ -243,7 +244,7 @@ pub(super) fn needs_tangential_spring() -> String {
 }
 
 pub(super) fn needs_rolling() -> String {
-    let laws = rolling_friction::goes_with_words();
+    let laws = rolling_friction::combinable_words();
     format!("`friction` above 0 and `tangential` = {laws}, which leave pairs free to roll")
 }
 

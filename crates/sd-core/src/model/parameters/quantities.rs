@@ -1,4 +1,4 @@
-//! Quantities of a run that belong to no single contact law.
+//! Quantities of a run outside the contact laws.
 
 use crate::law::{Quantity, Range};
 
@@ -125,7 +125,7 @@ pub(super) static DIRECTION: Quantity = Quantity {
     logarithmic: false,
 };
 
-/// The layer a run begins with.
+/// The start layer.
 pub(super) static START: Quantity = Quantity {
     key: "start",
     symbol: "start",

@@ -1,11 +1,11 @@
 //! The table of parameters.
 
 use super::choices::{
-    ONE_OR_TWO, alone, contact_word, contact_words, has_chosen_laws, has_leading_order,
-    has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes, may_adhere,
-    needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring,
-    needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law, put_sizes,
-    put_spheres, put_tangential, read, repels, resists_rolling, rubs, tangential_words,
+    ONE_OR_TWO, alone, contact_word, contact_words, has_chosen_laws, has_friction,
+    has_leading_order, has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes,
+    may_adhere, needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling,
+    needs_spring, needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law,
+    put_sizes, put_spheres, put_tangential, read, repels, resists_rolling, tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
@@ -14,17 +14,17 @@ use super::quantities::{
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
 use crate::law::normal::{DASHPOT, STIFFNESS};
-use crate::law::repulsion::{REPULSION, REPULSION_ALONE, REPULSION_LENGTH, USUAL_LENGTH};
+use crate::law::repulsion::{DEFAULT_LENGTH, REPULSION, REPULSION_ALONE, REPULSION_LENGTH};
 use crate::law::rolling_friction::ROLLING_FRICTION;
-use crate::law::tangential::stick_slide::{TANGENTIAL_STIFFNESS, USUAL_STIFFNESS};
+use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNESS};
 use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
 use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, Sizes};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
-/// A choice stands above the numbers that have a meaning under it. Values are therefore put into [`crate::Params`] from the last
-/// entry to the first.
+/// A choice precedes the numbers that have a meaning under it. Values are therefore set in
+/// [`crate::Params`] from the last entry to the first.
 pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         key: "hydrodynamics",
@@ -54,7 +54,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         key: "tangential",
         symbol: "tangential",
         meaning: "tangential law",
-        has_meaning: rubs,
+        has_meaning: has_friction,
         is_shown: has_chosen_laws,
         form: Form::Choice(Choice {
             words: tangential_words,
@@ -68,7 +68,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         key: "friction_onset",
         symbol: "onset",
         meaning: "how friction begins with the load",
-        has_meaning: |p| rubs(p) && (p.shear_stress.is_some() || p.shear_rate.is_finite()),
+        has_meaning: |p| has_friction(p) && (p.shear_stress.is_some() || p.shear_rate.is_finite()),
         is_shown: has_chosen_laws,
         form: Form::Choice(Choice {
             words: || FrictionOnset::WORDS.to_vec(),
@@ -138,7 +138,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &SIZE_RATIO,
-            // Two species have put theirs.
+            // Two species set theirs.
             default: Some(|p| p.size_ratio),
             get: |p| p.size_ratio,
             put: |p, value| p.size_ratio = value,
@@ -213,7 +213,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: has_tangential_spring,
         form: Form::Number(Number {
             quantity: &TANGENTIAL_STIFFNESS,
-            default: Some(|_| USUAL_STIFFNESS),
+            default: Some(|_| DEFAULT_STIFFNESS),
             get: |p| p.contact.laws().tangential_stiffness,
             put: |p, value| put_law(p, |laws| laws.tangential_stiffness = value),
             ..OF_LAWS
@@ -252,7 +252,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: has_leading_order,
         form: Form::Number(Number {
             quantity: &CUTOFF,
-            default: Some(|_| LeadingOrder::USUAL.cutoff),
+            default: Some(|_| LeadingOrder::DEFAULT.cutoff),
             get: |p| p.hydrodynamics.leading_order().map_or(0.0, |n| n.cutoff),
             put: |p, value| p.hydrodynamics.change(|n| n.cutoff = value),
             without: Some(0.0),
@@ -266,7 +266,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: has_leading_order,
         form: Form::Number(Number {
             quantity: &REGULARISATION,
-            default: Some(|_| LeadingOrder::USUAL.regularisation),
+            default: Some(|_| LeadingOrder::DEFAULT.regularisation),
             get: |p| {
                 p.hydrodynamics
                     .leading_order()
@@ -296,7 +296,7 @@ pub static PARAMETERS: [Parameter; 27] = [
         is_shown: repels,
         form: Form::Number(Number {
             quantity: &REPULSION_LENGTH,
-            default: Some(|_| USUAL_LENGTH),
+            default: Some(|_| DEFAULT_LENGTH),
             get: |p| p.contact.laws().repulsion_length,
             put: |p, value| put_law(p, |laws| laws.repulsion_length = value),
             ..OF_LAWS
@@ -323,7 +323,7 @@ pub static PARAMETERS: [Parameter; 27] = [
             whole: true,
             default: Some(|_| 0.0),
             get: |p| p.start.as_ref().map_or(0.0, |start| start.number() as f64),
-            // A layer is not made from its number.
+            // A start layer cannot be restored from its number.
             put: |_, _| (),
             ..NEEDED
         }),
@@ -343,7 +343,7 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         form: Form::Number(Number {
             quantity: &TIME_STEP,
-            default: Some(|_| USUAL_TIME_STEP),
+            default: Some(|_| DEFAULT_TIME_STEP),
             get: |p| p.time_step,
             put: |p, value| p.time_step = value,
             ..NEEDED
@@ -379,10 +379,10 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
 ];
 
-/// Time step unless said otherwise, in strain.
-const USUAL_TIME_STEP: f64 = 0.01;
+/// Default time step, in strain.
+const DEFAULT_TIME_STEP: f64 = 0.01;
 
-/// What most choices have in common.
+/// Common values of choices.
 const CHOICE: Parameter = Parameter {
     key: "",
     symbol: "",
@@ -395,7 +395,7 @@ const CHOICE: Parameter = Parameter {
     form: Form::Number(NEEDED),
 };
 
-/// What most numbers have in common: one must be written.
+/// Common values of numbers, which are required.
 const NEEDED: Number = Number {
     quantity: &SPHERES,
     whole: false,
@@ -406,14 +406,14 @@ const NEEDED: Number = Number {
     is_of_laws: false,
 };
 
-/// What most numbers of contact laws have in common: 0 where they have no meaning.
+/// Common values of numbers of contact laws: 0 where they have no meaning.
 const OF_LAWS: Number = Number {
     without: Some(0.0),
     is_of_laws: true,
     ..NEEDED
 };
 
-/// What a parameter has of its quantity.
+/// Fields of a parameter from its quantity.
 const fn number(quantity: &'static Quantity) -> Parameter {
     Parameter {
         key: quantity.key,

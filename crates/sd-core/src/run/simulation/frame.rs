@@ -1,4 +1,4 @@
-//! The layer as a step samples it: where the spheres are, which forces they bear, which of them touch.
+//! The layer at a sample: positions, forces and contacts of the spheres.
 
 use super::{Sample, Simulation};
 use crate::contact::ContactState;
@@ -12,7 +12,7 @@ use crate::space::{ImposedFlow as _, Layer, Space};
 /// The layer at one instant of a run.
 #[derive(Default, Debug, Clone, PartialEq)]
 pub struct Frame<S: Space = Layer> {
-    /// Strain: that of the stage that was sampled, which is where the step begins or its middle.
+    /// Strain of the sampled stage, at the start or the middle of the step.
     pub strain: f64,
     /// Side of the square or cubic cell, in a.
     pub side: f64,
@@ -26,7 +26,8 @@ pub struct Frame<S: Space = Layer> {
     pub centres: Vec<S::Point>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
-    /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in mu·a³·rate.
+    /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in
+    /// mu·a³·rate.
     pub stresslets: Vec<S::Tensor>,
     /// Pairs with a normal force.
     pub contacts: Vec<FrameContact<S>>,
@@ -49,12 +50,13 @@ pub struct FrameContact<S: Space = Layer> {
     pub tangential_force: S::Tangent,
     /// Quasi-force of rolling friction, in mu·a²·rate; 0 without.
     pub rolling_force: S::Tangent,
-    /// What it does.
+    /// Its state.
     pub state: ContactState,
 }
 
 impl<S: Started> Simulation<S> {
-    /// As [`Simulation::step`], and returns the frame of the sample too. The numbers of the run are the same with it as without.
+    /// As [`Simulation::step`], and returns the frame of the sample too. The run itself is not
+    /// affected.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -75,7 +77,7 @@ impl<S: Started> Simulation<S> {
             }) => (offset, cross_offset),
             Ok(Cell::Unbounded) | Err(_) => (0.0, 0.0),
         };
-        // From where the step began the first stage has turned them.
+        // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.strain();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
             if stage.phase == Phase::Middle {

@@ -1,22 +1,23 @@
-//! What a run measures: a sample at every step, and counters of what it has met.
+//! Measurements of a run: a sample at every step, and counters.
 
 use crate::stress::{JAM_VISCOSITY, StressComponents};
 use serde::{Deserialize, Serialize};
 
-/// What is measured in a step: at its first stage, or where rigid contacts bear forces in its middle, where these are their mean over it.
+/// Measurements of a step: at its first stage, or with loaded rigid contacts in its middle, where
+/// forces are their mean over the step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
     /// Strain at which the step begins.
     pub strain: f64,
     /// Relative viscosity in full: stresslets and contact stress.
     pub viscosity: f64,
-    /// Relative viscosity from the stresslets alone, eq. (20) of the paper to the letter.
+    /// Relative viscosity from the stresslets alone, as in eq. (20) of the paper.
     pub viscosity_stresslet: f64,
     /// First normal stress difference `N1 = σ_xx − σ_yy`, contacts included, in mu·rate.
     pub normal_stress_difference: f64,
-    /// All components of the stress by their causes, in mu·rate; the viscosity is `1 + shear.total()`.
+    /// All components of the stress, by cause, in mu·rate; the viscosity is `1 + shear.total()`.
     pub stress: StressComponents,
-    /// Γ = 6π/F_crit: what is imposed, or what the imposed stress leaves at this instant.
+    /// Γ = 6π/F_crit: imposed, or resulting from the imposed stress at this instant.
     pub shear_rate: f64,
     /// v'Rv / (V rate), in mu·rate.
     pub dissipation: f64,
@@ -24,40 +25,42 @@ pub struct Sample {
     pub contacts: u32,
     /// Of these, pairs whose force exceeds the critical load.
     pub activated: u32,
-    /// Of the activated, pairs that roll.
+    /// Activated pairs that roll.
     pub rolling: u32,
-    /// Of the activated, pairs that slip.
+    /// Activated pairs that slip.
     pub slipping: u32,
-    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without contacts.
+    /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without
+    /// contacts.
     pub normal_velocity: f64,
-    /// Smallest gap in the layer where the step begins, in a; infinite if no pair is in lubrication range.
+    /// Smallest gap in the layer at the start of the step, in a; infinite if no pair is in
+    /// lubrication range.
     pub minimum_gap: f64,
-    /// What the run has met so far, this step included.
+    /// Counters of the run so far, this step included.
     pub counters: Counters,
-    /// Numbers of the network of contacts, for whoever looks at the frame of the sample; a step leaves them out.
+    /// Numbers of the contact network, set by an observer of the frame; `None` after a step.
     #[serde(default)]
     pub network: Option<NetworkSample>,
 }
 
-/// Numbers of the network of contacts at one instant.
+/// Numbers of the contact network at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NetworkSample {
     /// Loaded contacts of a sphere.
     pub coordination: f64,
     /// Contacts of a sphere on which friction acts.
     pub frictional_coordination: f64,
-    /// Share of spheres in the largest cluster of such contacts.
+    /// Fraction of spheres in the largest cluster of such contacts.
     pub largest_cluster: f64,
     /// 1 if such a cluster percolates along the flow, else 0.
     pub percolating_x: f64,
     /// The same along the gradient.
     pub percolating_y: f64,
-    /// Share of spheres in the core of such contacts.
+    /// Fraction of spheres in the core of such contacts.
     pub core_fraction: f64,
 }
 
 impl NetworkSample {
-    /// Of no network.
+    /// The numbers without a network.
     pub const NONE: Self = Self {
         coordination: f64::NAN,
         frictional_coordination: f64::NAN,
@@ -68,27 +71,29 @@ impl NetworkSample {
     };
 }
 
-/// What a run has met since its start.
+/// Counters of a run since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Contact problems solved: two per step, or four where no contacts bear forces or the paper's procedure holds them; more where
-    /// steps are halved (see [`crate::Simulation::step`]). Those of attempts that were given up are not counted.
+    /// Contact problems solved: two per step, or four without loaded contacts or under the paper's
+    /// procedure; more where steps are halved (see [`crate::Simulation::step`]). Those of rejected
+    /// attempts are not counted.
     pub stages: u64,
-    /// Of these, problems whose conditions do not all hold: friction is inexact, or the solver failed.
+    /// Problems among these with violated conditions: friction is inexact, or the solver failed.
     pub unconverged_stages: u64,
-    /// Of these, problems whose friction is off by more than 1e-3 of the largest force.
+    /// Problems among these with a friction error above 1e-3 of the largest force.
     #[serde(default)]
     pub inexact_stages: u64,
-    /// Of these, problems without a solution: the layer was jammed at that instant.
+    /// Problems among these without a solution: the layer was jammed at that instant.
     #[serde(default)]
     pub jammed_stages: u64,
     /// Largest residual of the contact problem where it has a solution, in a·rate.
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
-    /// Smallest gap at the start of any step, in a. (Stages within a step are no states of the layer.)
+    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the
+    /// layer.)
     pub minimum_gap: f64,
-    /// Times the viscosity rose above [`JAM_VISCOSITY`], or there was no motion that the contacts admit.
+    /// Number of times the viscosity rose above [`JAM_VISCOSITY`], or no admissible motion existed.
     pub jam_events: u64,
     /// Steps above it.
     pub jammed_steps: u64,
@@ -114,7 +119,7 @@ impl Default for Counters {
 }
 
 impl Counters {
-    /// Keeps the jam counters, once a step. `jammed`: a contact problem of it has no solution.
+    /// Updates the jam counters, once per step. `jammed`: a contact problem of it has no solution.
     pub(super) fn count_jam(&mut self, viscosity: f64, jammed: bool) {
         if viscosity > JAM_VISCOSITY || jammed {
             self.jam_events += u64::from(self.jammed_steps_running == 0);

@@ -1,8 +1,9 @@
-//! Samples: what the layer bears in a step.
+//! Sampling of the stress in a step.
 //!
-//! Contacts that will only close within a step bear a force at its first stage already, so that the viscosity there is too high by about
-//! the step: 3 % at 0.025. Where rigid contacts bear forces the middle of the step is sampled, whose forces are those that hold the
-//! gaps of the step's start over all of it: their mean. Other layers are sampled at the first stage.
+//! Contacts that close within a step already have a force at its first stage, so that the viscosity
+//! there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the
+//! step is sampled, whose forces hold the initial gaps over the whole step and so are their mean.
+//! Other layers are sampled at the first stage.
 
 use super::step::is_inexact;
 use super::{Sample, Simulation};
@@ -11,12 +12,12 @@ use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::stress::{ContactCounts, Stress};
 
-/// What is taken down while a step is under way.
+/// What a step records.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Taken {
-    /// The strain at which it begins.
+pub(super) struct StepRecord {
+    /// Strain at its start.
     pub(super) strain: f64,
-    /// The sample, once there is one.
+    /// The sample, once taken.
     pub(super) sample: Option<Sample>,
     /// The smallest gap at its start, in a.
     pub(super) gap: f64,
@@ -24,8 +25,8 @@ pub(super) struct Taken {
     pub(super) jammed: bool,
 }
 
-impl Taken {
-    /// Nothing yet.
+impl StepRecord {
+    /// An empty record.
     pub(super) fn at(strain: f64) -> Self {
         Self {
             strain,
@@ -59,20 +60,25 @@ impl<S: Started> Simulation<S> {
         stress.along(self.params.direction)
     }
 
-    /// Notes what a stage says of the step under way, until that is sampled: at its first stage the smallest gap.
-    pub(super) fn begin_sample(&self, jammed: bool, taken: &mut Taken) {
-        if taken.sample.is_some() {
+    /// Records a stage of the current step before its sample: at the first stage the smallest gap.
+    pub(super) fn begin_sample(&self, jammed: bool, record: &mut StepRecord) {
+        if record.sample.is_some() {
             return;
         }
-        taken.jammed |= jammed;
-        if taken.gap == f64::INFINITY {
-            taken.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
+        record.jammed |= jammed;
+        if record.gap == f64::INFINITY {
+            record.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
         }
     }
 
-    /// Takes the sample of the step under way at the stage solved last, unless it has one.
-    pub(super) fn take_sample(&mut self, stage: &Stage, centres: &[S::Vector], taken: &mut Taken) {
-        if taken.sample.is_some() {
+    /// Samples the current step at the stage solved last, unless it has a sample.
+    pub(super) fn take_sample(
+        &mut self,
+        stage: &Stage,
+        centres: &[S::Vector],
+        record: &mut StepRecord,
+    ) {
+        if record.sample.is_some() {
             return;
         }
         let stress = self.stress_of_stage();
@@ -80,31 +86,31 @@ impl<S: Started> Simulation<S> {
             self.fill_frame(stage, centres);
         }
         let counts = ContactCounts::of(&self.stage.contacts.list);
-        taken.sample = Some(Sample {
-            strain: taken.strain,
+        record.sample = Some(Sample {
+            strain: record.strain,
             viscosity: stress.viscosity,
             viscosity_stresslet: stress.viscosity_stresslet,
             normal_stress_difference: stress.components.n1.total(),
             stress: stress.components,
-            shear_rate: self.drive.shear_rate(&self.params),
+            shear_rate: self.shear_control.shear_rate(&self.params),
             dissipation: stress.dissipation,
             contacts: counts.contacts,
             activated: counts.activated,
             rolling: counts.rolling,
             slipping: counts.slipping,
             normal_velocity: counts.normal_velocity,
-            minimum_gap: taken.gap,
+            minimum_gap: record.gap,
             counters: self.counters,
             network: None,
         });
     }
 
     /// Ends the step: its sample, with the counters of the run so far.
-    pub(super) fn count_step(&mut self, taken: &Taken) -> Sample {
-        let mut sample = taken.sample.expect("every step is sampled");
+    pub(super) fn count_step(&mut self, record: &StepRecord) -> Sample {
+        let mut sample = record.sample.expect("every step is sampled");
         let counters = &mut self.counters;
-        counters.minimum_gap = counters.minimum_gap.min(taken.gap);
-        counters.count_jam(sample.viscosity, taken.jammed);
+        counters.minimum_gap = counters.minimum_gap.min(record.gap);
+        counters.count_jam(sample.viscosity, record.jammed);
         sample.counters = *counters;
         sample
     }

@@ -1,7 +1,7 @@
-//! All that a run needs to go on.
+//! The state from which a run can continue.
 
 use super::Counters;
-use super::drive::Drive;
+use super::shear_control::ShearControl;
 use crate::contact::ContactMemory;
 use crate::contact::memory::PairForces;
 use crate::contact::springs::Springs;
@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Version of [`Snapshot`].
 pub const SNAPSHOT_VERSION: u32 = 3;
 
-/// All that the next step needs. Restored with the same parameters, a run goes on with the same bits.
+/// The state needed by the next step. Restored with the same parameters, a run continues with the
+/// same bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct Snapshot<S: Space = Layer> {
@@ -34,25 +35,26 @@ pub struct Snapshot<S: Space = Layer> {
     pub centres: Vec<S::Point>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
-    /// What contacts remember.
+    /// Memory of contacts.
     pub memory: SchemeMemory<S>,
-    /// Pairs of the near part's pattern, ordered, where the resistance is held pair by pair: the order of elimination follows from
-    /// them.
+    /// Ordered pairs of the near part's pattern, if the resistance is stored pair by pair: they
+    /// determine the order of elimination.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
-    /// Where the far field is iterated, from what the next solve starts, `[12N + 4]`: force modes that the last one found, and what goes
-    /// with them, in single precision. Empty before the first step, and where nothing is iterated.
+    /// Initial guess of the next solve of an iterated far field, `[12N + 4]`: force modes of the
+    /// last solution and associated values, in single precision. Empty before the first step, and
+    /// without iteration.
     #[serde(default)]
     pub far_field: Vec<f32>,
-    /// F_crit at the last stage, in mu·a²·rate, where the stress is imposed; forces of tangential springs belong to it. `None` before the
-    /// first stage, and where the rate is imposed.
+    /// F_crit at the last stage, in mu·a²·rate, under an imposed stress; forces of tangential
+    /// springs refer to it. `None` before the first stage, and under an imposed rate.
     #[serde(default)]
     pub critical_load: Option<f64>,
     /// Counters.
     pub counters: Counters,
 }
 
-/// What contacts remember between steps.
+/// Memory of contacts between steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, bound = "")]
 pub enum SchemeMemory<S: Space = Layer> {
@@ -68,7 +70,7 @@ pub enum SchemeMemory<S: Space = Layer> {
 }
 
 impl<S: Space> SchemeMemory<S> {
-    /// Nothing to remember yet.
+    /// An empty memory.
     pub(super) fn new(scheme: &ContactScheme) -> Self {
         match scheme {
             ContactScheme::Rigid | ContactScheme::Laws(_) => Self::Laws(ContactMemory::default()),
@@ -79,7 +81,8 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Stretches the springs of friction, of this stiffness, as a layer has them; under laws without any, nothing happens.
+    /// Sets the springs of friction, of this stiffness, to the stretches of a layer; no effect
+    /// without springs.
     pub(super) fn stretch(&mut self, layer: &Start<S>, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
@@ -93,7 +96,7 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Becomes equal to the other, which is of the same scheme, without allocating once there is room.
+    /// Copies another memory of the same scheme, without allocating if the capacity suffices.
     pub(super) fn copy_from(&mut self, other: &Self) {
         match (self, other) {
             (Self::Laws(memory), Self::Laws(other)) => memory.copy_from(other),
@@ -111,7 +114,7 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Room for that many contacts.
+    /// Reserves memory for that many contacts.
     pub(super) fn reserve(&mut self, contacts: usize) {
         match self {
             Self::Laws(memory) => memory.reserve(contacts),
@@ -119,7 +122,8 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Why this is not the memory of a run of that scheme with so many spheres, if it is not.
+    /// The reason why this is not the memory of a run of that scheme with this number of spheres,
+    /// if any.
     fn fault(&self, scheme: &ContactScheme, spheres: usize) -> Option<&'static str> {
         let there = |&(i, j): &(u32, u32)| i < j && (j as usize) < spheres;
         match (self, scheme) {
@@ -134,7 +138,7 @@ impl<S: Space> SchemeMemory<S> {
                 if !(forces.iter().all(|f| there(&(f.0, f.1)))
                     && springs.clone().all(|f| there(&(f.0, f.1))))
                 {
-                    return Some("contacts of spheres that are not there");
+                    return Some("contacts of missing spheres");
                 }
                 let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3))
                     && springs.all(|f| S::is_finite(&f.2));
@@ -145,7 +149,7 @@ impl<S: Space> SchemeMemory<S> {
                     return Some("velocities of another number of spheres");
                 }
                 if !listed.pairs.iter().all(there) {
-                    return Some("contacts of spheres that are not there");
+                    return Some("contacts of missing spheres");
                 }
                 let finite = velocities.iter().all(|v| v.is_finite());
                 (!finite).then_some("not all numbers are finite")
@@ -156,11 +160,11 @@ impl<S: Space> SchemeMemory<S> {
 }
 
 impl Snapshot {
-    /// The layer as another run may begin with it. `params` are those of the run that was left here.
+    /// The start layer for another run. `params` are those of this run.
     pub fn layer(&self, params: &Params) -> StartLayer {
         let before = params.start.as_ref().map_or(0.0, |start| start.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
-        let stiffness = Drive::new(&last, self.critical_load)
+        let stiffness = ShearControl::new(&last, self.critical_load)
             .laws(&last)
             .tangential_stiffness;
         let stretches = |springs: fn(&ContactMemory) -> &Springs| match &self.memory {
@@ -185,7 +189,7 @@ impl Snapshot {
 }
 
 impl<S: Started> Snapshot<S> {
-    /// Refuses what cannot be a snapshot of a run with these parameters.
+    /// Refuses an inconsistent snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });
         let n = params.spheres;
@@ -202,7 +206,7 @@ impl<S: Started> Snapshot<S> {
         if !pairs.iter().all(|&(i, j)| i < j && (j as usize) < n)
             || !pairs.is_sorted_by(|a, b| a < b)
         {
-            return refuse("near pairs of spheres that are not there, or not in order");
+            return refuse("near pairs of missing spheres, or not in order");
         }
         let iterated = Method::of(params) == Method::Iterated;
         let modes = S::MODES + S::STRAINS;
@@ -223,7 +227,7 @@ impl<S: Started> Snapshot<S> {
             .critical_load
             .is_some_and(|load| !(load > 0.0 && load.is_finite()))
         {
-            return refuse("a critical load that is none");
+            return refuse("an invalid critical load");
         }
         let (radii, side) = S::radii_and_side(params)?;
         let mut own = self.radii.clone();
@@ -232,7 +236,7 @@ impl<S: Started> Snapshot<S> {
             own.sort_by(|a, b| b.total_cmp(a));
         }
         if own != radii || self.side.to_bits() != side.to_bits() {
-            return refuse("other radii or cell than the parameters give");
+            return refuse("radii or cell inconsistent with the parameters");
         }
         Ok(())
     }

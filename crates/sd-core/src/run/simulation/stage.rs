@@ -1,18 +1,19 @@
-//! The right-hand side: from positions to velocities, with what contacts remember and how the shear is imposed.
+//! The right-hand side: from positions to velocities, with the memory of contacts and the control
+//! of the shear.
 
-use super::drive::Drive;
+use super::shear_control::ShearControl;
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Pass, Quality};
 use crate::error::Error;
 use crate::run::started::Started;
-use crate::run::steppers::{Bearing, Stage};
+use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use crate::stage::Contact;
 
 impl<S: Started> Simulation<S> {
-    /// One right-hand side; how well its contact problem was solved.
+    /// One right-hand side; returns the quality of its contact problem.
     pub(super) fn stage(
         &mut self,
         stage: Stage,
@@ -21,12 +22,12 @@ impl<S: Started> Simulation<S> {
     ) -> Result<Quality, Error> {
         let cell = self.cell_at(stage.time)?;
         if stage.number == 0 {
-            // A run that is resumed here then has the same bits.
+            // This gives a run that is resumed here the same bits.
             self.stage.begin_step();
         }
-        let quality = match &self.drive {
-            Drive::Rate => self.solve(stage, &cell, centres, Pass::First)?,
-            Drive::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
+        let quality = match &self.shear_control {
+            ShearControl::Rate => self.solve(stage, &cell, centres, Pass::First)?,
+            ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
         let (background, solver) = (self.background, &self.stage);
@@ -42,14 +43,10 @@ impl<S: Started> Simulation<S> {
         Ok(quality)
     }
 
-    /// Whether contacts bear forces at the stage solved last.
-    pub(super) fn bearing(&self) -> Bearing {
+    /// Whether contacts have forces at the stage solved last.
+    pub(super) fn has_contact_forces(&self) -> bool {
         let mut contacts = self.stage.contacts.list.iter();
-        if contacts.any(|contact| contact.normal_force > 0.0) {
-            Bearing::Loaded
-        } else {
-            Bearing::Free
-        }
+        contacts.any(|contact| contact.normal_force > 0.0)
     }
 
     /// The contact problem of a stage and its motion.
@@ -78,7 +75,7 @@ impl<S: Started> Simulation<S> {
                 let contact = Contact::Laws { laws, span, memory };
                 let quality = solver.solve(&background, &[], contact, pass)?;
                 if stage.number == 0 {
-                    // What a later stage of the step asks for.
+                    // Input of a later stage of the step.
                     self.first.clear();
                     self.first.extend_from_slice(solver.velocities());
                 }
@@ -100,10 +97,10 @@ impl<S: Started> Simulation<S> {
                     }
                     before.pairs.clone_from(&listed.pairs);
                 } else {
-                    // A solve drops pairs from the list.
+                    // A solve removes pairs from the list.
                     listed.pairs.clone_from(&before.pairs);
                 }
-                let surface = self.drive.surface(&self.params);
+                let surface = self.shear_control.surface(&self.params);
                 let contact = Contact::Procedure { surface, listed };
                 solver.solve(&background, &[], contact, pass)
             }

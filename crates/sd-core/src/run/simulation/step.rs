@@ -1,47 +1,48 @@
-//! A step of a run: in one piece, or in halves where spheres would come too near on the way.
+//! A step of a run: undivided, or in halves where spheres would come too close.
 
-use super::sampling::Taken;
+use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::Phase;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::started::Started;
-use crate::run::steppers::{Bearing, Midpoint, State, Stepper};
+use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};
 
-/// How many times a step, and then its halves, may be halved where a gap of rigid contacts falls too low within it.
+/// Maximum number of bisections of a step in which a gap of rigid contacts becomes too small.
 const MAX_HALVINGS: u32 = 6;
-/// The same where friction is inexact in one of its stages, or no motion is admissible.
+/// The same if friction is inexact in one of its stages, or no motion is admissible.
 const MAX_HALVINGS_IN_DOUBT: u32 = 2;
 /// A gap of rigid contacts counts as too low below this share of the roughness height.
 const HELD_SHARE: f64 = 0.95;
 /// Friction counts as inexact above this share of the largest force.
 const INEXACT_FRICTION: f64 = 1e-3;
 
-/// What came of an attempt at a step.
+/// Outcome of an attempt at a step.
 enum Attempt {
-    /// The state has moved.
+    /// The step was made.
     Moved,
-    /// The state has moved, but in a stage friction is inexact, or no motion is admissible.
+    /// The step was made, but in a stage friction is inexact, or no motion is admissible.
     Doubtful,
-    /// A gap is too low; the state has not moved.
+    /// A gap is too low; the state is unchanged.
     LowGap {
         /// Whether a stage has no admissible motion.
         jammed: bool,
     },
 }
 
-/// What becomes of the layer in a step.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Advance {
-    /// It has moved.
+    /// The layer has moved.
     Moved,
-    /// It stays where it was: there is no motion that the contacts admit.
+    /// The layer is unchanged: no motion is admissible.
     Blocked,
 }
 
-/// Why an attempt at a step ends early: a gap that is too low is an outcome, all else an error.
+/// Reason for an early end of an attempt: a gap that is too low is an outcome, anything else an
+/// error.
 enum Stop {
     LowGap,
     Failed(Error),
@@ -61,7 +62,7 @@ impl From<Error> for Stop {
 struct Part {
     time: f64,
     dt: f64,
-    /// How many times the step was halved.
+    /// Number of bisections of the step.
     halvings: u32,
 }
 
@@ -82,13 +83,16 @@ impl Part {
 }
 
 impl<S: Started> Simulation<S> {
-    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its start held, under soft ones by
-    /// [`crate::Rosenbrock`], and by [`crate::RungeKutta`] where nothing is pressed and under the paper's procedure.
+    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its
+    /// start held, under soft ones by [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without
+    /// contact forces and under the paper's procedure.
     ///
-    /// Near jamming velocities can jump between two stages, so far that a gap of rigid contacts falls below h within a step or at its
-    /// end, or that soft spheres overlap by too much to be spheres. Such a step is repeated as two of half the size, down to 2⁻⁶ of it.
-    /// So is a step of rigid contacts whose friction is inexact, or for which a stage has no admissible motion, down to a quarter; what is
-    /// left then is accepted and counted where the gaps hold. Where they do not, the layer stays where it is, and has jammed.
+    /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts
+    /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
+    /// step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid
+    /// contacts with inexact friction, or with a stage without admissible motion, down to a
+    /// quarter; then the result is accepted and counted if the gaps hold. Otherwise the layer stays
+    /// unchanged, and has jammed.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -96,18 +100,24 @@ impl<S: Started> Simulation<S> {
         S::step(self)
     }
 
-    /// [`Simulation::step`], compiled with its caller.
+    /// [`Simulation::step`], inlined into its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
-        let drive = self.drive;
+        let shear_control = self.shear_control;
         self.impose(self.steps);
         let (time, dt) = (self.strain(), self.params.time_step);
-        let mut taken = Taken::at(time);
+        let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         self.before.copy_from(&state);
         let result = match &mut stepper {
             Stepper::RungeKutta(_) => self
-                .attempt(&mut stepper, &mut state, [time, dt], &mut taken, &mut false)
+                .attempt(
+                    &mut stepper,
+                    &mut state,
+                    [time, dt],
+                    &mut record,
+                    &mut false,
+                )
                 .map(|()| Advance::Moved),
             Stepper::Midpoint(method) => {
                 let part = Part {
@@ -115,15 +125,15 @@ impl<S: Started> Simulation<S> {
                     dt,
                     halvings: 0,
                 };
-                self.advance_rigid(method, &mut state, part, &mut taken)
+                self.advance_rigid(method, &mut state, part, &mut record)
             }
-            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut taken),
+            Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut record),
         };
         if result.is_err() {
             state.copy_from(&self.before);
             if self.run.is_some() {
                 self.impose(self.steps.saturating_sub(1));
-                self.drive = drive;
+                self.shear_control = shear_control;
             }
         }
         self.stepper = stepper;
@@ -134,7 +144,7 @@ impl<S: Started> Simulation<S> {
             source: Box::new(source),
         };
         let advance = result.map_err(failed)?;
-        let sample = self.count_step(&taken);
+        let sample = self.count_step(&record);
         if advance == Advance::Blocked {
             self.state.copy_from(&self.before);
             self.counters.jammed_steps_running = self.jam_steps();
@@ -149,8 +159,9 @@ impl<S: Started> Simulation<S> {
         Ok(sample)
     }
 
-    /// Whether contacts hold the layer: whether loaded ones that do not slide take away as many motions as the spheres have that bear on two
-    /// others or more (Maxwell's count). Such a network bears any load, and harder contacts would not let it flow.
+    /// Whether contacts jam the layer: whether loaded, non-sliding contacts constrain as many
+    /// motions as spheres with at least two contacts have (Maxwell counting). Such a network
+    /// carries any load, and does not flow with stiffer contacts either.
     fn is_held(&self) -> bool {
         let halted = S::TANGENTS * self.laws.tangential.halts().motions();
         let contacts = self.stage.contacts.list.iter();
@@ -165,7 +176,7 @@ impl<S: Started> Simulation<S> {
             partners[contact.pair.j] += 1;
         }
         let bears = |sphere: usize| partners[sphere] > 1;
-        let taken: usize = loaded()
+        let record: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
             .map(|contact| {
                 S::TANGENTS * usize::from(contact.rolling_halted)
@@ -176,7 +187,7 @@ impl<S: Started> Simulation<S> {
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
-        spheres > 0 && taken >= S::MODES * spheres
+        spheres > 0 && record >= S::MODES * spheres
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
@@ -187,29 +198,30 @@ impl<S: Started> Simulation<S> {
         stepper: &mut Stepper<S>,
         state: &mut State<S>,
         [time, dt]: [f64; 2],
-        taken: &mut Taken,
+        record: &mut StepRecord,
         jammed: &mut bool,
     ) -> Result<(), Error> {
         stepper.step(state, time, dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             *jammed |= quality.jammed();
             if stage.number == 0 {
-                self.begin_sample(quality.jammed(), taken);
-                self.take_sample(&stage, centres, taken);
+                self.begin_sample(quality.jammed(), record);
+                self.take_sample(&stage, centres, record);
             }
-            Ok(self.bearing())
+            Ok(self.has_contact_forces())
         })
     }
 
-    /// Moves the state of a soft layer over one step: in one piece, or where spheres would come to overlap by too much on the way or at its
-    /// end, which only the next step would find, in two, four and so on.
+    /// Moves the state of a soft layer over one step: undivided, or in two, four and more parts
+    /// where spheres would overlap too much within it or at its end, which only the next step would
+    /// detect.
     fn advance_soft(
         &mut self,
         stepper: &mut Stepper<S>,
         state: &mut State<S>,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (time, dt, drive) = (self.strain(), self.params.time_step, self.drive);
+        let (time, dt, shear_control) = (self.strain(), self.params.time_step, self.shear_control);
         self.remembered.copy_from(&self.memory);
         let (mut halvings, mut jammed) = (0, false);
         loop {
@@ -217,7 +229,7 @@ impl<S: Started> Simulation<S> {
             let part = dt / f64::from(parts);
             let moved = (0..parts).try_for_each(|k| {
                 let start = time + f64::from(k) * part;
-                self.attempt(stepper, state, [start, part], taken, &mut jammed)
+                self.attempt(stepper, state, [start, part], record, &mut jammed)
             });
             let end = self.cell_at(time + dt)?;
             let checked = moved.and_then(|()| {
@@ -228,13 +240,13 @@ impl<S: Started> Simulation<S> {
                 return Ok(Advance::Moved);
             };
             state.copy_from(&self.before);
-            self.drive = drive;
-            self.laws = drive.laws(&self.params);
+            self.shear_control = shear_control;
+            self.laws = shear_control.laws(&self.params);
             self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = jammed || self.is_held();
-            if overlaps && jams && taken.sample.is_some() {
+            if overlaps && jams && record.sample.is_some() {
                 return Ok(Advance::Blocked);
             }
             if !overlaps || jams || halvings == MAX_HALVINGS {
@@ -244,20 +256,21 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Moves the state of a rigid layer over a part of the step; in two halves where a gap falls too low on the way or at the end, or
-    /// where the motion is doubtful.
+    /// Moves the state of a rigid layer over a part of the step; in two halves if a gap becomes too
+    /// small within it or at its end, or if the motion is doubtful.
     ///
-    /// Where a gap is still too low in the smallest part, the layer moves with the velocities of its first stage, whose contact problem
-    /// holds the gaps at the end of just this motion. Where it has no such motion, the layer stays where it is.
+    /// If a gap is still too small in the smallest part, the layer moves with the velocities of its
+    /// first stage, whose contact problem constrains the gaps at the end of exactly this motion.
+    /// Without such a motion, the layer stays unchanged.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint<S>,
         state: &mut State<S>,
         part: Part,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (before, counters) = (*taken, self.counters);
-        let attempt = self.attempt_rigid(method, state, part, taken)?;
+        let (before, counters) = (*record, self.counters);
+        let attempt = self.attempt_rigid(method, state, part, record)?;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
             Attempt::LowGap { jammed: false } => MAX_HALVINGS,
@@ -268,10 +281,10 @@ impl<S: Started> Simulation<S> {
             if has_moved {
                 method.undo(state);
             }
-            *taken = before;
+            *record = before;
             self.counters = counters;
             for half in part.halves() {
-                if self.advance_rigid(method, state, half, taken)? == Advance::Blocked {
+                if self.advance_rigid(method, state, half, record)? == Advance::Blocked {
                     return Ok(Advance::Blocked);
                 }
             }
@@ -280,14 +293,14 @@ impl<S: Started> Simulation<S> {
         if has_moved {
             return Ok(Advance::Moved);
         }
-        *taken = before;
+        *record = before;
         let mut held = HELD_SHARE * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
-            self.begin_sample(quality.jammed(), taken);
-            self.take_sample(&stage, centres, taken);
-            Ok::<_, Error>(self.bearing())
+            self.begin_sample(quality.jammed(), record);
+            self.take_sample(&stage, centres, record);
+            Ok::<_, Error>(self.has_contact_forces())
         })?;
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.stage.resistance.closest_at(&end, &state.centres);
@@ -304,7 +317,7 @@ impl<S: Started> Simulation<S> {
         method: &mut Midpoint<S>,
         state: &mut State<S>,
         part: Part,
-        taken: &mut Taken,
+        record: &mut StepRecord,
     ) -> Result<Attempt, Error> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = HELD_SHARE * self.params.roughness;
@@ -319,12 +332,12 @@ impl<S: Started> Simulation<S> {
             if is_low(held, closest) {
                 return Err(Stop::LowGap);
             }
-            self.begin_sample(quality.jammed(), taken);
-            let bearing = self.bearing();
-            if bearing == Bearing::Free || stage.phase == Phase::Middle {
-                self.take_sample(&stage, centres, taken);
+            self.begin_sample(quality.jammed(), record);
+            let has_contact_forces = self.has_contact_forces();
+            if !has_contact_forces || stage.phase == Phase::Middle {
+                self.take_sample(&stage, centres, record);
             }
-            Ok(bearing)
+            Ok(has_contact_forces)
         });
         match moved {
             Err(Stop::Failed(error)) => return Err(error),
@@ -344,7 +357,8 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure needs.
+    /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure
+    /// needs.
     fn keep_mean_velocities(&mut self, dt: f64) {
         let SchemeMemory::Procedure { velocities, .. } = &mut self.memory else {
             return;
@@ -357,7 +371,7 @@ impl<S: Started> Simulation<S> {
         velocities.extend_from_slice(method.mean());
         let spheres = S::by_sphere_mut(velocities).iter_mut();
         for (u, &x) in spheres.zip(&self.state.centres) {
-            // The centre has moved by u dt already; its mean position lies half a step back.
+            // The centre has already moved by u dt; its mean position is half a step back.
             let mean = x - S::translation(u) * (0.5 * dt);
             let flow = S::join(&background.velocity_at(&mean), &background.spin());
             for k in 0..S::MODES {

@@ -1,4 +1,4 @@
-//! A layer that is given in place of the one a seed makes: whether it fits the parameters, and in the form a run begins with.
+//! A given start layer: check against the parameters, and conversion to the form of a start.
 
 use super::radii_and_side;
 use crate::error::Error;
@@ -7,20 +7,21 @@ use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use crate::space::neighbours::NeighbourList;
 
-/// Share by which radii and cell of a layer that is given may differ from those of the parameters: files have single precision.
+/// Relative tolerance of radii and cell of a given layer: files have single precision.
 const SAME: f64 = 1e-5;
 
-/// Brings a layer that is given into the form in which a run with these parameters begins with it: radii and cell are those of the
-/// parameters to the last digit, the largest spheres come first, and centres lie in the cell.
+/// Converts a given layer to a start of a run with these parameters: radii and cell are exactly
+/// those of the parameters, the largest spheres come first, and centres are in the cell.
 ///
 /// # Errors
-/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with spheres nearer than the contact law can hold.
+/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with overlaps
+/// that the contact law cannot handle.
 pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     let n = given.centres.len();
     if n != params.spheres {
         return refuse(
             format!("a layer of {n} spheres"),
-            format!("does not go with `spheres` = {}", params.spheres),
+            format!("conflicts with `spheres` = {}", params.spheres),
             "a layer of that number of spheres".into(),
         );
     }
@@ -55,9 +56,9 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
         return refuse(
             format!("a layer with a sphere of radius {}", given.radii[sphere]),
             match params.sizes {
-                Some(sizes) => format!("does not go with `sizes` = {}", sizes.text()),
+                Some(sizes) => format!("conflicts with `sizes` = {}", sizes.text()),
                 None => format!(
-                    "does not go with `size_ratio` = {} and `large_fraction` = {}",
+                    "conflicts with `size_ratio` = {} and `large_fraction` = {}",
                     params.size_ratio, params.large_fraction
                 ),
             },
@@ -67,10 +68,7 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     if !near(given.side, side) {
         return refuse(
             format!("a layer in a cell of side {}", given.side),
-            format!(
-                "does not go with `area_fraction` = {}",
-                params.area_fraction
-            ),
+            format!("conflicts with `area_fraction` = {}", params.area_fraction),
             format!("a square cell of side {side} for these spheres"),
         );
     }
@@ -81,14 +79,14 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     };
     let centres: Vec<Vec2> = order.iter().map(centre).collect();
     check_gaps(&cell, &centres, &radii, &order, params)?;
-    // The slip of a pair is the same seen from either sphere; the rolling velocity has the other sign.
+    // Exchanging the spheres of a pair keeps the slip and reverses the rolling velocity.
     let (Some(springs), Some(rolling_springs)) = (
         reordered(&given.springs, &order, 1.0),
         reordered(&given.rolling_springs, &order, -1.0),
     ) else {
         return refuse(
             "a layer".into(),
-            "has springs of spheres that are not there, or of no finite stretch".into(),
+            "has springs of missing spheres, or with an infinite stretch".into(),
             format!("pairs of sphere numbers below {n}"),
         );
     };
@@ -123,12 +121,13 @@ fn refuse<T>(value: String, problem: String, allowed: String) -> Result<T, Error
     .into())
 }
 
-/// Whether a length is the one it should be, as far as a file can say.
+/// Whether a length agrees within the precision of a file.
 fn near(given: f64, wanted: f64) -> bool {
     (given - wanted).abs() <= SAME * wanted
 }
 
-/// Refuses spheres that overlap by more than the contact law can hold. `order`: their numbers in the layer that was given.
+/// Refuses overlaps that the contact law cannot handle. `order`: indices of the spheres in the
+/// given layer.
 fn check_gaps(
     cell: &Cell,
     centres: &[Vec2],
@@ -136,7 +135,8 @@ fn check_gaps(
     order: &[usize],
     params: &Params,
 ) -> Result<(), Error> {
-    // What soft contacts are given up at; rigid ones begin with spheres that do not touch but by their roughness.
+    // The maximum overlap of soft contacts; for rigid ones, surfaces may touch only by their
+    // roughness.
     let least = if params.contact.laws().is_soft() {
         -DEEPEST_OVERLAP
     } else {
@@ -161,9 +161,9 @@ fn check_gaps(
     }
 }
 
-/// Springs with the numbers that spheres have in another order; `None` where a sphere is not there or a stretch is not finite.
+/// Springs with renumbered spheres; `None` if a sphere is missing or a stretch is not finite.
 ///
-/// `exchanged`: sign of a stretch where the spheres of a pair change places.
+/// `exchanged`: sign of a stretch when the spheres of a pair are exchanged.
 fn reordered(
     springs: &[(u32, u32, f64)],
     order: &[usize],

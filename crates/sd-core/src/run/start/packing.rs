@@ -1,10 +1,10 @@
-//! Spheres put into a cell at random, without contact.
+//! Random packing of spheres in a cell, without contact.
 //!
 //! Random points are relaxed as soft spheres of diameter `a_i + a_j + h + margin` (energy ½ Σ
 //! overlap², FIRE: Bitzek et al. 2006) until no overlap is left. The margin is the largest of a few
-//! that fits, so that dilute systems do not start with crowds of pairs just at h. Dense ones that
-//! get stuck are shaken and relaxed again, ever more gently. Relaxations and the steps of each are
-//! counted, so that packing ends, with centres or with the fraction reached.
+//! that fits, so that dilute systems do not start with many pairs just at h. Dense systems that get
+//! stuck are shaken with decreasing amplitude and relaxed again. Relaxations and their steps are
+//! limited, so that packing ends, with centres or with the fraction reached.
 
 use crate::model::Sizes;
 use crate::space::Space;
@@ -16,33 +16,33 @@ use std::cmp::Ordering;
 
 /// Extra gaps tried, in a, largest first.
 const MARGINS: [f64; 6] = [0.2, 0.1, 0.05, 0.02, 0.005, 0.001];
-/// Fresh random points tried at the smallest margin before a fraction is given up.
+/// Number of new random starts at the smallest margin before packing fails.
 const SCATTERS: u32 = 3;
-/// Steps of one relaxation.
+/// Maximum steps of one relaxation.
 const STEPS: u32 = 4000;
 /// Height of the rows in which spheres of large systems are numbered, in a.
 pub(super) const ROW: f64 = 3.0;
 
-/// What is known of packing discs or spheres.
+/// Packing limits of discs or spheres.
 pub(super) struct Density {
-    /// Fraction of the grown spheres up to which plain relaxation is worth a try.
+    /// Fraction of the grown spheres up to which plain relaxation is tried.
     pub(super) easy: f64,
     /// Fraction of the densest packing of equal ones.
     pub(super) closest: f64,
     /// Shakes tried with each of [`SCATTERS`].
     pub(super) shakes: u32,
-    /// Net force on spheres over the forces of overlaps, both squared and summed, below which they
-    /// count as jammed.
+    /// Net force on spheres over the forces of overlaps, as sums of squares, below which the system
+    /// counts as jammed.
     pub(super) balanced: f64,
 }
 
-/// Spheres that are being packed into a cell.
+/// Spheres during packing into a cell.
 pub(super) struct Packing<S: Space> {
     cell: Cell<S>,
     pub(super) radii: Vec<f64>,
-    /// Smallest gap that there must be, in a.
+    /// Required smallest gap, in a.
     gap: f64,
-    /// Gap aimed at beyond that, in a.
+    /// Additional target gap, in a.
     margin: f64,
     pub(super) centres: Vec<S::Vector>,
     velocities: Vec<S::Vector>,
@@ -53,7 +53,7 @@ pub(super) struct Packing<S: Space> {
 }
 
 impl<S: Space> Packing<S> {
-    /// Spheres that are not yet placed.
+    /// Spheres before placement.
     pub(super) fn new(cell: Cell<S>, radii: Vec<f64>, gap: f64) -> Self {
         let zero = vec![S::Vector::default(); radii.len()];
         Self {
@@ -69,8 +69,7 @@ impl<S: Space> Packing<S> {
         }
     }
 
-    /// Places the spheres, which cover the given fraction of the cell, as the seed has it
-    /// (`ChaCha8`).
+    /// Places the spheres, which cover the given fraction of the cell, by the seed (`ChaCha8`).
     ///
     /// # Errors
     /// The fraction reached.
@@ -92,8 +91,8 @@ impl<S: Space> Packing<S> {
                     if gap >= self.gap {
                         break;
                     }
-                    // Shakes go from most of a radius, which melts the packing, down to a tenth of
-                    // it, several times over.
+                    // Shakes decrease from most of a radius, which melts the packing, to a tenth of
+                    // it, several times.
                     let size = 0.8 * 0.125f64.powf(f64::from(shake % 10) / 9.0);
                     self.shake(size, &mut random);
                     gap = self.relax(density.balanced);
@@ -107,13 +106,13 @@ impl<S: Space> Packing<S> {
                 }
             }
         }
-        // Spheres with the gap that was reached, swollen until it is h, would have fitted at this
-        // fraction.
+        // Spheres with the gap that was reached, grown until it is h, would fit at this fraction.
         Err(fraction * power((2.0 + smallest) / (2.0 + self.gap)))
     }
 
-    /// Numbers spheres row by row along the flow: those of the same size, or of many sizes all. Neighbours are then neighbours
-    /// in memory too, and stay so for long, since shear moves whole rows past each other.
+    /// Numbers spheres row by row along the flow, by size, or for many sizes all together.
+    /// Neighbours are then close in memory, and remain so for long, since shear moves whole rows
+    /// past each other.
     pub(super) fn number_by_rows(&mut self, sizes: Option<Sizes>) {
         let in_rows = |a: &S::Vector, b: &S::Vector| {
             let rows = (1..S::DIMENSIONS).rev().map(|k| {
@@ -142,7 +141,7 @@ impl<S: Space> Packing<S> {
         }
     }
 
-    /// Puts every sphere anywhere.
+    /// Places every sphere at random.
     fn scatter(&mut self, random: &mut impl Rng) {
         let Cell::Periodic { sides, .. } = self.cell else {
             return;
@@ -171,8 +170,8 @@ impl<S: Space> Packing<S> {
         let mut last_energy = f64::INFINITY;
         for step in 0..STEPS {
             let energy: f64 = self.forces.iter().map(S::norm_squared).sum();
-            // The spheres are jammed: no force decreases any more, or all are balanced, yet
-            // overlaps are left.
+            // The spheres are jammed: forces no longer decrease, or are balanced, but overlaps
+            // remain.
             if step % 100 == 99 {
                 if energy > 0.8 * last_energy || energy < balanced * self.overlaps {
                     break;
@@ -217,7 +216,8 @@ impl<S: Space> Packing<S> {
         smallest
     }
 
-    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair overlap.
+    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair
+    /// overlap.
     fn range(&self) -> f64 {
         let least = self.radii.iter().copied().fold(f64::INFINITY, f64::min);
         (2.0 + (self.gap + self.margin) / least) * (1.0 + 1e-9)

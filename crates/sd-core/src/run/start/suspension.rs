@@ -10,7 +10,7 @@ use crate::space::cell::Cell;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// What is known of packing spheres.
+/// Packing limits of spheres.
 const SPHERES: Density = Density {
     easy: 0.55,
     closest: 0.740_480_489_693_061, // π/√18
@@ -18,20 +18,20 @@ const SPHERES: Density = Density {
     balanced: 1e-4,
 };
 
-/// Spheres of which a suspension is made.
+/// The spheres of a suspension.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mixture {
     /// Their number.
     pub spheres: usize,
-    /// Share of the volume that they take.
+    /// Volume fraction.
     pub volume_fraction: f64,
     /// Roughness height h: the smallest gap, in a.
     pub roughness: f64,
     /// Radius of the large ones over that of the small ones, at least 1.
     pub size_ratio: f64,
-    /// Share of the number that is large.
+    /// Number fraction of large spheres.
     pub large_fraction: f64,
-    /// Sizes other than one or two, in place of these.
+    /// Sizes other than one or two, which override these.
     pub sizes: Option<Sizes>,
 }
 
@@ -47,7 +47,7 @@ pub struct Suspension {
 }
 
 impl Mixture {
-    /// What a run with these parameters is made of.
+    /// The spheres of a run with these parameters.
     pub(in crate::run) fn of(params: &Params) -> Self {
         Self {
             spheres: params.spheres,
@@ -59,7 +59,7 @@ impl Mixture {
         }
     }
 
-    /// Radii and cell side: what is known without packing.
+    /// Radii and cell side, without packing.
     pub(in crate::run) fn radii_and_side(&self) -> Result<(Vec<f64>, f64), Error> {
         let large = if self.size_ratio == 1.0 {
             0
@@ -86,7 +86,7 @@ impl Mixture {
         (self.large_fraction * self.spheres as f64).round() as usize
     }
 
-    /// Refuses a value out of range, by what is known without packing.
+    /// Refuses values out of range, without packing.
     fn check(&self) -> Result<(), Error> {
         if self.spheres == 0 {
             return Err(Error::NoSpheres);
@@ -129,7 +129,7 @@ impl Mixture {
         Ok(())
     }
 
-    /// Makes the suspension, which depends on the mixture and the seed alone.
+    /// Makes the suspension, which depends only on the mixture and the seed.
     ///
     /// # Errors
     /// [`Error::NoSpheres`], [`Error::OutOfRange`], [`Error::CellTooSmall`], or

@@ -1,4 +1,5 @@
-//! Two stages per step for rigid contacts: the midpoint rule, with the gaps of the step's start held over the whole step.
+//! Two stages per step for rigid contacts: the midpoint rule, with the gaps of the step's start
+//! held over the whole step.
 //!
 //! ```text
 //! v1 = v(x; contacts hold their gaps over τ)
@@ -6,21 +7,23 @@
 //! x ← x + τ v2
 //! ```
 //!
-//! Contacts close and open within a step, where a method of higher order gains nothing: the velocities jump. What counts is that gaps stay
-//! where they are, and two spheres that move by v2 along the line of centres of the step's middle keep theirs up to O(τ³). Forces at the
-//! middle are those that hold the layer over the step, and so their mean over it; a contact that closes within the step bears its share.
+//! Contacts close and open within a step, where velocities jump and a method of higher order has no
+//! advantage. The gaps must be preserved, and two spheres that move by v2 relative to the line of
+//! centres at the step's middle keep their gap up to O(τ³). Forces at the middle hold the layer
+//! over the whole step, and so are their mean over it, including contacts that close within the
+//! step.
 //!
-//! A layer in which no contact bears a force moves as smoothly as the fluid does, by Runge-Kutta of order four.
+//! A layer without contact forces moves smoothly, and is integrated by Runge-Kutta of order four.
 
 use super::runge_kutta::RungeKutta;
-use super::state::{Bearing, Stage, State};
+use super::state::{Stage, State};
 use crate::contact::laws::Phase;
 use crate::space::Space;
 
 /// Workspace of the integrator.
 #[derive(Default, Debug)]
 pub(crate) struct Midpoint<S: Space> {
-    /// Where the step began.
+    /// State at the start of the step.
     start: State<S>,
     centres: Vec<S::Vector>,
     /// Velocities of both stages, sphere by sphere, background included.
@@ -30,19 +33,20 @@ pub(crate) struct Midpoint<S: Space> {
 }
 
 impl<S: Space> Midpoint<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres, and says whether contacts bear forces
-    /// there.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres,
+    /// and returns whether contacts have forces there.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
         state: &mut State<S>,
         time: f64,
         dt: f64,
-        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
+        mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
     ) -> Result<(), E> {
-        if self.first_stage(state, time, dt, &mut rhs)? == Bearing::Free {
+        let has_contact_forces = self.first_stage(state, time, dt, &mut rhs)?;
+        if !has_contact_forces {
             let first = &self.velocities[0];
             return self
                 .free
@@ -73,20 +77,20 @@ impl<S: Space> Midpoint<S> {
     /// A step with the velocities of the first stage alone: of order one.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn first_stage_alone<E>(
         &mut self,
         state: &mut State<S>,
         time: f64,
         dt: f64,
-        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
+        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
     ) -> Result<(), E> {
         self.first_stage(state, time, dt, rhs)?;
         state.advance(&self.velocities[0], dt);
         Ok(())
     }
 
-    /// Takes the last step back.
+    /// Undoes the last step.
     pub(crate) fn undo(&self, state: &mut State<S>) {
         state.copy_from(&self.start);
     }
@@ -97,8 +101,8 @@ impl<S: Space> Midpoint<S> {
         state: &State<S>,
         time: f64,
         dt: f64,
-        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<Bearing, E>,
-    ) -> Result<Bearing, E> {
+        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
+    ) -> Result<bool, E> {
         self.start.copy_from(state);
         let spheres = state.centres.len();
         for velocities in &mut self.velocities {
@@ -122,7 +126,7 @@ mod tests {
     use crate::space::modes::Vec2;
 
     /// Error after one turn of a point on a circle whose speed oscillates in time.
-    fn error(steps: u32, bearing: Bearing) -> f64 {
+    fn error(steps: u32, has_contact_forces: bool) -> f64 {
         let mut state: State = State {
             centres: vec![Vec2::new(1.0, 0.0)],
             orientations: vec![0.0],
@@ -134,7 +138,7 @@ mod tests {
                 .step(&mut state, f64::from(k) * dt, dt, |stage, x, u| {
                     let rate = 1.0 + stage.time.sin();
                     u.copy_from_slice(&[-rate * x[0].y, rate * x[0].x, rate]);
-                    Ok::<_, ()>(bearing)
+                    Ok::<_, ()>(has_contact_forces)
                 })
                 .unwrap();
         }
@@ -143,9 +147,12 @@ mod tests {
 
     #[test]
     fn order_is_two_under_contact_forces_and_four_without() {
-        for (bearing, expected) in [(Bearing::Loaded, 2.0), (Bearing::Free, 4.0)] {
-            let order = (error(100, bearing) / error(200, bearing)).log2();
-            assert!((order - expected).abs() < 0.2, "{bearing:?}: order {order}");
+        for (has_contact_forces, expected) in [(true, 2.0), (false, 4.0)] {
+            let order = (error(100, has_contact_forces) / error(200, has_contact_forces)).log2();
+            assert!(
+                (order - expected).abs() < 0.2,
+                "{has_contact_forces}: order {order}"
+            );
         }
     }
 
@@ -160,7 +167,7 @@ mod tests {
         method
             .step(&mut state, 0.0, 0.1, |_, x, u| {
                 u.copy_from_slice(&[x[0].y, -x[0].x, 1.0]);
-                Ok::<_, ()>(Bearing::Loaded)
+                Ok::<_, ()>(true)
             })
             .unwrap();
         assert_ne!(state, before);

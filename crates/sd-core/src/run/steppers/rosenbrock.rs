@@ -1,4 +1,5 @@
-//! Two stages per step for forces that depend on the gaps: second order in time, and stable however stiff they are.
+//! Two stages per step for forces that depend on the gaps: second order in time, and stable at any
+//! stiffness.
 //!
 //! ```text
 //! v1 = v(x; forces look ahead by γτ v1)
@@ -6,10 +7,12 @@
 //! x ← x + τ (v1 + v2)/2,    γ = 1 − 1/√2
 //! ```
 //!
-//! The Rosenbrock W-method ROS2 (Verwer et al., SIAM J. Sci. Comput. 20, 1456 (1999)), written for the sum v2 of its second stage and
-//! twice its first, with the slope of the contact forces along the line of centres as its approximate Jacobian: of order two whatever
-//! that slope is, as long as it is the same in both stages up to O(τ), and L-stable in it. A pair whose gap relaxes under a stiff
-//! spring is at its rest after one step. Where a contact opens or closes within a step the error of that step is O(τ²).
+//! The Rosenbrock W-method ROS2 (Verwer et al., SIAM J. Sci. Comput. 20, 1456 (1999)), written for
+//! the sum v2 of its second stage and twice its first, with the slope of the contact forces along
+//! the line of centres as its approximate Jacobian: of order two for any slope that is the same in
+//! both stages up to O(τ), and L-stable in it. A gap that relaxes under a stiff spring reaches
+//! equilibrium in one step. Where a contact opens or closes within a step the error of that step is
+//! O(τ²).
 
 use super::state::{Stage, State};
 use crate::contact::laws::Phase;
@@ -25,10 +28,11 @@ pub struct Rosenbrock<S: Space = Layer> {
 }
 
 impl<S: Space> Rosenbrock<S> {
-    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres; `stage.span` is γτ.
+    /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres;
+    /// `stage.span` is γτ.
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub fn step<E>(
         &mut self,
         state: &mut State<S>,
@@ -76,7 +80,8 @@ mod tests {
     use super::*;
     use crate::space::modes::Vec2;
 
-    /// x after one unit of time of x' = −rate (x − cos t), x(0) = 1, its whole slope looking ahead, or `share` of it.
+    /// x after one unit of time of x' = −rate (x − cos t), x(0) = 1, its whole slope looking ahead,
+    /// or `share` of it.
     fn relaxed(rate: f64, share: f64, steps: u32) -> f64 {
         let mut state: State = State {
             centres: vec![Vec2::new(1.0, 0.0)],

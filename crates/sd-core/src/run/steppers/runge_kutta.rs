@@ -29,7 +29,7 @@ impl<S: Space> RungeKutta<S> {
     /// Centres move continuously (they are not wrapped into a cell within the step).
     ///
     /// # Errors
-    /// Whatever `rhs` returns; the state is then unchanged.
+    /// Errors of `rhs`; the state is then unchanged.
     pub fn step<E>(
         &mut self,
         state: &mut State<S>,
@@ -45,7 +45,7 @@ impl<S: Space> RungeKutta<S> {
             self.centres.clear();
             let moved = state.centres.iter().zip(S::by_sphere(&self.velocities));
             self.centres.extend(moved.map(|(&x, u)| {
-                // The first stage is at the start itself, whatever the velocities still hold.
+                // The first stage is at the start itself, so old velocities are ignored.
                 if number == 0 {
                     x
                 } else {
@@ -72,7 +72,8 @@ impl<S: Space> RungeKutta<S> {
         let means = S::by_sphere(&self.mean).iter().zip(stages);
         for ((x, orientation), (mean, (first, last))) in spheres.zip(means) {
             *x += S::translation(mean) * dt;
-            // Rotations do not commute: with τ²/12 ω₄ × ω₁ orientations are of order four too (Magnus 1954).
+            // Rotations do not commute: with τ²/12 ω₄ × ω₁ orientations are of order four too
+            // (Magnus 1954).
             let commutator = S::commutator(&S::rotation(last), &S::rotation(first));
             let rotation = S::rotation(mean) * dt + commutator * (dt * dt / 12.0);
             *orientation = S::turned(orientation, &rotation);

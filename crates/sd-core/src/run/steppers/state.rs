@@ -1,4 +1,4 @@
-//! What a method in time moves, and the evaluations that it asks for.
+//! The state of a method in time, and its evaluations.
 
 use crate::contact::laws::Phase;
 use crate::space::{Layer, Space};
@@ -22,7 +22,7 @@ impl<S: Space> State<S> {
         }
     }
 
-    /// Becomes equal to the other, without allocating once there is room.
+    /// Copies another state, without allocating if the capacity suffices.
     pub fn copy_from(&mut self, other: &Self) {
         self.centres.clone_from(&other.centres);
         self.orientations.clone_from(&other.orientations);
@@ -36,17 +36,9 @@ pub struct Stage {
     pub number: usize,
     /// Time (strain) of the stage.
     pub time: f64,
-    /// The τ over which contact laws look ahead: how long Runge-Kutta moves the spheres by these velocities, γ steps of Rosenbrock.
+    /// Look-ahead time τ of contact laws: the time that Runge-Kutta moves the spheres by these
+    /// velocities, γ steps of Rosenbrock.
     pub span: f64,
-    /// What contact laws make of it.
+    /// Kind of the stage for contact laws.
     pub phase: Phase,
-}
-
-/// Whether contacts bear forces at a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Bearing {
-    /// None does.
-    Free,
-    /// One does, or more.
-    Loaded,
 }

@@ -56,7 +56,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Checks that R_far does not depend on how the lattice sum was split.
+/// Checks that R_far does not depend on the splitting of the lattice sum.
 pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
     let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
     let cell = Cell::equal_sides(start.side, 0.0)?;

@@ -6,7 +6,7 @@ use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
 use crate::model::Hydrodynamics;
 use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
-use crate::run::pair::{Passed, Passing, pass};
+use crate::run::pair::{PairScenario, PairTrajectory, pass};
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
 use std::f64::consts::PI;
@@ -132,17 +132,17 @@ pub(super) fn two_sphere_mobilities(all: &mut Vec<Check>) -> Result<(), Error> {
 
 /// The four cases of the paper's Fig. 8.
 pub(super) fn figure_8(all: &mut Vec<Check>) -> Result<(), Error> {
-    let case = |contact| -> Result<Passed, Error> {
-        let passing = Passing {
+    let case = |contact| -> Result<PairTrajectory, Error> {
+        let scenario = PairScenario {
             size_ratio: 1.0,
             contact,
             offset: 0.25,
             start: 5.0,
             time_step: 0.2,
         };
-        pass(&passing, &NearFields::default())
+        pass(&scenario, &NearFields::default())
     };
-    let turn = |passed: &Passed| passed.rotation_degrees[0].abs();
+    let turn = |passed: &PairTrajectory| passed.rotation_degrees[0].abs();
     let free = case(None)?;
     let smooth = case(Some((0.05, 0.0)))?;
     let little = case(Some((0.05, 0.1)))?;
@@ -183,7 +183,8 @@ pub(super) fn figure_8(all: &mut Vec<Check>) -> Result<(), Error> {
         1.0,
         source,
     ));
-    let back = |passed: &Passed| (turn(passed) - turn(&smooth)) / (turn(&free) - turn(&smooth));
+    let back =
+        |passed: &PairTrajectory| (turn(passed) - turn(&smooth)) / (turn(&free) - turn(&smooth));
     all.push(Check::within(
         "8c friction 0.1: share of the lost rotation regained, little",
         back(&little),

@@ -37,7 +37,7 @@ fn sheared(
     solve(&configuration, contact, &NearFields::default())
 }
 
-/// Spheres that turn about their line of centres, near contact.
+/// Spheres that rotate about their line of centres, near contact.
 pub(super) fn twisting_pair(all: &mut Vec<Check>) -> Result<(), Error> {
     let [own, other] = twist(1.0, 2.0 + 1e-8)?;
     for (name, value, known) in [
@@ -49,7 +49,7 @@ pub(super) fn twisting_pair(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// A simple cubic lattice so wide that the far field is all of it, for which there are closed forms.
+/// A simple cubic lattice dilute enough for closed forms of the far field to be exact.
 pub(super) fn cubic_lattice(all: &mut Vec<Check>) -> Result<(), Error> {
     let volume_fraction = 0.008;
     let side = (4.0 / 3.0 * PI / volume_fraction).cbrt();

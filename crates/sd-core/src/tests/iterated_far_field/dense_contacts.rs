@@ -1,4 +1,5 @@
-//! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states of the contacts.
+//! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states
+//! of the contacts.
 
 use crate::contact::laws::{COMPLIANCE, RESTITUTION};
 use crate::contact::{Contact, Surface, tangent};
@@ -9,12 +10,12 @@ use crate::linalg::dense::{add_scaled, dot};
 use crate::space::modes::Background;
 use nalgebra::{DMatrix, DVector};
 
-/// What a contact does.
+/// State of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
-    /// It bears no force.
+    /// It has no force.
     Open,
-    /// Friction is what the slip asks for.
+    /// Friction is proportional to the slip.
     Rolls,
     /// Friction is at its limit, with this sign.
     Slips(f64),
@@ -27,9 +28,9 @@ pub(super) struct DenseContacts<'a> {
     list: Vec<Contact>,
     /// Inverse slip mobility of each.
     slip_resistance: Vec<f64>,
-    /// What w and u_t have besides the disturbances' share.
+    /// Terms of w and u_t apart from the disturbances.
     bias: [Vec<f64>; 2],
-    /// Rows that read v_n and u_t off velocities.
+    /// Rows that compute v_n and u_t from velocities.
     rows: [Vec<Vec<f64>>; 2],
     /// `R_BM⁻¹` of these.
     columns: [Vec<Vec<f64>>; 2],
@@ -126,7 +127,7 @@ impl<'a> DenseContacts<'a> {
         self.list.iter().enumerate().map(stress).sum()
     }
 
-    /// Forces at the states at hand, for velocities without them `[6N]`; returns w and u_t of each.
+    /// Forces at the current states, for velocities without them `[6N]`; returns w and u_t of each.
     fn forces_at_states(&mut self, free: &[f64]) -> [Vec<f64>; 2] {
         let count = self.list.len();
         let (normal, friction) = free.split_at(free.len() / 2);
@@ -197,7 +198,7 @@ impl DenseContacts<'_> {
         let count = self.list.len();
         let free = self.free(forces);
         for pass in 0.. {
-            assert!(pass < 300, "states of the contacts do not settle");
+            assert!(pass < 300, "states of the contacts do not converge");
             let [w, slip] = self.forces_at_states(&free);
             let mut changed = 0;
             for k in 0..count {
@@ -216,7 +217,7 @@ impl DenseContacts<'_> {
                 };
                 if state != self.states[k] {
                     changed += 1;
-                    // One at a time once all at once go in circles.
+                    // One at a time once simultaneous updates cycle.
                     if pass < 40 || changed == 1 {
                         self.states[k] = state;
                     }

@@ -1,4 +1,4 @@
-//! Vectors as they are written: two components in a layer, three in a suspension.
+//! Vectors in JSON: two components in a layer, three in a suspension.
 
 use sd_core::Started;
 use sd_core::{Bulk, Layer, Space, bulk, modes};
@@ -58,7 +58,7 @@ pub(super) struct FirstCentre {
 }
 
 impl FirstCentre {
-    /// Whether it is one of a suspension.
+    /// Whether the input is a suspension.
     pub(super) fn is_suspended(&self) -> bool {
         self.centres.first().is_some_and(|first| first.len() == 3)
     }
@@ -92,7 +92,7 @@ impl Amount {
     }
 }
 
-/// A space whose configurations can be written.
+/// A space whose configurations have a JSON form.
 pub trait Written: Started {
     /// A vector.
     type Components: DeserializeOwned + fmt::Debug;
@@ -117,7 +117,7 @@ pub trait Written: Started {
     fn shear() -> Self::Background;
 }
 
-/// Rate of strain of a layer as it is written.
+/// Rate of strain of a layer in JSON.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlanarStrain {
@@ -126,7 +126,7 @@ pub struct PlanarStrain {
     xy: f64,
 }
 
-/// Rate of strain of a suspension as it is written; its trace is zero.
+/// Rate of strain of a suspension in JSON; its trace is zero.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Strain {

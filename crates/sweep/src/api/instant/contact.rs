@@ -1,4 +1,4 @@
-//! The contact problem of `sweep solve`, as it is written.
+//! The contact problem of `sweep solve` in JSON.
 
 use sd_core::contact::Surface;
 use sd_core::contact::laws::Laws;
@@ -26,8 +26,8 @@ enum Scheme {
     Laws,
 }
 
-/// Contact problem as it is written. Which values belong to which scheme is checked afterwards: an enum tagged by
-/// `scheme` would let unknown keys of `none` pass.
+/// A contact problem in JSON. Which values belong to which scheme is checked afterwards: an enum
+/// tagged by `scheme` would accept unknown keys of `none`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub(super) struct Contact<S: Space> {
@@ -51,13 +51,13 @@ pub(super) struct Contact<S: Space> {
     rolling_springs: Option<Vec<Spring<S::Tangent>>>,
 }
 
-/// A tangential spring as it is written.
+/// A tangential spring in JSON.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(untagged, expecting = "a spring is [i, j, force]")]
 enum Spring<T> {
     /// Spheres and force.
     Force((u32, u32, T)),
-    /// The same as failures up to physics 3 have it, with the normal force, which is found anew.
+    /// The form in failures up to physics 3, with the normal force, which is recomputed.
     WithNormalForce((u32, u32, f64, T)),
 }
 
@@ -71,7 +71,7 @@ impl<T> Spring<T> {
 }
 
 impl<S: Space> Contact<S> {
-    /// The contact problem, or the value that does not belong to it and what is allowed.
+    /// The contact problem, or the value that is not part of it and what is allowed.
     pub(super) fn request(
         self,
         hydrodynamics: Hydrodynamics,

@@ -170,7 +170,7 @@ fn json() -> impl Strategy<Value = serde_json::Value> {
     })
 }
 
-/// A configuration near the right one: every value what it should be, or anything.
+/// A configuration near a valid one: each value is either valid or arbitrary.
 fn configuration() -> impl Strategy<Value = serde_json::Value> {
     let good = |value: serde_json::Value| prop_oneof![6 => Just(value), 1 => json()];
     let coordinate = || prop_oneof![8 => -6.0..6.0f64, 1 => any::<f64>()];
@@ -203,7 +203,7 @@ fn configuration() -> impl Strategy<Value = serde_json::Value> {
         })
 }
 
-/// A pair under springs, with what is said of its tangential one.
+/// A pair under springs; `springs` describes the tangential one.
 fn spring_pair(springs: &str) -> String {
     format!(
         r#"{{"centres": [[0.0, 0.0], [2.008, 0.0]], "hydrodynamics": "ball-melrose", "forces": [[1, 0.2], [-1, -0.2]],

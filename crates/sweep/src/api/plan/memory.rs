@@ -1,22 +1,23 @@
-//! Memory and room on disk that runs take.
+//! Memory and disk space of runs.
 
 use crate::spaces::InSpace;
 use crate::trajectory;
 use sd_core::simulation::{Frame, FrameContact};
 use sd_core::{Bulk, Layer, Params, Space, memory_bytes};
 
-/// Bytes a thread takes besides the layer it computes: its stack, samples, checkpoints on their way to the store; measured.
+/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored;
+/// measured.
 const THREAD_BYTES: f64 = 1.0e6;
-/// Bytes the program takes beyond what it has taken when a plan begins: the store's cache, the report; measured.
+/// Bytes that the program allocates after a plan begins: the store's cache, the report; measured.
 const PROGRAM_BYTES: f64 = 4.0e6;
-/// Resident bytes where the system does not tell; measured.
-const USUAL_RESIDENT_BYTES: f64 = 9.0e6;
+/// Resident bytes where the system does not report them; measured.
+const DEFAULT_RESIDENT_BYTES: f64 = 9.0e6;
 
-/// Resident memory of a program that computes nothing yet: this one, now.
+/// Resident memory of this process before it computes anything.
 pub(super) fn resident_bytes() -> f64 {
     let pages = std::fs::read_to_string("/proc/self/statm").ok();
     let pages = pages.and_then(|text| text.split_whitespace().nth(1)?.parse::<f64>().ok());
-    let resident = pages.map_or(USUAL_RESIDENT_BYTES, |pages| {
+    let resident = pages.map_or(DEFAULT_RESIDENT_BYTES, |pages| {
         pages * rustix::param::page_size() as f64
     });
     resident + PROGRAM_BYTES
@@ -34,7 +35,7 @@ pub(super) fn frame_bytes(params: &Params) -> f64 {
     } else {
         InSpace::Layer(some_frame::<Layer>(params))
     };
-    // Such frames always have an encoding.
+    // Such frames can always be encoded.
     trajectory::encode(&frame).map_or(0.0, |bytes| bytes.len() as f64)
 }
 

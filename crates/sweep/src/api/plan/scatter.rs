@@ -1,14 +1,15 @@
-//! How far what runs are expected to take may be off, by the scatter of runs that were measured near them.
+//! The uncertainty of estimated costs, from the scatter of similar measured runs.
 
 use crate::costs::StepCost;
 use crate::statistics::student_95;
 
-/// The runs of one kind, added point by point. With n runs of a point to come that take T in all, and m measured near with the relative
-/// scatter s, the half width of the 95 % interval is
+/// The runs of one kind, added point by point. With n runs of a point to come that take T in all,
+/// and m measured near with the relative scatter s, the half width of the 95 % interval is
 /// ```text
 /// t (√Σ (s T)²/n + Σ s T/√m)
 /// ```
-/// What is to come scatters by itself at every point; the mean of what was measured is off for all of them alike.
+/// Future runs scatter independently at every point; the error of the measured mean is common to
+/// all of them.
 #[derive(Debug, Default)]
 pub(super) struct Sum {
     /// Steps of all.
@@ -17,7 +18,7 @@ pub(super) struct Sum {
     common: f64,
     /// Fewest degrees of freedom; `None` of no point.
     freedom: Option<f64>,
-    /// Whether there is a point of which no scatter is known.
+    /// Whether the scatter of some point is unknown.
     is_unknown: bool,
 }
 
@@ -39,7 +40,7 @@ impl Sum {
         self.freedom = Some(freedom.min(scatter.freedom));
     }
 
-    /// Half the 95 % interval of the seconds that all take; `None` where it is not known.
+    /// Half width of the 95 % interval of the total seconds; `None` where it is unknown.
     pub(super) fn half(&self) -> Option<f64> {
         let student = student_95(self.freedom.filter(|_| !self.is_unknown)?)?;
         Some(student * (self.squares.sqrt() + self.common))

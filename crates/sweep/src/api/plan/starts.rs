@@ -1,4 +1,4 @@
-//! Start layers that a campaign cannot make: one is tried for every point, within seconds.
+//! Start layers that cannot be made: one is tried for every point, within seconds.
 
 use crate::axes::Value;
 use crate::format::significant;
@@ -10,23 +10,23 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
-/// Time by the wall that all of them together take at most.
+/// Maximum wall time of all of them together.
 const TIME: Duration = Duration::from_secs(6);
 
-/// A point, and what came of its start layer; `None` where the time was over before.
-pub(super) struct Tried {
+/// A point and the outcome of its start layer; `None` where time ran out before.
+pub(super) struct StartTrial {
     params: Params,
     outcome: Option<Result<(), String>>,
 }
 
-impl Tried {
-    /// Why the runs of its point will not start, or may not.
+impl StartTrial {
+    /// Why the runs of its point cannot start, or may fail to.
     pub(super) fn warning(&self) -> Option<String> {
         match &self.outcome {
             Some(Ok(())) => None,
             Some(Err(reason)) => Some(reason.clone()),
             None => Some(format!(
-                "no start of {} spheres at {} was made within {} s: they may be too dense to start",
+                "no start of {} spheres at {} was found within {} s: they may be too dense to start",
                 self.params.spheres,
                 fraction(&self.params),
                 significant(TIME.as_secs_f64(), 2)
@@ -45,7 +45,7 @@ impl Tried {
     }
 }
 
-/// The fraction that the spheres fill, in words.
+/// The fraction that the spheres fill, as text.
 fn fraction(params: &Params) -> String {
     match params.volume_fraction {
         Some(volume_fraction) => format!("volume fraction {volume_fraction}"),
@@ -53,7 +53,7 @@ fn fraction(params: &Params) -> String {
     }
 }
 
-/// What the start of a seed depends on.
+/// The parameters that the start of a seed depends on.
 fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
     let numbers = [
         params.spheres as u64,
@@ -66,8 +66,9 @@ fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
     (numbers, params.sizes.map(Sizes::text))
 }
 
-/// Makes a start layer for every point, those first that are hardest to pack. Each point is given with one of its seeds.
-pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<Tried> {
+/// Makes a start layer for every point, the hardest to pack first. Each point is given with one of
+/// its seeds.
+pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<StartTrial> {
     let mut known = HashSet::new();
     let mut all: Vec<(Params, u64)> = points
         .filter(|(params, _)| params.start.is_none() && known.insert(of_start(params)))
@@ -85,7 +86,7 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
     let (send, made) = mpsc::channel();
     for _ in 0..threads.min(all.len()) {
         let (all, next, send) = (Arc::clone(&all), Arc::clone(&next), send.clone());
-        // Nobody waits for a layer that takes too long.
+        // A layer that takes too long is abandoned.
         std::thread::spawn(move || {
             while begun.elapsed() < TIME {
                 let place = next.fetch_add(1, Ordering::Relaxed);
@@ -105,7 +106,7 @@ pub(super) fn tried<'p>(points: impl Iterator<Item = (&'p Params, u64)>) -> Vec<
     let points = all.iter().map(|(params, _)| params.clone());
     points
         .zip(outcomes)
-        .map(|(params, outcome)| Tried { params, outcome })
+        .map(|(params, outcome)| StartTrial { params, outcome })
         .collect()
 }
 
@@ -115,7 +116,7 @@ mod tests {
     use crate::test_support::params;
 
     #[test]
-    fn a_layer_too_dense_to_start_is_told_and_others_are_not() {
+    fn only_a_layer_too_dense_to_start_is_reported() {
         let dense = Params {
             area_fraction: 0.84,
             spheres: 20,

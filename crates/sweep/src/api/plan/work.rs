@@ -1,4 +1,4 @@
-//! What is left to do of a campaign.
+//! The remaining work of a campaign.
 
 use crate::axes::identity;
 use crate::campaign::Campaign;
@@ -9,11 +9,11 @@ use crate::store::{PointState, PointWork, Store, StoreError};
 use serde::Serialize;
 use std::collections::HashMap;
 
-/// Scatter between runs over their mean that is taken for granted where none is measured yet.
-const USUAL_SCATTER: f64 = 0.12;
-/// Seeds from which on it is not counted how many a precision takes.
+/// Assumed relative scatter between runs where none is measured yet.
+const DEFAULT_SCATTER: f64 = 0.12;
+/// Above this number of seeds, the seeds that a precision needs are not counted.
 const MOST_SEEDS: usize = 100_000;
-/// Lengths of runs that are compared, over the length asked for.
+/// Lengths of runs that are compared, over the length requested.
 const LENGTHS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
 /// The runs of one point that are to be computed.
@@ -25,35 +25,35 @@ pub(super) struct Point<'c> {
     pub(super) all: f64,
     /// Runs that have not ended.
     pub(super) open: f64,
-    /// What of these is done already, in runs.
+    /// The part of these that is done, in runs.
     done: f64,
 }
 
 impl Point<'_> {
-    /// What is left, in runs.
+    /// The part that remains, in runs.
     pub(super) fn runs(&self) -> f64 {
         (self.open - self.done).max(0.0)
     }
 }
 
-/// What is expected where a precision is asked for.
+/// The expected work where a precision is requested.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Expected {
-    /// Points at which it is.
+    /// Points with a requested precision.
     pub(crate) points: usize,
-    /// Of these, points that have it, or get no more seeds.
+    /// Of these, points that have reached it or get no more seeds.
     pub(crate) settled: usize,
-    /// Fewest and most seeds there may be in all.
+    /// Minimum and maximum total number of seeds.
     pub(crate) at_least: usize,
     pub(crate) at_most: usize,
-    /// Seeds expected in all.
+    /// Expected total number of seeds.
     pub(crate) seeds: usize,
     /// Scatter between runs over their mean, measured where it could be.
     pub(crate) scatter: f64,
     /// Whether it was measured.
     pub(crate) measured: bool,
-    /// Lengths of runs and the strain in all that the precision takes with each, over that of the length asked for; empty where
-    /// nothing is measured.
+    /// Lengths of runs and the total strain that the precision needs with each, over that of the
+    /// requested length; empty where nothing is measured.
     pub(crate) lengths: Vec<Length>,
 }
 
@@ -62,13 +62,13 @@ pub(crate) struct Expected {
 pub(crate) struct Length {
     /// Strain of a run.
     pub(crate) strain: f64,
-    /// Seeds the precision takes.
+    /// Seeds that the precision needs.
     pub(crate) seeds: usize,
-    /// Strain of all of them together, over that of the length asked for.
+    /// Total strain of all of them, over that of the requested length.
     pub(crate) work: f64,
 }
 
-/// What is left to do.
+/// The remaining work.
 #[derive(Debug)]
 pub(super) struct Work<'c> {
     pub(super) points: Vec<Point<'c>>,
@@ -78,7 +78,7 @@ pub(super) struct Work<'c> {
 }
 
 impl<'c> Work<'c> {
-    /// Of a campaign, as far as a store does not hold it.
+    /// The work of a campaign that a store does not hold.
     pub(super) fn of(campaign: &'c Campaign, store: Option<&Store>) -> Result<Self, StoreError> {
         let mut points: Vec<Point<'c>> = Vec::new();
         let mut place_of = HashMap::new();
@@ -100,7 +100,7 @@ impl<'c> Work<'c> {
             ended += of_point.runs - of_point.open;
         };
         if let Some(store) = store {
-            // It is shown as the campaign requests it, with the places that its cases have there.
+            // Cases keep the order of the campaign file.
             for point in store.point_work()? {
                 if let Some((_, case)) = campaign.cases.get(point.position) {
                     enter(case, point);
@@ -153,7 +153,7 @@ impl<'c> Work<'c> {
     }
 }
 
-/// Seeds of a point that count so far, and that will count at the end.
+/// Seeds of a point that count so far, and those that will count at the end.
 fn seeds_of(
     point: usize,
     rule: crate::statistics::Precision,
@@ -192,7 +192,7 @@ fn expected(
     };
     let scatters: Vec<f64> = states.iter().filter_map(scatter_of).collect();
     let measured = !scatters.is_empty();
-    let scatter = crate::statistics::mean(&scatters).unwrap_or(USUAL_SCATTER);
+    let scatter = crate::statistics::mean(&scatters).unwrap_or(DEFAULT_SCATTER);
     let sum = |of: &dyn Fn(usize, crate::statistics::Precision) -> usize| {
         let rules = campaign.rules.iter().enumerate();
         rules.map(|(point, rule)| of(point, rule.precision)).sum()
@@ -216,8 +216,8 @@ fn expected(
     }))
 }
 
-/// What runs of other lengths would take. The scatter between runs has a part that their lengths do not change, and one that falls
-/// with the number of independent samples of a run:
+/// The cost of runs of other lengths. The scatter between runs has a part that does not depend on
+/// their length, and one that falls with the number of independent samples of a run:
 /// ```text
 /// s² = b² + σ² τ/n
 /// ```
@@ -238,7 +238,7 @@ fn lengths(
         }
     }
     let strain = campaign.protocol.strain;
-    // As many as it takes, whatever may be: runs of different lengths are compared.
+    // Not limited by the allowed number: runs of different lengths are compared.
     let rule = crate::statistics::Precision {
         at_most: MOST_SEEDS,
         ..rule

@@ -1,4 +1,4 @@
-//! What a submission reads and writes: the store, or a copy of it, and the folder of the plan.
+//! The files of a submission: the store, or a copy of it, and the folder of the plan.
 
 use crate::api::Error;
 use crate::campaign::Campaign;
@@ -12,10 +12,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// The store to plan with: itself, or for a dry run a copy that goes away with this.
+/// The store to plan with: the original, or for a dry run a temporary copy.
 pub(super) struct Draft {
     path: PathBuf,
-    /// Where the copy is, for as long as it is needed.
+    /// Folder of the copy, kept as long as it is needed.
     _copy: Option<TempDir>,
 }
 
@@ -49,7 +49,7 @@ impl Draft {
     }
 }
 
-/// Writes all that the tasks need into the folder of shards; `tasks_read`: names and texts of files.
+/// Writes the files of the tasks into the folder of shards; `tasks_read`: names and texts of files.
 pub(super) fn write_plan(
     job: &Job,
     store: &Store,
@@ -67,7 +67,7 @@ pub(super) fn write_plan(
         })
     };
     written(folder.clone(), std::fs::create_dir_all(folder))?;
-    // The same hash is the same program.
+    // The hash identifies the program.
     if !job.program.exists() {
         let copied = write_whole(&job.program, |copy| {
             let program = std::env::current_exe()?;

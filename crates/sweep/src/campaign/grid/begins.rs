@@ -1,4 +1,4 @@
-//! What the runs of a grid begin with, if not with the layers that their seeds make.
+//! Start layers of the runs of a grid that do not come from their seeds.
 
 use super::START;
 use crate::axes::{AXES, Axis, Value};
@@ -11,16 +11,16 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// What the runs of a grid begin with.
+/// The start layers of a grid.
 #[derive(Debug)]
 pub(super) enum Start {
-    /// The layer of a file, all of them.
+    /// One layer from a file for all runs.
     File(Box<StartLayer>),
-    /// The end of the run with the same seed at a point of another store; by seed.
+    /// By seed, the end of the run with that seed at a point of another store.
     Runs(Vec<(u64, Box<StartLayer>)>),
 }
 
-/// The layer of a file that is named, or the ends of the runs of a point.
+/// The layer of a named file, or the ends of the runs of a point.
 pub(super) fn start_layer(
     written: &Spanned<DeValue<'_>>,
     folder: &Path,
@@ -55,7 +55,7 @@ pub(super) fn start_layer(
     }
 }
 
-/// A store, and values that tell one of its points; `None` if something is wrong with them.
+/// A store, and values that select one of its points; `None` on a fault.
 fn point_of<'t>(
     entries: &'t DeTable<'t>,
     span: &ops::Range<usize>,

@@ -1,11 +1,11 @@
-//! Files that mean harm, or are nonsense.
+//! Malicious and nonsensical files.
 
 use super::{GOOD, parse_text};
 use proptest::prelude::*;
 
 #[test]
-fn hostile_files_cost_nothing() {
-    // Short in the file, long in memory: refused at the second grid.
+fn hostile_files_are_cheap() {
+    // A short file that would take much memory is refused at the second grid.
     let grid = &GOOD[GOOD.find("[[grid]]").unwrap()..];
     let many = grid.replace("seeds = 4", "seeds = 166000");
     let text = format!(
@@ -67,7 +67,7 @@ proptest! {
             "area_fraction", "friction", "roughness", "shear_rate", "seeds", "spheres", "hydrodynamics", "contact",
             "size_ratio", "large_fraction",
         ];
-        // Whatever is wrong with the others, each key is reached.
+        // Each key is reached whatever the faults of the others.
         for (key, value) in keys.iter().zip(&values) {
             let mut text = String::new();
             for line in GOOD.lines() {

@@ -14,7 +14,7 @@ fn with(segments: &str) -> Result<Campaign, CampaignError> {
     parse_text(&format!("{protocol}{segments}{grid}"))
 }
 
-/// What is refused, what is allowed, and at which text.
+/// The refused value, what is allowed, and the text at its place.
 #[track_caller]
 fn refused(segments: &str) -> String {
     match with(segments) {
@@ -52,7 +52,7 @@ fn grids_need_no_rate_where_each_segment_names_its_own() {
                        [[protocol.segment]]\nstrain = 1.0\n";
     let error = read(one_is_open, "").unwrap_err().to_string();
     assert!(error.contains("has no `shear_rate`"), "{error}");
-    // What is wrong with a segment is all that is told.
+    // Only the error in the segment is reported.
     let wrong = "[[protocol.segment]]\nstrain = 0.0\nshear_stress = 0.3\n";
     let error = read(wrong, "").unwrap_err().to_string();
     assert!(error.contains("`strain` = 0.0 is out of range"), "{error}");
@@ -89,7 +89,7 @@ fn segments_follow_each_other() {
         [
             [0.0, 0.0, 3.0],
             [3.0, 3.5, 5.0],
-            // Of six cycles the first is left out.
+            // The first of six cycles is left out.
             [5.0, 7.0, 17.0],
             [17.0, 17.2, 18.0]
         ]
@@ -286,7 +286,7 @@ fn protocols_that_cannot_be_are_refused_where_they_are_written() {
         (one("oscillation = 0.5"), "`oscillation` cannot be of type"),
         (
             one("strain = 1.0\ndiscard = 1.5"),
-            "5:11: `discard` = 1.5 leaves nothing of a segment of strain 1",
+            "5:11: `discard` = 1.5 leaves nothing to average of a segment of strain 1",
         ),
         (
             one("direction = -1"),
@@ -321,11 +321,11 @@ fn protocols_that_cannot_be_are_refused_where_they_are_written() {
         ("segment = []\n".to_owned(), "a protocol of 0 segments"),
         (
             format!("strain = 2.0\n{}", one("strain = 1.0")),
-            "3:10: `strain` of the whole run beside its segments",
+            "3:10: `strain` of the whole run together with segments",
         ),
         (
             one("strain = 1.0\ndiscard = 0.99"),
-            "`sample_every` = 0.02 may leave no sample of a segment",
+            "`sample_every` = 0.02 may give a segment no sample",
         ),
     ] {
         let error = refused(&text);

@@ -104,8 +104,8 @@ fn bad_sizes_are_refused_at_their_line_with_a_remedy() {
         ),
         (
             "sizes = [{ radius = 1, fraction = 0.5 }, { radius = 2, area = 0.5 }]",
-            "11:63: species differ in what their fractions are of",
-            "the same of all",
+            "11:63: species give different kinds of fractions",
+            "one kind for all",
         ),
         (
             "sizes = [{ radius = 1, fraction = 0.5 }, { radius = 2 }]",
@@ -119,12 +119,12 @@ fn bad_sizes_are_refused_at_their_line_with_a_remedy() {
         ),
         (
             "sizes = { lognormal = 0.2 }\nsize_ratio = 1.4",
-            "12:14: `size_ratio` and `sizes` both say how large the spheres are",
+            "12:14: `size_ratio` and `sizes` both set the sizes of the spheres",
             "one of them",
         ),
         (
             "sizes = [{ radius = 1, fraction = 0.5 }, { radius = 2, fraction = 0.5 }]\nlarge_fraction = 0.3",
-            "12:18: `large_fraction` and `sizes` both say",
+            "12:18: `large_fraction` and `sizes` both set",
             "one of them",
         ),
     ] {

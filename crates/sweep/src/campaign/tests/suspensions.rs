@@ -8,7 +8,7 @@ fn suspension() -> String {
         .replace("[0, 0.1, inf]", "inf")
 }
 
-/// What is wrong, what is allowed, in the words of one line.
+/// The fault and what is allowed, on one line.
 fn complaint(text: &str) -> String {
     match parse_text(text) {
         Err(CampaignError::Faulty(fault)) => format!("{fault}\n{}", fault.allowed()),

@@ -6,12 +6,13 @@ use crate::format::{Digits, Uncertain, bytes, duration, significant};
 use crate::report::{Head, Shape, Sheet, SheetColumn, room};
 use std::io::{self, Write};
 
-/// A kind on one line takes at most so many characters.
+/// Maximum characters of a kind on one line.
 const ONE_LINE: usize = 34;
-/// Columns of a terminal besides the values of an axis: its name, their number, the room between.
-const BESIDES_VALUES: usize = 6;
+/// Columns of a terminal apart from the values of an axis: its name, their number, the spaces
+/// between.
+const COLUMNS_WITHOUT_VALUES: usize = 6;
 
-/// A column of the kinds of runs: name, heading, unit, how soon it is left out, and what is in it.
+/// A column of the kinds of runs: name, heading, unit, rank at which it is dropped, and content.
 type Column = (
     &'static str,
     &'static str,
@@ -20,7 +21,7 @@ type Column = (
     fn(&Kind) -> Uncertain,
 );
 
-/// All of them, besides those that name a kind. Names are those of JSON.
+/// All columns but those that name a kind. Names are those of JSON.
 const COLUMNS: [Column; 7] = [
     ("steps", "steps", "", 3, |kind| Uncertain::Count(kind.steps)),
     ("cases", "runs", "", 0, |kind| {
@@ -39,13 +40,13 @@ const COLUMNS: [Column; 7] = [
     ("source", "known from", "", 2, |kind| {
         Uncertain::word(match kind.source {
             Source::Runs => "runs here",
-            Source::Trial => "a short run now",
-            Source::Rough => "runs unlike it",
+            Source::Trial => "a short run",
+            Source::Rough => "other runs",
         })
     }),
 ];
 
-/// Milliseconds of processor of a step, with their interval where it is known.
+/// CPU milliseconds per step, with their interval where it is known.
 fn step(kind: &Kind) -> Uncertain {
     match kind.step_ci95_s.filter(|half| *half > 0.0) {
         Some(half) => Uncertain::Interval(1e3 * kind.step_s, 1e3 * half),
@@ -54,7 +55,7 @@ fn step(kind: &Kind) -> Uncertain {
     }
 }
 
-/// Words, marked where nothing like it was measured.
+/// Text, marked where no similar run was measured.
 fn about(kind: &Kind, words: String) -> Uncertain {
     Uncertain::Quantity(if kind.measured {
         words
@@ -63,7 +64,7 @@ fn about(kind: &Kind, words: String) -> Uncertain {
     })
 }
 
-/// The columns with these names; all of none.
+/// The columns with these names; all of them without names.
 ///
 /// # Errors
 /// A name that no column has.
@@ -85,12 +86,12 @@ pub(super) fn columns_named(names: &[String]) -> Result<Vec<Column>, Error> {
 /// The tables of a plan.
 pub(super) struct Sheets {
     axes: Sheet,
-    /// Nothing where nothing is left to do.
+    /// Empty without remaining work.
     kinds: Option<Sheet>,
 }
 
 impl Sheets {
-    /// For a terminal of this width, with the columns chosen or else as many as fit.
+    /// The tables for a terminal of this width, with the columns chosen or else as many as fit.
     pub(super) fn of(plan: &Plan, chosen: &[Column], shape: Shape, width: Option<u16>) -> Self {
         Self {
             axes: axes(plan, shape, width),
@@ -129,10 +130,10 @@ impl Sheets {
     }
 }
 
-/// The axes with their values, of which as many are named as there is room for.
+/// The axes with as many of their values as fit.
 fn axes(plan: &Plan, shape: Shape, width: Option<u16>) -> Sheet {
     let widest = plan.axes.iter().map(|(name, _)| name.len()).max();
-    let besides = widest.unwrap_or(0) + "number".len() + BESIDES_VALUES;
+    let besides = widest.unwrap_or(0) + "number".len() + COLUMNS_WITHOUT_VALUES;
     let most = if shape.wide {
         usize::MAX
     } else {
@@ -154,7 +155,7 @@ fn axes(plan: &Plan, shape: Shape, width: Option<u16>) -> Sheet {
     Sheet::new(1, columns, shape.format)
 }
 
-/// Values as a list of at most so many characters, the last one among them.
+/// Values as a list of limited length that includes the last one.
 fn listed(values: &[serde_json::Value], most: usize) -> String {
     let numbers = values.iter().filter(|value| value.is_f64());
     let digits = Digits::of(numbers.filter_map(serde_json::Value::as_f64));
@@ -201,7 +202,7 @@ fn kinds(kinds: &[Kind], chosen: &[Column], shape: Shape, width: Option<u16>) ->
             &|kind| Uncertain::word(name(kind)),
         ),
     ];
-    // Kinds that differ in their step alone would look the same.
+    // Otherwise kinds that differ only in their step would look the same.
     if kinds
         .iter()
         .any(|kind| kind.time_step != kinds[0].time_step)

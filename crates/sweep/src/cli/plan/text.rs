@@ -41,7 +41,7 @@ fn tables(
     if plan.folded > 0 {
         writeln!(
             out,
-            "{} more runs of the grids are folded into these: friction has no effect at Γ = 0, nor has Γ without friction",
+            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has Γ without friction",
             plan.folded
         )?;
     }
@@ -49,7 +49,7 @@ fn tables(
     if plan.kinds.iter().any(has_interval) {
         writeln!(
             out,
-            "step: mean processor time and half its 95 % interval, by the scatter of runs measured near"
+            "step: mean CPU time and half its 95 % interval, from the scatter of similar measured runs"
         )?;
     }
     write_reasons(&plan.kinds, out)?;
@@ -59,7 +59,7 @@ fn tables(
     write_precision(plan, out)?;
     writeln!(
         out,
-        "about {} of processor time, {} with {} at a time; about {} on disk, {} of memory",
+        "about {} of CPU time, {} of wall time with {} in parallel; about {} on disk, {} of memory",
         duration(plan.computing_time_s),
         duration(plan.elapsed_s),
         plan.workers,
@@ -69,7 +69,7 @@ fn tables(
     Ok(())
 }
 
-/// Why no short run could be made.
+/// Why a short run could not be made.
 fn write_reasons(kinds: &[Kind], out: &mut dyn Write) -> Result<(), Error> {
     for kind in kinds {
         if let Some(reason) = &kind.reason {
@@ -85,7 +85,7 @@ fn write_precision(plan: &Plan, out: &mut dyn Write) -> Result<(), Error> {
     };
     writeln!(
         out,
-        "a precision is asked for at {} points, of which {} are settled: {} to {} seeds in all, about {} if runs scatter by {} % ({})",
+        "a precision is requested at {} points, of which {} are finished: {} to {} seeds in all, about {} if runs scatter by {} % ({})",
         expected.points,
         expected.settled,
         expected.at_least,
@@ -95,7 +95,7 @@ fn write_precision(plan: &Plan, out: &mut dyn Write) -> Result<(), Error> {
         if expected.measured {
             "measured"
         } else {
-            "taken for granted until some are done"
+            "assumed until some are done"
         },
     )?;
     let cheapest = expected

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Largest file of a style, in bytes.
 const STYLE_LIMIT: u64 = 1 << 20;
 
-/// What figure is drawn, and how.
+/// Kind and style of the figure.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Figures")]
 pub(crate) struct FigureArguments {
@@ -28,32 +28,34 @@ pub(crate) struct FigureArguments {
     choices: FigureChoices,
 }
 
-/// What else may be chosen of it.
+/// Further options.
 #[derive(Debug, clap::Args)]
 #[group(requires = "figure")]
 struct FigureChoices {
-    /// Runs of a trace, each by its number in the campaign file or the beginning of its key [default: the mean over the finished runs of each point]
+    /// Runs of a trace, by number in the campaign file or beginning of the key [default: the mean
+    /// over the finished runs of each point]
     #[arg(long, value_name = "KEY", hide_short_help = true)]
     case: Vec<String>,
     /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
     #[arg(long, value_name = "LENGTH", hide_short_help = true)]
     width: Option<Length>,
-    /// Size of the labels in points; numbers and legend are a tenth smaller [default: 8]
+    /// Size of labels in points; numbers and legend are 10 % smaller [default: 8]
     #[arg(long, value_name = "POINTS", hide_short_help = true)]
     font_size: Option<f64>,
-    /// Where the legend stands [default: below]
+    /// Position of the legend [default: below]
     #[arg(long, value_enum, value_name = "PLACE", hide_short_help = true)]
     legend: Option<LegendPlace>,
-    /// How intervals are drawn [default: bars]
+    /// Style of intervals [default: bars]
     #[arg(long, value_enum, value_name = "FORM", hide_short_help = true)]
     intervals: Option<Intervals>,
-    /// A TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend, intervals, dpi
+    /// TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend,
+    /// intervals, dpi
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     style: Option<PathBuf>,
 }
 
-/// A figure that is to be drawn into a file.
-pub(super) struct Asked<'a> {
+/// A figure and its file.
+pub(super) struct FigureRequest<'a> {
     path: &'a Path,
     drawing: Drawing,
     format: Format,
@@ -61,8 +63,8 @@ pub(super) struct Asked<'a> {
 }
 
 impl FigureArguments {
-    /// The figure asked for, if one is.
-    pub(super) fn asked(&self) -> Result<Option<Asked<'_>>, Error> {
+    /// The requested figure, if any.
+    pub(super) fn asked(&self) -> Result<Option<FigureRequest<'_>>, Error> {
         let Some(path) = &self.figure else {
             return Ok(None);
         };
@@ -75,7 +77,7 @@ impl FigureArguments {
         if self.drawing.quantity.is_some() && self.drawing.kind != Kind::Viscosity {
             return refuse(
                 "--quantity",
-                "it chooses a viscosity, so only --kind viscosity has it",
+                "it selects a viscosity, so only --kind viscosity has it",
             );
         }
         for (argument, axis) in [("--x", self.drawing.x), ("--y", self.drawing.y)] {
@@ -95,7 +97,7 @@ impl FigureArguments {
                 "it names runs in time, so only --kind trace has it",
             );
         }
-        Ok(Some(Asked {
+        Ok(Some(FigureRequest {
             path,
             format: format_of("--figure", path)?,
             cases: &self.choices.case,
@@ -106,7 +108,7 @@ impl FigureArguments {
         }))
     }
 
-    /// How it is to look.
+    /// Its style.
     fn look(&self) -> Result<Look, Error> {
         let mut style = match &self.choices.style {
             None => Style::default(),
@@ -128,7 +130,7 @@ impl FigureArguments {
     }
 }
 
-/// Several stores in one figure, the first of which is open already.
+/// Several stores in one figure; the first is open already.
 pub(super) struct Sources<'a> {
     pub(super) first: (&'a Store, &'a Report),
     pub(super) more: &'a [PathBuf],
@@ -138,7 +140,7 @@ pub(super) struct Sources<'a> {
 
 /// Draws a figure into its file.
 pub(super) fn write(
-    asked: &Asked<'_>,
+    asked: &FigureRequest<'_>,
     sources: &Sources<'_>,
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
@@ -167,7 +169,7 @@ pub(super) fn write(
     )
 }
 
-/// The format a figure's file name asks for.
+/// The format by the ending of the file name.
 pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
     Format::of_file(path).map_err(|message| Error::Argument { argument, message })
 }

@@ -9,21 +9,21 @@ use clap::ValueEnum as _;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// What a row is.
+/// The kind of a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Rows {
     Runs,
     Samples,
 }
 
-/// A table that is asked for.
-type Asked<'a> = (Rows, &'a Path, TableFormat);
+/// A requested table.
+type TableRequest<'a> = (Rows, &'a Path, TableFormat);
 
-/// The tables asked for, each with the format that its name says.
+/// The requested tables, each with the format of its file name.
 pub(super) fn asked<'a>(
     runs: Option<&'a Path>,
     samples: Option<&'a Path>,
-) -> Result<Vec<Asked<'a>>, Error> {
+) -> Result<Vec<TableRequest<'a>>, Error> {
     let asked = [
         ("--runs", Rows::Runs, runs),
         ("--samples", Rows::Samples, samples),
@@ -67,7 +67,7 @@ pub(super) fn write(
         table(&mut bytes)?;
         return save(path, &bytes, output);
     }
-    // What stands in the way of the table is no trouble with its file.
+    // An error of the table is not an error of its file.
     let mut refused: Option<ReportError> = None;
     let written = write_whole(path, |file| {
         let mut out = BufWriter::new(file);

@@ -12,7 +12,7 @@ use crate::store::Counts;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Computes one slice of a campaign, and says how far it is before a scheduler may end this process.
+/// Computes one slice of a campaign, and reports progress before a scheduler may end this process.
 pub(super) fn run(
     arguments: &Arguments,
     part: Part,
@@ -32,7 +32,7 @@ pub(super) fn run(
         (&stop, Some(&task)),
         style,
     );
-    // What there is counts, whatever ended the run.
+    // Results so far count, however the run ended.
     let published = task.publisher.publish();
     let counts = computed?;
     published?;
@@ -49,7 +49,7 @@ pub(super) fn run(
     })
 }
 
-/// Where the task works.
+/// Folders of the task.
 fn options(arguments: &ClusterArguments, campaign: &Campaign, retry_failed: bool) -> TaskOptions {
     let usual = || shard::folder_of(&campaign.default_store());
     let folder = arguments.shards.clone().unwrap_or_else(usual);
@@ -64,7 +64,7 @@ fn options(arguments: &ClusterArguments, campaign: &Campaign, retry_failed: bool
     }
 }
 
-/// What is said at the end of a task.
+/// The summary at the end of a task.
 #[derive(Serialize)]
 struct Answer<'a> {
     task: usize,
@@ -75,7 +75,7 @@ struct Answer<'a> {
     counts: Counts,
 }
 
-/// Says how far the slice is.
+/// Prints the progress of the slice.
 fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
     let left = counts.pending + counts.running;
     if output.json {

@@ -1,4 +1,4 @@
-//! What `sweep status` says of tasks that were submitted.
+//! The submitted tasks in the output of `sweep status`.
 
 use crate::api::Error;
 use crate::api::jobs::{Jobs, Task};
@@ -6,7 +6,7 @@ use crate::cluster::shard;
 use crate::report::table;
 use std::io::Write;
 
-/// Tasks listed at most.
+/// Maximum number of tasks listed.
 const ROWS: usize = 50;
 
 pub(super) fn write(
@@ -32,7 +32,7 @@ pub(super) fn write(
             job.tasks.iter().filter(done).count(),
         )?;
         if let Some(trouble) = &job.trouble {
-            writeln!(out, "its tasks cannot be asked for: {trouble}")?;
+            writeln!(out, "its tasks are unknown: {trouble}")?;
         }
         let open: Vec<&Task> = job.tasks.iter().filter(|task| !done(task)).collect();
         if open.is_empty() {
@@ -62,7 +62,7 @@ pub(super) fn write(
         if waiting && job.trouble.is_none() {
             writeln!(
                 out,
-                "tasks ended with work left: `sweep merge {}`, then `sweep submit` goes on from there; their logs are in {}",
+                "tasks ended with work left: after `sweep merge {}`, `sweep submit` continues; their logs are in {}",
                 store.display(),
                 shard::plan_folder(&s.folder, &s.plan).display()
             )?;

@@ -1,4 +1,4 @@
-//! Publishing a shard: copied, synced and renamed, so that nobody ever sees half of one.
+//! Publishing a shard: copied, synced and renamed, so that readers never see a partial one.
 
 use super::ShardError;
 use crate::disk::is_full;
@@ -11,19 +11,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Time between copies is at least this many times what the last one took.
+/// Minimum interval between copies, as a multiple of the duration of the last one.
 const SHARE: u32 = 50;
 
-/// Publishes the store of a task now and then.
+/// Publishes the store of a task at intervals.
 #[derive(Debug)]
 pub(crate) struct Publisher {
     /// The store the task works in.
     work: PathBuf,
-    /// The shard all can read.
+    /// The published shard.
     target: PathBuf,
-    /// Time from one copy to the next.
+    /// Interval between copies.
     every: Duration,
-    /// The last copy: when it ended, and how long it took.
+    /// The last copy: its end and its duration.
     last: Mutex<(Instant, Duration)>,
 }
 
@@ -52,7 +52,7 @@ impl Publisher {
     /// Publishes what the store holds now. The folder is made again if it has vanished.
     ///
     /// # Errors
-    /// [`ShardError::Publish`]. What was published before stays, and so does the store of the task.
+    /// [`ShardError::Publish`]. Earlier publications and the store of the task are kept.
     pub(crate) fn publish(&self) -> Result<(), ShardError> {
         let begun = Instant::now();
         let mut last = lock(&self.last);
@@ -64,7 +64,8 @@ impl Publisher {
     /// Copies the store into the folder.
     fn copy(&self) -> io::Result<()> {
         std::fs::create_dir_all(folder_of(&self.target))?;
-        // Under a name of its own: a task that was started twice by mistake publishes from the same store.
+        // Under a unique name: a task that was started twice by mistake publishes from the same
+        // store.
         let snapshot = tempfile::Builder::new()
             .prefix(".sweep-snapshot-")
             .tempfile_in(folder_of(&self.work))?;
@@ -74,20 +75,20 @@ impl Publisher {
         })
     }
 
-    /// Takes the store of the task away, which is published whole.
+    /// Deletes the store of the task, which is fully published.
     pub(crate) fn clean_up(&self) {
         for suffix in ["", "-wal", "-shm"] {
             let _ = std::fs::remove_file(with_suffix(&self.work, suffix));
         }
     }
 
-    /// What a failed copy means.
+    /// The error of a failed copy.
     fn explain(&self, source: io::Error) -> ShardError {
         let folder = self.target.parent().unwrap_or(Path::new("."));
         let full = no_room(&source, &self.target);
         let advice = format!(
-            "what was published before stays, and {} holds the rest; {}, then start the task again \
-             (scontrol requeue JOB_TASK), or give `sweep submit` again: it goes on from what is published",
+            "earlier publications are kept, and {} holds the rest; {}, then restart the task \
+             (scontrol requeue JOB_TASK), or repeat `sweep submit`: it continues from published shards",
             self.work.display(),
             if full {
                 format!("make room in {}", folder.display())
@@ -104,7 +105,7 @@ impl Publisher {
     }
 }
 
-/// Whether a file could not be written for want of room.
+/// Whether a write failed because the disk was full.
 pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
     matches!(
         error.kind(),
@@ -112,7 +113,7 @@ pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
     ) || is_full(path)
 }
 
-/// An error of the store as one of the system, which is what stands behind it here.
+/// The system error behind an error of the store.
 fn of_the_store(error: StoreError) -> io::Error {
     let full = matches!(&error, StoreError::Sqlite { what, .. } if what.contains("disk is full"));
     let kind = if full {
@@ -128,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_two_of_one_name_publish_at_once_is_whole() {
+    fn simultaneous_publications_of_one_name_are_complete() {
         let folder = tempfile::tempdir().unwrap();
         let [work, target] = ["work", "shard"].map(|name| folder.path().join(name));
         let store = rusqlite::Connection::open(&work).unwrap();
@@ -149,7 +150,7 @@ mod tests {
                 });
             }
         });
-        // Nothing but the store and the shard is left.
+        // Only the store and the shard remain.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 

@@ -1,4 +1,5 @@
-//! Slices: which task computes which cases. Cut once, before any task starts, so that all of them agree.
+//! Slices assign cases to tasks. They are cut once, before any task starts, so that all tasks
+//! agree.
 
 use super::ShardError;
 use crate::store::OpenCase;
@@ -8,9 +9,9 @@ use std::collections::BinaryHeap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// First words of a file of slices, with the version of its format.
+/// Header of a file of slices, with the version of its format.
 const HEADER: &str = "sweep slices 1";
-/// Last line of a whole file of slices.
+/// Last line of a complete file of slices.
 const END: &str = "end";
 /// Largest file of slices, in bytes: the keys of 10^7 cases have 330 MB.
 const SIZE_LIMIT: u64 = 1 << 30;
@@ -23,8 +24,8 @@ pub(crate) struct Slices {
 }
 
 impl Slices {
-    /// Cuts open cases into slices of equal estimated cost: the dearest first, each to the task that has least so far.
-    /// The same cases give the same slices.
+    /// Cuts open cases into slices of equal estimated cost: the most expensive first, each to the
+    /// task with the least work so far. The same cases give the same slices.
     pub(crate) fn cut(open: &[OpenCase], tasks: usize) -> Self {
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| open[*b].cost.total_cmp(&open[*a].cost).then(a.cmp(b)));
@@ -38,7 +39,7 @@ impl Slices {
             };
             let load = f64::from_bits(load) + open[case].cost.max(0.0);
             slices[task].push(case);
-            // Cases that cost next to nothing are spread as well.
+            // Cases of negligible cost are spread as well.
             loads.push(Reverse((load.to_bits(), number + 1, task)));
         }
         for slice in &mut slices {
@@ -84,7 +85,7 @@ impl Slices {
     /// The plan and the keys of one of `tasks` tasks from a file of slices.
     ///
     /// # Errors
-    /// A file that is not there, not whole, or of another number of tasks.
+    /// A file that is missing, incomplete, or for another number of tasks.
     pub(crate) fn read(
         path: &Path,
         task: usize,
@@ -108,11 +109,11 @@ impl Slices {
         let header = next()?;
         let words: Vec<&str> = header
             .strip_prefix(HEADER)
-            .ok_or_else(|| broken("no slices of this version of sweep".into()))?
+            .ok_or_else(|| broken("not slices of this version of sweep".into()))?
             .split_whitespace()
             .collect();
         let [plan, number] = words.as_slice() else {
-            return Err(broken("no slices of this version of sweep".into()));
+            return Err(broken("not slices of this version of sweep".into()));
         };
         if number.parse() != Ok(tasks) {
             return Err(broken(format!(

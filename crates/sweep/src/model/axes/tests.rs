@@ -3,7 +3,7 @@ use crate::test_support::params;
 use sd_core::ContactLaws;
 use sd_core::model::{Number, Quantity, Range};
 
-/// One axis more than the program has, added to the table by this one entry: the small spheres over all.
+/// A further axis, added to the table by this one entry: the fraction of small spheres.
 pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
     key: "small_fraction",
     symbol: "small",
@@ -19,7 +19,7 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
         default: Some(|p| 1.0 - p.large_fraction),
         get: |p| 1.0 - p.large_fraction,
         put: |p, value| {
-            // What is there already keeps its last digits.
+            // An unchanged value keeps its last digits.
             if value != 1.0 - p.large_fraction {
                 p.large_fraction = 1.0 - value;
             }
@@ -42,7 +42,7 @@ static SMALL_FRACTION: Quantity = Quantity {
 
 #[test]
 fn every_parameter_is_an_axis() {
-    // A parameter that is none would have its points averaged together.
+    // Points that differ in a parameter that is no axis would be averaged together.
     let written = serde_json::to_value(params()).unwrap();
     for key in written.as_object().unwrap().keys() {
         assert!(Axis::of_key(key).is_some(), "{key}");
@@ -73,7 +73,7 @@ fn written_values_make_parameters_that_have_them() {
     let values: Vec<Option<Value>> = AXES.iter().map(|axis| Some(axis.value(&mixture))).collect();
     assert_eq!(params_of(&values).unwrap(), mixture);
     let nothing = vec![None; AXES.len()];
-    let Err(Unmade::Missing(missing)) = params_of(&nothing) else {
+    let Err(InvalidCombination::Missing(missing)) = params_of(&nothing) else {
         panic!("something must be written");
     };
     let keys: Vec<&str> = missing.iter().map(|axis| axis.key).collect();
@@ -89,7 +89,7 @@ fn written_values_make_parameters_that_have_them() {
     );
 }
 
-/// An axis reaches every place by its one entry: see [`ONE_MORE`].
+/// One entry adds an axis everywhere: see [`ONE_MORE`].
 mod one_more {
     use crate::campaign::Campaign;
     use crate::campaign::Order;

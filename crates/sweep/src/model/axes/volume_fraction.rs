@@ -1,4 +1,4 @@
-//! The volume fraction, which a suspension has in place of the area fraction of a layer.
+//! The volume fraction of suspensions, which replaces the area fraction of layers.
 
 use sd_core::Params;
 use sd_core::model::{Form, Number, Parameter, Quantity, Range};
@@ -6,7 +6,8 @@ use sd_core::model::{Form, Number, Parameter, Quantity, Range};
 /// Key of the fraction that layers have.
 const OF_LAYERS: &str = "area_fraction";
 
-/// φ. Which fractions can be packed depends on the sizes, the roughness and the number of spheres: see [`crate::model::spaces::check_start`].
+/// φ. Which fractions can be packed depends on the sizes, the roughness and the number of spheres:
+/// see [`crate::model::spaces::check_start`].
 static QUANTITY: Quantity = Quantity {
     key: "volume_fraction",
     symbol: "φ",
@@ -36,7 +37,7 @@ static PARAMETER: Parameter = Parameter {
         put: |p, value| {
             p.volume_fraction = (value > 0.0).then_some(value);
             if is_suspension(p) {
-                // Unless one is written, which is refused.
+                // Unless one is given, which is refused.
                 p.area_fraction = 0.0;
             }
         },
@@ -45,12 +46,12 @@ static PARAMETER: Parameter = Parameter {
     }),
 };
 
-/// Whether the spheres fill a fluid.
+/// Whether the spheres are a suspension.
 fn is_suspension(params: &Params) -> bool {
     params.volume_fraction.is_some()
 }
 
-/// The parameters with it where it belongs: beside the fraction of layers.
+/// The parameters with the volume fraction in its own field.
 pub(super) fn among(
     declared: impl Iterator<Item = &'static Parameter>,
 ) -> impl Iterator<Item = &'static Parameter> {
@@ -60,7 +61,7 @@ pub(super) fn among(
     })
 }
 
-/// Whether this is a fraction that the spheres do not have: of an area in a suspension.
+/// Whether this is the wrong fraction: an area fraction in a suspension.
 pub(super) fn is_of_layers(key: &str, params: &Params) -> bool {
     key == OF_LAYERS && is_suspension(params)
 }

@@ -1,4 +1,4 @@
-//! Suspensions that cannot be started, told without making one.
+//! Detects impossible suspensions without packing.
 
 use sd_core::Started as _;
 use sd_core::model::Refusal;
@@ -6,8 +6,8 @@ use sd_core::{Bulk, Error, Params};
 
 /// Volume fraction of the densest lattice, π/√18.
 const CLOSEST: f64 = 0.740_480_489_693_061;
-/// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A hundred with a roughness of 0.01 were
-/// packed at 0.62, and not at 0.63.
+/// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A
+/// hundred spheres with a roughness of 0.01 were packed at 0.62, but not at 0.63.
 const CLOSEST_AT_RANDOM: f64 = 0.645;
 
 /// Refuses spheres that no cell holds without contact, and cells narrower than the near field.
@@ -52,7 +52,7 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
                 "spheres",
                 params.spheres.to_string(),
                 format!(
-                    "at `volume_fraction` = {volume_fraction} make a cell {side:.3} wide, less than {needed:.3}, twice the distance up to which pairs are looked for"
+                    "at `volume_fraction` = {volume_fraction} make a cell {side:.3} wide, less than {needed:.3}, twice the cutoff distance of pairs"
                 ),
                 format!(
                     "at least {least} spheres at this volume fraction, or a volume fraction of at most {:.3}",
@@ -65,8 +65,8 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
     }
 }
 
-/// How many spheres make a cell that is wide enough, where so many make one of `side` and `needed` is its least width. The largest of
-/// more spheres may be larger.
+/// The number of spheres that make a cell of width `needed`, where the present number makes one of
+/// width `side`. The largest of more spheres may be larger.
 fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
     let mut more = params.clone();
     while more.spheres < Params::MOST_SPHERES {

@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 const ROWS: usize = 16;
 /// The line of the horizontal axis.
 const AXIS: usize = 14;
-/// Columns of a chart at least.
-const NARROWEST: u16 = 40;
+/// Minimum width of a chart in columns.
+const MIN_WIDTH: u16 = 40;
 /// Bits of the dots of a Braille character, by row and column.
 const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
 
 /// Viscosity against strain as lines of text, `columns` wide, without colours.
 pub(crate) fn chart(trace: &[(f64, f64)], columns: u16) -> String {
-    let columns = usize::from(columns.max(NARROWEST));
+    let columns = usize::from(columns.max(MIN_WIDTH));
     let [start, end] = extent(trace.iter().map(|point| point.0));
     let [low, high] = extent(trace.iter().map(|point| point.1));
     let strains = Scale::linear(String::new(), start, end);
@@ -25,7 +25,7 @@ pub(crate) fn chart(trace: &[(f64, f64)], columns: u16) -> String {
     let words = viscosities.ticks.iter().map(|(_, word)| length(word));
     let left = words.max().unwrap_or(0) + 2;
     let right = columns - 4;
-    // In characters from the upper left corner.
+    // Position in characters from the upper left corner.
     let across = |strain| left as f64 + strains.part(strain) * (right - left) as f64;
     let down = |viscosity| AXIS as f64 - viscosities.part(viscosity) * (AXIS - 2) as f64;
     let mut lines = vec![vec![' '; columns]; ROWS];
@@ -73,7 +73,7 @@ fn cell(place: f64) -> usize {
     count(place.round())
 }
 
-/// Dots of a line through places, by row and column of their characters.
+/// Dots of a line through points, by row and column of their characters.
 fn dots(places: &[[f64; 2]]) -> BTreeMap<[usize; 2], u8> {
     let mut dots = BTreeMap::new();
     // The middle of a character lies between its dots.

@@ -1,14 +1,14 @@
-//! The font of figures: DejaVu Sans, of which every figure carries what it needs.
+//! The font of figures: DejaVu Sans, of which every figure embeds the glyphs it needs.
 //!
-//! The file holds the Latin and Greek letters and the signs of mathematics of DejaVu Sans 2.37, without hints; its
-//! licence lies beside it.
+//! The file holds the Latin and Greek letters and the signs of mathematics of DejaVu Sans 2.37,
+//! without hints; its licence lies beside it.
 
 use std::sync::LazyLock;
 use ttf_parser::{Face, GlyphId};
 
 /// The font file.
 pub(super) static BYTES: &[u8] = include_bytes!("font/DejaVuSans.ttf");
-/// Its name where a file carries it, so that no other font takes its place.
+/// Its name in files that embed it, so that it is not replaced by another font.
 pub(super) const EMBEDDED_NAME: &str = "DejaVu Sans of sweep";
 
 /// The font, read.
@@ -17,7 +17,7 @@ pub(super) static FACE: LazyLock<Face<'static>> = LazyLock::new(|| {
     Face::parse(BYTES, 0).expect("the font of figures is a font")
 });
 
-/// The glyph of a character; a question mark's for one the font does not have.
+/// The glyph of a character, or of a question mark for a character that the font lacks.
 pub(super) fn glyph(character: char) -> GlyphId {
     let of = |character| FACE.glyph_index(character);
     of(character).or_else(|| of('?')).unwrap_or(GlyphId(0))
@@ -32,8 +32,8 @@ pub(super) fn advance(glyph: GlyphId) -> f64 {
 /// Size of a subscript over that of the letters before it.
 pub(super) const SUBSCRIPT: f64 = 0.72;
 
-/// A line of text in pieces, each with whether it is a subscript: letters after an underscore that stands behind a single letter, as in
-/// `F_crit/a²`. Names of several letters keep their underscores.
+/// Splits a line of text into pieces with a flag for subscripts: letters after an underscore that
+/// follows a single letter, as in `F_crit/a²`. Names of several letters keep their underscores.
 pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
     let mut pieces = Vec::new();
     let mut rest = text;

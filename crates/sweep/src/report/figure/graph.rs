@@ -1,4 +1,4 @@
-//! Paths that are no results of a campaign, in the look of its figures.
+//! Paths that are not results of a campaign, in the style of its figures.
 
 use super::log_axis::LogAxis;
 use super::look::Look;
@@ -9,10 +9,11 @@ use super::{Format, drawn, refused};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 
-/// A path: its entry in the legend and its places.
+/// A path: its entry in the legend and its points.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-/// Draws paths of no campaign between axes of these names, with this title in the metadata of the file.
+/// Draws paths without a campaign between axes with these names, with this title in the metadata of
+/// the file.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw.
@@ -25,7 +26,7 @@ pub fn draw_graphs(
     draw_graphs_of(graphs, axes, format, &Origin::of_lines(title, &[]))
 }
 
-/// The same of a campaign.
+/// The same for a campaign.
 pub(in crate::report) fn draw_graphs_of(
     graphs: &[Graph<'_>],
     [x, y]: [&str; 2],
@@ -55,7 +56,7 @@ pub(in crate::report) fn draw_graphs_of(
     drawn(&sketch, &Look::default(), origin, format)
 }
 
-/// Data and what was fitted to them: its entry in the legend, the number that it is ordered by, and the places of both.
+/// Data and their fit: entry in the legend, number for the order, and points of both.
 #[derive(Debug)]
 pub(in crate::report) struct FitCurve {
     pub(in crate::report) label: String,
@@ -64,10 +65,11 @@ pub(in crate::report) struct FitCurve {
     pub(in crate::report) fit: Vec<[f64; 2]>,
 }
 
-/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and infinity.
+/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and
+/// infinity.
 ///
 /// # Errors
-/// [`ReportError::Argument`] if there are more curves than can be told apart.
+/// [`ReportError::Argument`] if there are more curves than can be distinguished.
 pub(in crate::report) fn draw_fit(
     curves: &[FitCurve],
     [x, y]: [&str; 2],
@@ -76,7 +78,7 @@ pub(in crate::report) fn draw_fit(
 ) -> Result<Vec<u8>, ReportError> {
     if curves.len() > ORDERED_CURVES {
         return Err(refused(format!(
-            "{} curves, and at most {ORDERED_CURVES} can be told apart: choose points with --where KEY=VALUE",
+            "{} curves are more than the {ORDERED_CURVES} that can be distinguished: choose points with --where KEY=VALUE",
             curves.len()
         )));
     }

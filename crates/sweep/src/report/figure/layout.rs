@@ -19,11 +19,11 @@ const TICK: f64 = 3.0;
 const AXIS: f64 = 0.6;
 /// Half the length of the cap of a bar.
 const CAP: f64 = 1.8;
-/// Dashed lines that are closer than this run into each other.
+/// Dashed lines that are closer than this merge.
 const MERGING: f64 = 4.0;
-/// Dashed lines within this are one.
+/// Dashed lines within this distance are drawn as one.
 const ALIKE: f64 = 1.0;
-/// How much a band hides.
+/// Opacity of a band.
 const BAND: f32 = 0.22;
 
 /// The page of a figure.
@@ -83,18 +83,18 @@ pub(super) fn page(outline: &Outline) -> Page {
     page
 }
 
-/// Where the panels lie.
+/// Positions of the panels.
 struct Grid {
     columns: usize,
     /// Left edge of the axes in the first column.
     first_left: f64,
-    /// Room for the numbers before the axes of other columns.
+    /// Space for the numbers before the axes of other columns.
     left: f64,
-    /// Room above axes.
+    /// Space above axes.
     top: f64,
     /// Size of the axes.
     size: [f64; 2],
-    /// Room under the axes of all rows but the last.
+    /// Space below the axes of all rows but the last.
     below: f64,
     height: f64,
 }
@@ -157,7 +157,7 @@ impl Frame<'_> {
         bottom + self.panel.y.part(number) * (top - bottom)
     }
 
-    /// What is drawn within the axes, and the axes.
+    /// Content of the axes, and the axes.
     fn draw(&self) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
         let mut inside = Vec::new();
@@ -183,7 +183,7 @@ impl Frame<'_> {
         shapes
     }
 
-    /// Dashed lines; those that would run into each other are the edges of a shade.
+    /// Dashed lines; those that would merge become the edges of a shaded band.
     fn dashed(&self) -> Vec<Shape> {
         let [[left, _], [right, _]] = self.corners;
         let mut heights: Vec<f64> = self.panel.dashed.iter().map(|h| self.y(*h)).collect();
@@ -239,7 +239,7 @@ impl Frame<'_> {
             let lower = points.iter().rev().map(|point| edge(point, -1.0));
             Shape::filled(upper.chain(lower), curve.colour, BAND)
         });
-        // A point that nothing joins, such as one of a plateau, has a box.
+        // An isolated point, such as one of a plateau, has a box.
         let single = (0..curve.points.len())
             .filter(|place| alone(*place))
             .map(|place| {
@@ -271,7 +271,7 @@ impl Frame<'_> {
             .collect()
     }
 
-    /// Markers, whole ones on the axes too.
+    /// Markers, not clipped at the axes.
     fn markers(&self, curve: &Curve) -> Vec<Shape> {
         let Some(kind) = curve.marker else {
             return Vec::new();

@@ -1,19 +1,19 @@
-//! The legend of a figure: its entries, their size, and where it hides least.
+//! The legend of a figure: its entries, their size, and its best position.
 
 use super::font;
 use super::outline::{Curve, Outline};
 use super::scale::count;
 use super::scene::{Anchor, Place, Shape, Stroke, Text, marker};
 
-/// Length of the piece of line in an entry, over the size of the letters.
+/// Length of the line in an entry, over the font size.
 const SAMPLE: f64 = 2.2;
-/// Height of an entry, over the size of the letters.
+/// Height of an entry, over the font size.
 const ROW: f64 = 1.35;
 /// The entries of a figure's legend.
 #[derive(Debug)]
 pub(super) struct Legend<'o> {
     entries: Vec<&'o Curve>,
-    /// Size of its letters.
+    /// Font size.
     size: f64,
 }
 
@@ -38,29 +38,29 @@ impl<'o> Legend<'o> {
         widths.fold(0.0, f64::max) + (SAMPLE + 1.4) * self.size
     }
 
-    /// Columns that fit into a width, and the size of what they make.
+    /// Number of columns that fit into a width, and the resulting size.
     fn columns(&self, width: f64) -> usize {
         let fit = count((width / self.width()).floor());
         fit.clamp(1, self.entries.len().max(1))
     }
 
-    /// Its height in a width.
+    /// Its height at a width.
     pub(super) fn height(&self, width: f64) -> f64 {
         let rows = self.entries.len().div_ceil(self.columns(width));
         ROW * self.size * rows as f64
     }
 
-    /// The width it takes beside the axes.
+    /// Its width beside the axes.
     pub(super) fn width_beside(&self, outline: &Outline) -> f64 {
         self.width() + 0.6 * outline.label_size
     }
 
-    /// Draws it below and to the right of a place, in columns that fill a width.
+    /// Draws it below and to the right of a point, in columns that fill a width.
     pub(super) fn draw(&self, [left, top]: Place, width: f64) -> Vec<Shape> {
         let columns = self.columns(width);
         let rows = self.entries.len().div_ceil(columns);
         let each = self.width().min(width);
-        // Words that are too long for the page are written smaller.
+        // Entries too long for the page are set smaller.
         let size = self.size * (width / self.width()).min(1.0);
         let mut shapes = Vec::new();
         for (number, curve) in self.entries.iter().enumerate() {
@@ -74,7 +74,7 @@ impl<'o> Legend<'o> {
         shapes
     }
 
-    /// The corner of a box in which it hides least of these places, and what it takes there.
+    /// The corner of a box in which it hides the fewest of these points, and its extent there.
     pub(super) fn corner(&self, [from, to]: [Place; 2], obstacles: &[Place]) -> [Place; 2] {
         let size = [self.width(), ROW * self.size * self.entries.len() as f64];
         let gap = 0.6 * self.size;
@@ -88,7 +88,7 @@ impl<'o> Legend<'o> {
     }
 }
 
-/// How many places a box hides.
+/// Number of points that a box hides.
 fn hidden([from, to]: [Place; 2], obstacles: &[Place]) -> usize {
     let is_hidden =
         |[x, y]: &&Place| (from[0]..=to[0]).contains(x) && (from[1]..=to[1]).contains(y);

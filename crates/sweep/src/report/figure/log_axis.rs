@@ -2,7 +2,7 @@
 
 use super::scale::{count, extent};
 
-/// A logarithmic axis: decades as whole numbers, 0 and ∞ one decade beyond the others.
+/// A logarithmic axis: decades as whole numbers, with 0 and ∞ one decade beyond the ends.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LogAxis {
     /// Decade at the left end.
@@ -18,7 +18,7 @@ pub(super) struct LogAxis {
 }
 
 impl LogAxis {
-    /// The axis that holds these values.
+    /// The axis of these values.
     pub(super) fn of(values: &[f64]) -> Self {
         let finite = values.iter().filter(|v| v.is_finite() && **v > 0.0);
         let ends = extent(finite.map(|value| value.log10()));
@@ -44,7 +44,8 @@ impl LogAxis {
     }
 }
 
-/// Words for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where numbers would be long.
+/// Labels for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where
+/// numbers would be long.
 pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
     let short = decades.iter().all(|decade| (-3.5..4.5).contains(decade));
     let word = |decade: &f64| {

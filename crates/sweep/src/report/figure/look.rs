@@ -1,4 +1,5 @@
-//! How a figure is to look: lengths, colours and markers, which a group keeps in a file of its own, and what one figure asks for.
+//! The style of figures: lengths, colours and markers, which a group keeps in a file, and options
+//! of a single figure.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use crate::axes::{AXES, Axis};
@@ -8,22 +9,22 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Deserialize;
 use std::str::FromStr;
 
-/// Points of a printer per inch.
+/// Points (bp) per inch.
 pub(super) const POINTS_PER_INCH: f64 = 72.0;
 /// Millimetres per inch.
 const MM_PER_INCH: f64 = 25.4;
-/// A length on paper, in points of a printer.
+/// A length on paper, in points (bp).
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Length(pub(super) f64);
 
 impl Length {
-    /// So many millimetres.
+    /// A length in millimetres.
     const fn mm(number: f64) -> Self {
         Self(number * POINTS_PER_INCH / MM_PER_INCH)
     }
 
-    /// It in millimetres.
+    /// The length in millimetres.
     pub(super) fn in_mm(self) -> f64 {
         self.0 * MM_PER_INCH / POINTS_PER_INCH
     }
@@ -64,14 +65,14 @@ impl TryFrom<String> for Length {
     }
 }
 
-/// Where the legend stands.
+/// Position of the legend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum LegendPlace {
     /// Under the axes.
     #[default]
     Below,
-    /// In the corner of the axes in which it hides least.
+    /// In the corner of the axes where it hides least.
     Inside,
     /// To the right of the axes.
     Right,
@@ -79,11 +80,11 @@ pub enum LegendPlace {
     None,
 }
 
-/// How intervals are drawn.
+/// Style of intervals.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Intervals {
-    /// As bars, those of several curves beside each other.
+    /// As bars; those of several curves are side by side.
     #[default]
     Bars,
     /// As bands behind the curves.
@@ -92,13 +93,13 @@ pub enum Intervals {
     None,
 }
 
-/// A style: what a group wants of all its figures. A TOML file may give any of its values.
+/// A style for all figures of a group. A TOML file may give any of its values.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Style {
     /// Width of a figure.
     pub width: Option<Length>,
-    /// Height of one panel; by default what suits its width.
+    /// Height of one panel; by default proportional to its width.
     pub height: Option<Length>,
     /// Size of the labels of axes in points; numbers and legend are a tenth smaller.
     pub font_size: f64,
@@ -106,15 +107,16 @@ pub struct Style {
     pub line_width: Length,
     /// Radius of markers.
     pub marker_size: Length,
-    /// Colours of curves; with more curves than these, in the order of a numeric axis, a map of rising lightness.
+    /// Colours of curves; more curves than these along a numeric axis use a map of increasing
+    /// lightness.
     pub colours: Vec<Colour>,
-    /// Markers of curves, from the first again when they end.
+    /// Markers of curves, repeated cyclically.
     pub markers: Vec<Marker>,
-    /// Where the legend stands.
+    /// Position of the legend.
     pub legend: LegendPlace,
-    /// How intervals are drawn.
+    /// Style of intervals.
     pub intervals: Intervals,
-    /// Dots of a PNG per inch.
+    /// Dots per inch of a PNG.
     pub dpi: u32,
 }
 
@@ -147,7 +149,7 @@ impl Style {
         Ok(style)
     }
 
-    /// Makes sure that the figure can be drawn; `argument` gave its values.
+    /// Checks that the figure can be drawn; `argument` gave its values.
     fn check(&self, argument: &'static str) -> Result<(), ReportError> {
         let mm = |length: Length| length.in_mm();
         let dpi = f64::from(self.dpi);
@@ -199,20 +201,21 @@ impl FromStr for Range {
     }
 }
 
-/// What one figure asks for besides its style.
+/// Options of one figure besides its style.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[group(requires = "figure")]
 pub struct Look {
     /// Its style.
     #[arg(skip)]
     pub style: Style,
-    /// A panel for every value of this axis
+    /// One panel for every value of this axis
     #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), hide_possible_values = true)]
     pub panels: Option<&'static Axis>,
-    /// A logarithmic vertical axis [default: where the numbers are positive and span more than a decade]
+    /// Logarithmic vertical axis [default: where the numbers are positive and span more than a
+    /// decade]
     #[arg(long, hide_short_help = true)]
     pub log_y: bool,
-    /// Ends of the horizontal axis, such as 0.01..100; plateaus stay beside them
+    /// Ends of the horizontal axis, such as 0.01..100; plateaus remain
     #[arg(long, value_name = "LOW..HIGH", hide_short_help = true)]
     pub x_range: Option<Range>,
     /// Ends of the vertical axis
@@ -223,29 +226,29 @@ pub struct Look {
         hide_short_help = true
     )]
     pub y_range: Option<Range>,
-    /// What the horizontal axis is called
+    /// Label of the horizontal axis
     #[arg(long, value_name = "TEXT", hide_short_help = true)]
     pub x_label: Option<String>,
-    /// What the vertical axis is called
+    /// Label of the vertical axis
     #[arg(long, value_name = "TEXT", hide_short_help = true)]
     pub y_label: Option<String>,
-    /// An entry of the legend; given once for every curve, in their order
+    /// Entry of the legend; one per curve, in order
     #[arg(long = "label", value_name = "TEXT", hide_short_help = true)]
     pub labels: Vec<String>,
 }
 
-/// Reads the name of one of some axes, as the campaign file has it, or its symbol.
+/// Reads the key of one of some axes, or its symbol.
 pub(super) fn axis_among(
     is_meant: fn(&Axis) -> bool,
 ) -> impl TypedValueParser<Value = &'static Axis> {
     let names = AXES.iter().filter(|axis| is_meant(axis));
     let names = names.map(|axis| PossibleValue::new(axis.key).aliases(axis.other_names()));
     PossibleValuesParser::new(names)
-        .try_map(|name| Axis::named(&name).ok_or("no axis of a campaign"))
+        .try_map(|name| Axis::named(&name).ok_or("not an axis of a campaign"))
 }
 
 impl Look {
-    /// Gives the values of the command line the place of those of the style.
+    /// Overrides the style by the values of the command line.
     ///
     /// # Errors
     /// [`ReportError::Argument`] on a value out of range.
@@ -265,7 +268,8 @@ impl Look {
         Ok(self)
     }
 
-    /// The width of a figure with so many panels: a column of a journal, or its page for several.
+    /// The width of a figure by its number of panels: one column of a journal, or the full page for
+    /// several.
     pub(super) fn width(&self, panels: usize) -> f64 {
         let usual = Length::mm(if panels > 1 { 180.0 } else { 85.0 });
         self.style.width.unwrap_or(usual).0

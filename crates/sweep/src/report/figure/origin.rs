@@ -1,24 +1,24 @@
-//! What a figure says of where it comes from.
+//! The origin of a figure, in its metadata.
 
 use crate::report::points::Report;
 
-/// Characters of a key that tell a run from all others.
+/// Number of characters of a key that identify a run.
 const KEY: usize = 16;
 
-/// Where a figure comes from.
+/// The origin of a figure.
 #[derive(Debug)]
 pub(in crate::report) struct Origin {
     /// One line.
     pub(super) title: String,
-    /// All of it, a line each: campaigns, programs that computed them, runs by their keys.
+    /// All lines: campaigns, the programs that computed them, runs by their keys.
     pub(in crate::report) text: String,
 }
 
-/// The program that draws.
+/// The drawing program.
 pub(super) const PROGRAM: &str = concat!("sweep ", env!("CARGO_PKG_VERSION"));
 
 impl Origin {
-    /// The origin of what is made of reports.
+    /// The origin of a figure of reports.
     pub(in crate::report) fn of(reports: &[Report]) -> Self {
         let names: Vec<&str> = reports.iter().map(|r| r.campaign.as_str()).collect();
         let mut lines = Vec::new();
@@ -35,7 +35,7 @@ impl Origin {
         Self::of_lines(&names.join(", "), &lines)
     }
 
-    /// What is drawn here, with a title and these lines.
+    /// An origin with a title and these lines.
     pub(in crate::report) fn of_lines(title: &str, lines: &[String]) -> Self {
         let program = [format!("drawn by {PROGRAM}")];
         Self {

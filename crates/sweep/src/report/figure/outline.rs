@@ -1,6 +1,6 @@
 //! A figure ready to be drawn: colours, markers, ends and ticks of its axes.
 //!
-//! Whoever draws it goes by this: the figures of the program itself, and those of other programs with the same look.
+//! The figures of this program and those of other programs with the same style are drawn from it.
 
 use super::legend::Legend;
 use super::look::{Intervals, LegendPlace, Look, Range};
@@ -11,21 +11,20 @@ use crate::report::error::ReportError;
 use serde::Serialize;
 
 /// Height of a panel over its width.
-const SLENDERNESS: f64 = 0.74;
-/// Dashes of lines without markers, which tell them apart in grey print.
+const PANEL_ASPECT: f64 = 0.74;
+/// Dashes of lines without markers, which distinguish them in grey print.
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
-/// What dashed lines are called.
-/// Room above and below the numbers of a logarithmic axis, over its length.
+/// Label of dashed lines, and margin of a logarithmic axis beyond its numbers, over its length.
 const MARGIN: f64 = 0.05;
-/// Distance of bars of several curves at the same place, over the width of the axis.
+/// Distance of bars of several curves at the same point, over the width of the axis.
 const DODGE: f64 = 0.013;
-/// Distance of the first of them from the last at most.
+/// Maximum distance between the first and the last of them.
 const DODGE_IN_ALL: f64 = 0.055;
 
 /// A figure. Numbers of points are in the units of their axes; lengths in points, 72 to an inch.
 #[derive(Debug, Serialize)]
 pub struct Outline {
-    /// Width of all.
+    /// Total width.
     pub(super) width: f64,
     /// Height of one panel, its labels included, the legend not.
     pub(super) panel_height: f64,
@@ -37,7 +36,7 @@ pub struct Outline {
     pub(super) tick_size: f64,
     #[serde(skip)]
     pub(super) legend: LegendPlace,
-    /// What the legend explains besides curves, as curves without points.
+    /// Further entries of the legend, as curves without points.
     #[serde(skip)]
     notes: Vec<Curve>,
     /// Its panels.
@@ -47,16 +46,16 @@ pub struct Outline {
 /// One pair of axes.
 #[derive(Debug, Serialize)]
 pub(super) struct Panel {
-    /// What all its points have in common; empty if it is the only one.
+    /// Common values of its points; empty if it is the only panel.
     pub(super) title: String,
     pub(super) x: Scale,
     pub(super) y: Scale,
     pub(super) curves: Vec<Curve>,
     /// Heights of dashed lines.
     pub(super) dashed: Vec<f64>,
-    /// What these are called, said once in a figure.
+    /// Label of these, given once in a figure.
     pub(super) dashed_label: Option<&'static str>,
-    /// Strain discarded: where a shade ends that begins at 0.
+    /// Discarded strain: end of a shaded range that starts at 0.
     pub(super) shaded: Option<f64>,
 }
 
@@ -74,23 +73,23 @@ pub(super) struct Curve {
     pub(super) width: f64,
     /// Lengths of its dashes and of the gaps between them; `None` for a solid line.
     pub(super) dashes: Option<[f64; 2]>,
-    /// Place, height, and how far its interval reaches down and up.
+    /// Position, value, and extent of its interval down and up.
     pub(super) points: Vec<(f64, f64, f64, f64)>,
-    /// First and last of the points of each piece that is joined by a line: none goes over a break of the axis or a point without a
-    /// result.
+    /// First and last point of each connected piece: lines stop at breaks of the axis and at points
+    /// without a result.
     pub(super) pieces: Vec<(usize, usize)>,
     /// Whether any point has an interval.
     pub(super) has_intervals: bool,
     /// Whether intervals are drawn as a band.
     pub(super) has_band: bool,
-    /// Places of points of the campaign without a result.
+    /// Positions of points of the campaign without a result.
     pub(super) missing: Vec<f64>,
     /// Strain discarded, where curves differ in it.
     pub(super) discard: Option<f64>,
 }
 
 impl Outline {
-    /// The look of a sketch.
+    /// The outline of a sketch.
     ///
     /// # Errors
     /// [`ReportError::Argument`] on a range in which nothing can be drawn.
@@ -98,7 +97,7 @@ impl Outline {
         let style = &look.style;
         let number = sketch.panels.len().max(1);
         let width = look.width(number);
-        // Three panels beside each other need the page of a journal.
+        // Three panels side by side need the full page of a journal.
         let fit = if width < 340.0 { 1 } else { 3 };
         let columns = match number {
             1 => 1,
@@ -170,18 +169,18 @@ impl Outline {
             LegendPlace::Right => Legend::of(&outline).width_beside(&outline),
             _ => 0.0,
         };
-        let usual = (SLENDERNESS * (width - beside) / columns as f64).clamp(120.0, 300.0);
+        let usual = (PANEL_ASPECT * (width - beside) / columns as f64).clamp(120.0, 300.0);
         outline.panel_height = style.height.map_or(usual, |height| height.0);
         Ok(outline)
     }
 
-    /// What has an entry in the legend, each once.
+    /// Entries of the legend, each once.
     pub(super) fn entries(&self) -> Vec<&Curve> {
         let mut entries: Vec<&Curve> = Vec::new();
         let curves = self.panels.iter().flat_map(|panel| &panel.curves);
         for curve in curves.filter(|curve| !curve.label.is_empty()) {
             match entries.iter_mut().find(|known| known.label == curve.label) {
-                // The one that shows most of what is drawn.
+                // The curve that shows most of its kind of style.
                 Some(known) if known.pieces.len() < curve.pieces.len() => *known = curve,
                 Some(_) => {}
                 None => entries.push(curve),
@@ -192,7 +191,7 @@ impl Outline {
     }
 }
 
-/// What bands in time are, if there are any.
+/// Meaning of bands in time, if there are any.
 fn band_note(lines: &[Line], look: &Look, size: f64) -> Option<Curve> {
     let has_band = |line: &&Line| {
         let mut heights = line.points.iter().filter_map(|spot| spot.y);
@@ -250,7 +249,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
         // An interval that reaches far below its mean does not stretch the axis.
         let least = heights().map(|height| reach(height)[0].max(0.5 * height.value));
         let [least, _] = extent(least.chain(limits()));
-        // Markers at the ends stand clear of the frame.
+        // Markers at the ends keep a distance from the frame.
         let room = (up / least).powf(MARGIN).max(1.15);
         return Ok(Scale::logarithmic(label, least / room, up * room));
     }
@@ -269,7 +268,7 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
         if look.x_range.is_some_and(|range| range.low < 0.0) {
             return Err(ReportError::argument(
                 "--x-range",
-                "the axis is logarithmic: it can begin at 0, with the plateau beside it, or above",
+                "the axis is logarithmic: it can begin at 0, with the plateau, or above",
             ));
         }
         return Ok(Scale::of_decades(label, log, look.x_range));
@@ -290,7 +289,7 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     Ok(Scale::linear(label, low - 0.05 * span, high + 0.05 * span))
 }
 
-/// How far each line is shifted along the axis, so that bars at the same place stand beside each other.
+/// Shift of each line along the axis, so that bars at the same point are side by side.
 fn dodges(lines: &[&Line], x: &Scale, look: &Look) -> Vec<f64> {
     let has_bars = |line: &Line| {
         let mut spots = line.points.iter().filter_map(|spot| spot.y);

@@ -1,14 +1,14 @@
 //! Colours and markers of curves, declared once for every program that draws them.
 //!
-//! The eight colours stay apart for those who see no green, and none is so light that it is lost on white. In grey print curves are told
-//! apart by their markers, of which every second is hollow. More curves than that take colours from a map whose lightness
-//! only rises (viridis without its yellow end), so that their order is seen.
+//! The eight colours are distinct for readers with deuteranopia, and dark enough on white. In grey
+//! print, markers distinguish the curves; every second marker is hollow. More curves use a map of
+//! increasing lightness (viridis without its yellow end), so that their order is visible.
 
 use serde::{Deserialize, Serialize};
 
-/// Curves whose colours have no order, at most.
+/// Maximum number of curves with unordered colours.
 pub(super) const CURVES: usize = 8;
-/// Curves in all, at most: with more no marker can be made out.
+/// Maximum number of curves: with more, markers are not recognizable.
 pub(super) const ORDERED_CURVES: usize = 32;
 
 /// Colours of curves, the first for the first.
@@ -23,7 +23,7 @@ pub(in crate::report) const COLOURS: [Colour; CURVES] = [
     Colour(0x0000e1),
 ];
 
-/// The same on a dark ground.
+/// The same for a dark background.
 pub(in crate::report) const COLOURS_ON_DARK: [Colour; CURVES] = [
     Colour(0x4aa8e0),
     Colour(0xf0803c),
@@ -47,7 +47,7 @@ pub(in crate::report) const MARKERS: [Marker; CURVES] = [
     Marker::HollowTriangle,
 ];
 
-/// Places of a map of rising lightness, evenly spaced. Its yellow end is left out where a colour must be seen on white.
+/// Nodes of a map of increasing lightness, evenly spaced. Its yellow end is left out on white.
 pub(in crate::report) const HEAT: [Colour; 9] = [
     Colour(0x440154),
     Colour(0x46327e),
@@ -66,28 +66,28 @@ pub(in crate::report) const HEAT: [Colour; 9] = [
 pub struct Colour(pub(super) u32);
 
 impl Colour {
-    /// For axes and words.
+    /// For axes and text.
     pub(in crate::report) const INK: Self = Self(0x1a1a1a);
-    /// For lines that are no curves.
+    /// For lines other than curves.
     pub(in crate::report) const GREY: Self = Self(0x555555);
     /// For breaks of an axis.
     pub(super) const PALE: Self = Self(0xbbbbbb);
-    /// For what lies behind everything.
+    /// For the background.
     pub(super) const SHADE: Self = Self(0xebebeb);
     /// For paper.
     pub(in crate::report) const WHITE: Self = Self(0xffffff);
 
-    /// The colour of the curve `place` of `number` that have an order.
+    /// The colour of curve `place` of `number` ordered curves.
     pub(super) fn ordered(place: usize, number: usize) -> Self {
         Self::along(&HEAT[..8], place as f64 / (number - 1).max(1) as f64)
     }
 
-    /// The colour of a number on a scale, 0 at its lower end and 1 at its upper one, beyond which it stays the same.
+    /// The colour of a number on a scale from 0 to 1, clamped at the ends.
     pub(in crate::report) fn heat(part: f64) -> Self {
         Self::along(&HEAT, part.clamp(0.0, 1.0))
     }
 
-    /// The colour so far along a map, from 0 to 1.
+    /// The colour at a position from 0 to 1 along a map.
     fn along(map: &[Self], part: f64) -> Self {
         let along = part * (map.len() - 1) as f64;
         let below = (0..map.len() - 1)
@@ -145,7 +145,7 @@ impl TryFrom<String> for Colour {
     }
 }
 
-/// What marks a point.
+/// The marker of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Marker {
@@ -171,7 +171,7 @@ pub enum Marker {
     Cross,
     /// An upright cross.
     Plus,
-    /// An upright line, which marks a place on the axis and no point of a curve.
+    /// A vertical line, which marks a position on the axis and no point of a curve.
     #[serde(skip_deserializing)]
     Bar,
 }
@@ -207,7 +207,7 @@ mod tests {
         })
     }
 
-    /// As those see it who have no cones for green (Machado, Oliveira and Fernandes 2009, severity 1).
+    /// The colour as seen with deuteranopia (Machado, Oliveira and Fernandes 2009, severity 1).
     fn without_green(rgb: [f64; 3]) -> [f64; 3] {
         [
             [0.367322, 0.860646, -0.227968],

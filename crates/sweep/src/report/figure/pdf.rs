@@ -1,4 +1,4 @@
-//! A page as PDF, with the letters it uses of its font.
+//! A page as PDF, with a subset of its font.
 
 use super::font;
 use super::origin::{Origin, PROGRAM};
@@ -13,7 +13,7 @@ use subsetter::GlyphRemapper;
 use tiny_skia::{Path, PathSegment, Transform};
 
 const FONT: Name<'static> = Name(b"F1");
-/// A prefix of six letters says that the font is a part of itself.
+/// A prefix of six letters marks a subset of the font.
 const FONT_NAME: Name<'static> = Name(b"SWEEPF+DejaVuSans");
 const SYSTEM: SystemInfo<'static> = SystemInfo {
     registry: Str(b"Adobe"),
@@ -75,13 +75,13 @@ fn channels(colour: Colour) -> [f32; 3] {
     colour.channels().map(|channel| f32::from(channel) / 255.0)
 }
 
-/// Writes what is on the page.
+/// Writes the content of the page.
 struct Writer {
     content: Content,
     height: f64,
-    /// Letters that are used, by their new numbers.
+    /// Glyphs that are used, by their new numbers.
     letters: GlyphRemapper,
-    /// Characters by the new numbers of their letters.
+    /// Characters by the new numbers of their glyphs.
     characters: BTreeMap<u16, char>,
     opacities: Vec<f32>,
 }
@@ -154,7 +154,7 @@ impl Writer {
         }
     }
 
-    /// A place as PDF has it: y up.
+    /// A point in the coordinates of PDF: y up.
     fn place(&self, [x, y]: Place) -> [f32; 2] {
         [single(x), single(self.height - y)]
     }
@@ -205,7 +205,7 @@ impl Writer {
     }
 }
 
-/// Writes the font, with the letters used, their widths, and what they mean.
+/// Writes the subset of the font, with widths and the map to characters.
 fn write_font(
     pdf: &mut Pdf,
     font: Ref,

@@ -1,4 +1,4 @@
-//! A page as PNG, which knows how large it is on paper.
+//! A page as PNG, with its size on paper.
 
 use super::font;
 use super::look::POINTS_PER_INCH;
@@ -13,10 +13,10 @@ use tiny_skia::{
 };
 use ttf_parser::OutlineBuilder;
 
-/// Dots of a picture at most: what a viewer can still open.
+/// Maximum number of dots of a picture that viewers can open.
 const DOTS: f64 = 4e8;
 
-/// The file, at so many dots per inch, with its origin.
+/// The file at this resolution, with its origin.
 ///
 /// # Errors
 /// A page that has too many dots.
@@ -159,7 +159,7 @@ fn encode(picture: &Pixmap, dpi: u32, origin: &Origin) -> Result<Vec<u8>, png::E
     encoder.add_itxt_chunk("Title".into(), origin.title.clone())?;
     encoder.add_itxt_chunk("Source".into(), origin.text.clone())?;
     encoder.add_text_chunk("Software".into(), PROGRAM.into())?;
-    // Nothing shows through: the page is white below.
+    // No transparency: the page is white below.
     let colours: Vec<u8> = picture
         .pixels()
         .iter()

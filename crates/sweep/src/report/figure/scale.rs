@@ -8,23 +8,24 @@ use serde::Serialize;
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Scale {
     pub(super) label: String,
-    /// Its ends, in the numbers of the points.
+    /// Its ends, in the units of the points.
     pub(super) low: f64,
     pub(super) high: f64,
-    /// Whether it goes by the logarithm of the numbers.
+    /// Whether it is logarithmic.
     pub(super) logarithmic: bool,
-    /// Places of ticks, and what stands there.
+    /// Positions of ticks and their labels.
     pub(super) ticks: Vec<(f64, String)>,
-    /// Places of short ticks, of which nothing is said.
+    /// Positions of short ticks without labels.
     pub(super) minor: Vec<f64>,
-    /// Places where the axis is broken: 0 and infinity are set apart.
+    /// Positions where the axis is broken, next to 0 and infinity.
     pub(super) breaks: Vec<f64>,
 }
 
 impl Scale {
-    /// A horizontal axis of decades with plateaus at its ends, in places of [`LogAxis`].
+    /// A horizontal axis of decades with plateaus at its ends, in coordinates of [`LogAxis`].
     pub(super) fn of_decades(label: String, log: LogAxis, range: Option<Range>) -> Self {
-        // Without a plateau an axis ends soon after its numbers, as long as two decades are left to be named.
+        // Without a plateau an axis ends close to its numbers, if two decades remain to be
+        // labelled.
         let [first, last] = [log.ends[0] - 0.3, log.ends[1] + 0.3];
         let is_enough = last.floor() > first.ceil();
         let [mut low, mut high] = if is_enough {
@@ -39,7 +40,7 @@ impl Scale {
             high = log.high + 1.4;
         }
         if let Some(range) = range {
-            // The plateaus stay beside the decades that are asked for.
+            // The plateaus remain beside the requested decades.
             let ends = [range.low, range.high].map(|end| log.place(end));
             low = if range.low > 0.0 { ends[0] } else { low };
             high = ends[1];
@@ -77,7 +78,7 @@ impl Scale {
         }
     }
 
-    /// An axis from one number to another, with ticks at round ones.
+    /// An axis between two numbers, with ticks at round ones.
     pub(super) fn linear(label: String, low: f64, high: f64) -> Self {
         let (step, fine) = step(high - low, 5.0);
         let places = |step: f64| -> Vec<f64> {
@@ -109,7 +110,7 @@ impl Scale {
         }
     }
 
-    /// A logarithmic axis from one number to another, both above 0.
+    /// A logarithmic axis between two positive numbers.
     pub(super) fn logarithmic(label: String, low: f64, high: f64) -> Self {
         let [from, to] = [low.log10(), high.log10()];
         let first = from.floor();
@@ -130,7 +131,7 @@ impl Scale {
             };
             (ticks.collect(), minor)
         } else if span > 0.3 {
-            // So little that 2 and 5 are ticks too.
+            // A range so short that 2 and 5 are ticks too.
             let factors: &[f64] = if span > 0.8 {
                 &[1.0, 2.0, 5.0]
             } else {
@@ -168,7 +169,7 @@ impl Scale {
         }
     }
 
-    /// Where a number stands: 0 at the lower end, 1 at the upper.
+    /// Position of a number: 0 at the lower end, 1 at the upper.
     pub(super) fn part(&self, number: f64) -> f64 {
         if self.logarithmic {
             (number / self.low).ln() / (self.high / self.low).ln()
@@ -177,7 +178,7 @@ impl Scale {
         }
     }
 
-    /// Whether a break lies between two places.
+    /// Whether a break lies between two positions.
     pub(super) fn breaks_between(&self, a: f64, b: f64) -> bool {
         let [low, high] = if a < b { [a, b] } else { [b, a] };
         self.breaks.iter().any(|place| (low..high).contains(place))
@@ -191,7 +192,7 @@ pub(super) fn extent(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
     numbers.into_iter().fold(ends, widen)
 }
 
-/// A number that is a small whole one, to count with.
+/// A small whole number as an integer.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -211,7 +212,7 @@ fn between_decades(low: f64, high: f64) -> Vec<f64> {
         .collect()
 }
 
-/// A round step that makes about so many of a length, and a finer one.
+/// A round step that divides a length into about this many parts, and a finer one.
 fn step(length: f64, number: f64) -> (f64, f64) {
     let raw = length / number;
     let power = 10_f64.powf(raw.log10().floor());
@@ -224,7 +225,7 @@ fn step(length: f64, number: f64) -> (f64, f64) {
     (factor * power, fine * power)
 }
 
-/// A number in as few digits as it has.
+/// A number with the fewest digits that represent it.
 fn plain_word(number: f64) -> String {
     if (1e-3..1e5).contains(&number) {
         let digits = format!("{number:.3e}");

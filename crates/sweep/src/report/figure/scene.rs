@@ -1,11 +1,11 @@
-//! What is drawn on a page: paths and lines of text, from which every kind of file is made.
+//! Content of a page: paths and lines of text, the common source of all formats.
 
 use super::font;
 use super::palette::{Colour, Marker};
 use super::scale::count;
 use tiny_skia::{Path, PathBuilder, PathSegment, Transform};
 
-/// A place on a page, in points from its upper left corner, x to the right and y down.
+/// A position on a page, in points from its upper left corner, x to the right and y down.
 pub(super) type Place = [f64; 2];
 
 /// A length in single precision.
@@ -14,7 +14,7 @@ pub(super) fn single(length: f64) -> f32 {
     length as f32
 }
 
-/// A page: its size in points, and what is on it, the first behind all others.
+/// A page: its size in points, and its shapes from back to front.
 #[derive(Debug, Default)]
 pub(super) struct Page {
     pub(super) width: f64,
@@ -25,25 +25,25 @@ pub(super) struct Page {
 /// One shape.
 #[derive(Debug)]
 pub(super) enum Shape {
-    /// A path that is filled with a colour of some opacity, then stroked.
+    /// A path, filled with a colour and opacity, then stroked.
     Path {
         path: Path,
         fill: Option<(Colour, f32)>,
         stroke: Option<Stroke>,
     },
     Text(Text),
-    /// What of some shapes lies in a box between these corners.
+    /// Shapes clipped to the box between these corners.
     Within([Place; 2], Vec<Shape>),
 }
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stroke {
     pub(super) colour: Colour,
     pub(super) width: f64,
     /// Lengths of a dash and of the gap after it; `None` for a solid line.
     pub(super) dashes: Option<[f64; 2]>,
-    /// Whether its ends are half discs, in place of straight ones.
+    /// Whether its ends are round instead of straight.
     pub(super) is_round: bool,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Text {
     pub(super) upright: bool,
 }
 
-/// Which part of a text stands at its place.
+/// The part of a text that is anchored at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchor {
     Start,
@@ -93,7 +93,7 @@ impl Stroke {
 }
 
 impl Shape {
-    /// A line through places; `None` through fewer than two.
+    /// A line through points; `None` for fewer than two.
     pub(super) fn line(places: impl IntoIterator<Item = Place>, stroke: Stroke) -> Option<Self> {
         Some(Self::Path {
             path: through(places).finish()?,
@@ -142,7 +142,7 @@ impl Shape {
         })
     }
 
-    /// Places that it passes, along straight lines at most `step` apart.
+    /// Points along it, at most `step` apart on straight lines.
     pub(super) fn places(&self, step: f64) -> Vec<Place> {
         let Self::Path { path, .. } = self else {
             return Vec::new();
@@ -171,7 +171,7 @@ impl Shape {
     }
 }
 
-/// A line through places.
+/// A line through points.
 fn through(places: impl IntoIterator<Item = Place>) -> PathBuilder {
     let mut path = PathBuilder::new();
     for [x, y] in places.into_iter().map(|place| place.map(single)) {
@@ -214,7 +214,7 @@ impl Text {
         }
     }
 
-    /// The point so far along the line from its anchored point, and so far below it.
+    /// The point at a distance along the line from its anchor, and a distance below it.
     fn shifted(&self, along: f64, down: f64) -> Place {
         let [x, y] = self.place;
         if self.upright {
@@ -224,7 +224,7 @@ impl Text {
         }
     }
 
-    /// Where its first letter begins.
+    /// Position of its first letter.
     pub(super) fn start(&self) -> Place {
         let part = match self.anchor {
             Anchor::Start => 0.0,
@@ -234,7 +234,7 @@ impl Text {
         self.shifted(-part * font::width(&self.words, self.size), 0.0)
     }
 
-    /// Shapes that show it: one, or one for each of its pieces where it has subscripts.
+    /// Its shapes: one, or with subscripts one for each piece.
     pub(super) fn shapes(self) -> Vec<Shape> {
         let pieces = font::pieces(&self.words);
         if pieces.len() == 1 {
@@ -261,13 +261,13 @@ impl Text {
     }
 }
 
-/// A path around the origin, so much larger at a place.
+/// A path around the origin, scaled and moved to a point.
 fn placed(path: Path, [x, y]: Place, size: f64) -> Option<Path> {
     let [x, y, size] = [x, y, size].map(single);
     path.transform(Transform::from_translate(x, y).pre_scale(size, size))
 }
 
-/// A marker of a radius at a place.
+/// A marker of a radius at a point.
 pub(super) fn marker(
     kind: Marker,
     place: Place,

@@ -1,4 +1,4 @@
-//! What a figure is made of: lines of points, before anything is said of how they look.
+//! The data of a figure: lines of points, without style.
 
 mod diagram;
 mod draft;
@@ -14,15 +14,15 @@ use crate::report::points::{Point, Report};
 use crate::statistics::Estimate;
 use draft::Draft;
 
-/// Panels that a figure is split into by itself, at most.
+/// Maximum number of panels of an automatic split.
 const PANELS: usize = 12;
 
 /// A point of a line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spot {
-    /// Its place along the axis.
+    /// Its position along the axis.
     pub(super) x: f64,
-    /// Its height; `None` where there is a point of the campaign without a result.
+    /// Its value; `None` for a point of the campaign without a result.
     pub(super) y: Option<Height>,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Spot {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Height {
     pub(super) value: f64,
-    /// How far the interval reaches down and up.
+    /// Extent of the interval down and up.
     pub(super) interval: Option<[f64; 2]>,
 }
 
@@ -41,9 +41,9 @@ pub(super) enum Form {
     Curve,
     /// A thin line without markers.
     Trace,
-    /// Markers that nothing joins.
+    /// Unconnected markers.
     Points,
-    /// Crosses that nothing joins.
+    /// Unconnected crosses.
     Crosses,
 }
 
@@ -54,14 +54,14 @@ pub(super) struct Line {
     pub(super) label: Label,
     /// Its points.
     pub(super) points: Vec<Spot>,
-    /// Its place among the curves of the figure, by which colours and markers go.
+    /// Its index among the curves of the figure, which selects colour and marker.
     pub(super) place: usize,
     pub(super) form: Form,
     /// Its panel.
     pub(super) panel: usize,
     /// Strain discarded, of a run in time.
     pub(super) discard: Option<f64>,
-    /// Runs that a line in time is the mean of.
+    /// Number of runs averaged by a line in time.
     pub(super) runs: usize,
 }
 
@@ -82,20 +82,20 @@ impl Line {
 /// One panel.
 #[derive(Debug, Default)]
 pub(super) struct Field {
-    /// What all its points have in common.
+    /// Common values of its points.
     pub(super) title: String,
     /// Dilute limits.
     pub(super) dilute: Vec<f64>,
-    /// What they are, in words.
+    /// Their label.
     pub(super) formula: &'static str,
 }
 
-/// What a figure is made of.
+/// The data of a figure.
 #[derive(Debug, Default)]
 pub(super) struct Sketch {
     pub(super) lines: Vec<Line>,
     pub(super) panels: Vec<Field>,
-    /// How many curves there are whose colours go by their order; 0 where they do not.
+    /// Number of curves with ordered colours; 0 for unordered colours.
     pub(super) ordered: usize,
     /// Label of the horizontal axis.
     pub(super) x: String,
@@ -108,7 +108,7 @@ pub(super) struct Sketch {
 /// A quantity of every point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
-    /// What its axis is called.
+    /// Label of its axis.
     label: &'static str,
     /// Its column.
     name: &'static str,
@@ -135,8 +135,9 @@ impl Height {
     }
 }
 
-/// Makes the sketch of reports, or of traces. Where there are more curves than can be told apart and it may be split, each value of
-/// one axis has a panel of its own: of the axes that help, the one with the fewest values.
+/// Makes the sketch of reports, or of traces. If there are more curves than can be distinguished
+/// and splitting is allowed, each value of one axis has its own panel; the axis is the one with the
+/// fewest values among those that help.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -173,11 +174,11 @@ pub(super) fn sketch(
         )
     };
     Err(refused(format!(
-        "{number}{more} curves, and at most {most} can be told apart: choose {how}"
+        "{number}{more} curves are more than the {most} that can be distinguished: choose {how}"
     )))
 }
 
-/// The sketch before its curves have their places.
+/// The sketch before its curves are ordered.
 fn drafted<'r>(
     reports: &'r [Report],
     traces: &[Trace],
@@ -212,19 +213,19 @@ fn drafted<'r>(
     if !sketch.lines.iter().any(has_result) {
         draft.check_scale(measured)?;
         return Err(refused(
-            "there are no results to draw yet; `sweep status` says how far the campaign is",
+            "there are no results to draw yet; `sweep status` shows the progress of the campaign",
         ));
     }
     sketch.lines.retain(|line| !line.points.is_empty());
     Ok((draft, sketch))
 }
 
-/// The sketch with its curves in their order, and what is drawn besides.
+/// The sketch with its curves in order, and further marks.
 fn arranged(
     (draft, mut sketch): (Draft<'_>, Sketch),
     drawing: &Drawing,
 ) -> Result<Sketch, ReportError> {
-    // The colours of a state diagram are those of its states, whichever of these there are.
+    // In a state diagram each state has a fixed colour, even if others are absent.
     if drawing.kind != Kind::StateDiagram {
         arrange(&mut sketch, drawing)?;
     }
@@ -234,7 +235,7 @@ fn arranged(
     Ok(sketch)
 }
 
-/// The labels of the curves, each once, and whether colours go by their order.
+/// The labels of the curves, each once, and whether colours are ordered.
 fn labels(sketch: &Sketch) -> (Vec<Label>, bool) {
     let mut known: Vec<Label> = Vec::new();
     for line in &sketch.lines {
@@ -246,14 +247,14 @@ fn labels(sketch: &Sketch) -> (Vec<Label>, bool) {
     (known, is_ordered)
 }
 
-/// How many curves there are, and how many can be told apart, where these are fewer.
+/// Number of curves and maximum number, if exceeded.
 fn excess(sketch: &Sketch) -> Option<(usize, usize)> {
     let (known, is_ordered) = labels(sketch);
     let most = if is_ordered { ORDERED_CURVES } else { CURVES };
     (known.len() > most).then_some((known.len(), most))
 }
 
-/// Gives every curve its place by its label, the same in all panels, and the labels that were asked for.
+/// Gives every curve its index by its label, the same in all panels, and the labels requested.
 fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     let (mut known, is_ordered) = labels(sketch);
     if is_ordered {
@@ -265,7 +266,7 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
     if !asked.is_empty() && asked.len() != known.len() {
         let there = known.iter().map(|label| format!("{:?}", label.words));
         let message = format!(
-            "{} labels for {} curves; these are, in their order: {}",
+            "{} labels for {} curves, which are in order: {}",
             asked.len(),
             known.len(),
             there.collect::<Vec<_>>().join(", ")
@@ -287,7 +288,7 @@ fn arrange(sketch: &mut Sketch, drawing: &Drawing) -> Result<(), ReportError> {
 }
 
 impl Measured {
-    /// What a figure shows.
+    /// The quantity of a figure.
     fn of(drawing: &Drawing) -> Self {
         let (label, name) = match (drawing.kind, drawing.quantity.unwrap_or_default()) {
             (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
@@ -307,7 +308,7 @@ impl Measured {
         }
     }
 
-    /// It of a point.
+    /// Its value at a point.
     fn read(self, point: &Point) -> Option<Height> {
         match self.name {
             "shear_stress" => point.shear_stress().map(Height::from),

@@ -41,7 +41,7 @@ fn rounded(points: f64) -> f64 {
     (100.0 * points).round() / 100.0
 }
 
-/// Text that is no markup.
+/// Escaped text.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

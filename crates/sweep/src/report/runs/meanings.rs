@@ -9,10 +9,10 @@ type Meaning = (&'static str, &'static str, &'static str);
 /// Its unit and meaning.
 type Found = (&'static str, &'static str);
 
-/// Columns that say what a row is of.
+/// Columns that identify a row.
 #[rustfmt::skip]
 const OF_ROWS: &[Meaning] = &[
-    ("key", "", "the run: a hash of all that decides its result"),
+    ("key", "", "the run: a hash of all that determines its result"),
     ("seed", "1", "seed of its random numbers"),
     ("step", "1", "steps from the start of the run"),
 ];
@@ -43,9 +43,9 @@ const OF_RUNS: &[Meaning] = &[
     ("minimum_gap", "a", "smallest gap of all stages, the discarded strain included"),
     ("jammed_strain", "1", "strain above the threshold of jamming"),
     ("final_strain", "1", "strain at its end"),
-    ("wall_time_s", "s", "time of computing"),
-    ("cpu_time_s", "s", "time of the processor"),
-    ("resumed", "1", "times it went on from a checkpoint"),
+    ("wall_time_s", "s", "wall time of computing"),
+    ("cpu_time_s", "s", "CPU time"),
+    ("resumed", "1", "times it was resumed from a checkpoint"),
     ("finished_at", "ms", "when it ended, since 1970"),
     ("doubts", "", "why its numbers are doubtful"),
     ("viscosity_part_1", "mu", "mean viscosity over the first quarter of the strain kept"),
@@ -56,18 +56,18 @@ const OF_RUNS: &[Meaning] = &[
     ("viscosity_correlation", "1", "samples after which the viscosity counts as independent"),
 ];
 
-/// Gives a column of runs its unit and its meaning.
+/// Sets unit and meaning of a column of runs.
 pub(super) fn explain_of_runs(column: &mut DataColumn) {
     let own = listed(OF_RUNS, &column.name);
     explain(column, |axis, number| own.or(axis).or(number));
 }
 
-/// Gives a column of samples its unit and its meaning.
+/// Sets unit and meaning of a column of samples.
 pub(super) fn explain_of_samples(column: &mut DataColumn) {
     explain(column, |axis, number| number.or(axis));
 }
 
-/// Gives a column what is chosen of the axis and the number of a sample with its name.
+/// Sets a property of a column from the axis or the number of a sample with its name.
 fn explain(
     column: &mut DataColumn,
     choose: impl FnOnce(Option<Found>, Option<Found>) -> Option<Found>,
@@ -78,14 +78,14 @@ fn explain(
     let number = named(name).map(|number| (number.unit, number.meaning()));
     let found = listed(OF_ROWS, name).or_else(|| choose(axis, number));
     if let Some((unit, meaning)) = found {
-        // A choice is a word in a sample and in a run, whatever its unit.
+        // A choice is a keyword in samples and runs, whatever its unit.
         let is_word = matches!(column.cells, Cells::Word(_));
         column.unit = if is_word { "" } else { unit };
         column.meaning = meaning;
     }
 }
 
-/// What a list says of a name.
+/// The entry of a name in a list.
 fn listed(list: &[Meaning], name: &str) -> Option<Found> {
     let known = list.iter().find(|known| known.0 == name);
     known.map(|(_, unit, meaning)| (*unit, *meaning))

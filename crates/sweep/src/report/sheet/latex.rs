@@ -8,7 +8,7 @@ use crate::report::points::Report;
 use std::io::{self, Write};
 
 impl Sheet {
-    /// Writes it as a `tabular` that needs no package, under comments that say where it comes from.
+    /// Writes a `tabular` that needs no package, after comments with its origin.
     pub(crate) fn write_latex(&self, origin: &str, out: &mut dyn Write) -> io::Result<()> {
         for line in origin.trim_end().lines() {
             writeln!(out, "% {line}")?;
@@ -66,7 +66,7 @@ fn cell(cell: Option<&Uncertain>, format: NumberFormat) -> String {
     format!("${text}$")
 }
 
-/// Text without the signs that LaTeX takes for its own.
+/// Text with the special characters of LaTeX escaped.
 fn escaped(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     for character in text.chars() {
@@ -84,7 +84,7 @@ fn escaped(text: &str) -> String {
     plain
 }
 
-/// Signs that a document in ASCII cannot have, as commands.
+/// Commands for characters outside ASCII.
 fn symbols(text: &str) -> String {
     let known = [
         ("Γ", "$\\Gamma$"),
@@ -108,7 +108,8 @@ fn symbols(text: &str) -> String {
     })
 }
 
-/// Writes the points as a LaTeX table: the columns of the table on the screen, all the usual ones if it is wide.
+/// Writes the points as a LaTeX table with the columns of the table on the screen, all default ones
+/// if it is wide.
 pub(crate) fn write_latex(
     report: &Report,
     shape: Shape,

@@ -8,10 +8,10 @@ use crate::report::axis_words::AxisWords;
 use crate::report::columns::Column;
 use crate::report::points::{Point, Report};
 
-/// Columns of a table that is as wide as it needs to be: name, heading, significant digits, and how soon it is left out where there is
-/// no room, the highest first.
+/// Columns of a wide table: name, heading, significant digits, and rank at which it is dropped, the
+/// highest first.
 #[rustfmt::skip]
-const USUAL: [(&str, &str, i32, u8); 24] = [
+const DEFAULT: [(&str, &str, i32, u8); 24] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
@@ -39,15 +39,15 @@ const USUAL: [(&str, &str, i32, u8); 24] = [
 ];
 
 impl Report {
-    /// The axes that tell its points apart, and the others.
+    /// The axes that distinguish its points, and the others.
     pub(in crate::report) fn axes(&self) -> (Vec<&'static Axis>, Vec<&'static Axis>) {
-        // The shear rate is what curves are drawn against: always a column.
+        // The shear rate is the axis of curves, so it is always a column.
         AXES.iter().partition(|axis| {
             axis.is_shear_rate() || axis.varies(self.points.iter().map(|point| &point.params))
         })
     }
 
-    /// How the values on one of them are written.
+    /// Format of the values on one of them.
     pub(in crate::report) fn words_of(&self, axis: &'static Axis) -> AxisWords<'_> {
         let params = self.points.iter().map(|point| &point.params);
         AxisWords::of(axis, self.units, &self.starts, params)
@@ -62,7 +62,7 @@ impl Sheet {
         let mut columns: Vec<SheetColumn> = columns.collect();
         let axes = columns.len();
         let Some(chosen) = report.columns.chosen() else {
-            let usual = USUAL.iter().filter(|usual| is_there(report, usual.0));
+            let usual = DEFAULT.iter().filter(|usual| is_there(report, usual.0));
             columns.extend(usual.filter_map(|(name, heading, digits, rank)| {
                 let column = Column::named(name)?;
                 let head = Head::new(&column.name, *heading, "", *rank);
@@ -71,7 +71,7 @@ impl Sheet {
             return Self::new(axes, columns, shape.format).shaped(shape, width);
         };
         columns.extend(chosen.iter().map(|column| {
-            // On the screen by the name it was asked for, which is explained below.
+            // On the screen by its name as requested, which is explained below.
             let head = Head {
                 title: title(column),
                 ..Head::new(&column.name, column.name.as_ref(), "", 0)
@@ -82,15 +82,15 @@ impl Sheet {
     }
 }
 
-/// What a column is called in print.
+/// Name of a column in print.
 fn title(column: &Column) -> String {
-    match USUAL.iter().find(|usual| usual.0 == column.name) {
+    match DEFAULT.iter().find(|usual| usual.0 == column.name) {
         Some((_, heading, ..)) => heading.replace('\n', " "),
         None => column.title(),
     }
 }
 
-/// Whether a usual column says anything.
+/// Whether a default column has content.
 fn is_there(report: &Report, name: &str) -> bool {
     match name {
         "seeds_wanted" | "precision" => report.points.iter().any(|point| point.rule.is_some()),
@@ -107,8 +107,8 @@ fn is_there(report: &Report, name: &str) -> bool {
     }
 }
 
-/// With the unit its numbers have: on the screen only one that they have been converted to, in print one that says more than that
-/// numbers are relative.
+/// With the unit of its numbers: on the screen only after conversion, in print unless numbers are
+/// relative.
 fn with_unit(head: Head, own: &'static str, shown: &'static str) -> Head {
     let unit = match shown {
         "" | "1" | "mu" | "mu rate" | "a rate" => "",
@@ -127,7 +127,7 @@ fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> Option<SheetCo
     let column = Column::named(axis.key)?;
     let words = report.words_of(axis);
     let cell = |point: &Point| match column.shown(report, point)? {
-        // A rate that is measured has no more digits than the viscosity it is from.
+        // A measured rate has no more digits than its viscosity.
         Value::Number(number) if axis.is_shear_rate() && point.params.shear_stress.is_some() => {
             Some(Uncertain::of(number, 4))
         }
@@ -139,7 +139,7 @@ fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> Option<SheetCo
     Some(SheetColumn::new(head, cells, shape.format))
 }
 
-/// A measured column, with its interval if it has one.
+/// A measured column, with its interval if any.
 fn of_column(
     report: &Report,
     column: &Column,

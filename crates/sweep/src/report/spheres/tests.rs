@@ -23,7 +23,7 @@ fn of<S: Kept>(frame: &Frame<S>, view: SphereView) -> Result<Drawn, ReportError>
     drawn(&[(1, frame)], view, Vec::new())
 }
 
-/// Centres and colours of the spheres, as far as they lie in the cell.
+/// Centres and colours of the spheres in the cell.
 fn spheres(drawn: &Drawn) -> Vec<([f64; 2], Colour)> {
     let sphere = |mark: &Mark| match mark {
         Mark::Sphere { centre, colour, .. } => Some((*centre, *colour)),
@@ -239,7 +239,7 @@ fn the_nearest_strain_is_drawn_and_one_outside_is_refused() {
     for strain in [-0.1, 2.1, f64::NAN] {
         let error = nearest(&frames, Some(strain)).unwrap_err().to_string();
         assert!(
-            error.contains("3 frames are kept, of strains from 0.5000 to 1.500"),
+            error.contains("3 frames are kept, at strains from 0.5000 to 1.500"),
             "{error}"
         );
     }

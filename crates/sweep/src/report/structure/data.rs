@@ -8,11 +8,11 @@ use crate::structure::{Band, Curve, NAMED, Structure};
 use sd_core::Params;
 use serde_json::{Map, Value as Json, json};
 
-/// A curve of a structure, with its names: of the whole, of its axis, of its heights.
+/// A curve of a structure, with its name and the names of both axes.
 type NamedCurve<'s> = (&'static str, &'static str, &'static str, &'s Curve);
 
 impl StructureReport {
-    /// The object for programs; its names are a promise.
+    /// The object for programs, a stable interface.
     pub fn json(&self) -> Json {
         let points = self.points.iter().map(|(place, structure)| {
             let mut object = point_row(&self.report.points[*place]);
@@ -22,7 +22,7 @@ impl StructureReport {
         json!({ "campaign": self.report.campaign, "points": points.collect::<Vec<_>>() })
     }
 
-    /// A row for each point: all axes, then numbers and their intervals.
+    /// One row per point: all axes, then numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
         let mut table: Vec<DataColumn> = AXES
             .iter()
@@ -50,8 +50,8 @@ impl StructureReport {
         table
     }
 
-    /// All curves, a row for each bin of each curve of each point: the axes that vary, what it is, the middle of the bin, the mean and half
-    /// its interval. g(r, θ) has its angles beside its distances.
+    /// All curves, one row per bin of each curve of each point: the axes that vary, the name, the
+    /// centre of the bin, the mean and half its interval. g(r, θ) has both distance and angle.
     pub fn curves(&self) -> Vec<DataColumn> {
         let mut rows: Vec<(&Params, &'static str, [Option<f64>; 4])> = Vec::new();
         for (params, (_, structure)) in self.params().zip(&self.points) {
@@ -119,7 +119,7 @@ fn numbers(structure: &Structure) -> Vec<Number> {
     }
     all.push((
         "fabric_deviator".into(),
-        "how far the fabric is from that of contacts without a preferred direction",
+        "deviation of the fabric from that of isotropic contacts",
         structure.fabric_deviator,
     ));
     all
@@ -152,7 +152,7 @@ fn curves(structure: &Structure) -> [NamedCurve<'_>; 6] {
     ]
 }
 
-/// Puts all that is known of a point into an object.
+/// Adds all results of a point to an object.
 fn fill(object: &mut Map<String, Json>, structure: &Structure) {
     let mean = |band: &Option<Band>| band.map(|band| band.mean);
     let half = |band: &Option<Band>| band.and_then(|band| band.ci95);

@@ -1,14 +1,14 @@
-//! What the report says of points that are not as precise as was asked, not steady, or softer than their contacts are meant to be.
+//! Notes on points that lack the requested precision, are not steady, or have too soft contacts.
 
 use crate::axes::Axis;
 use crate::format::{counted, significant};
 use crate::report::points::{Point, Report};
 use crate::statistics::{Decision, Precision, Verdict};
 
-/// Points named one by one at most.
+/// Maximum number of points named.
 const SHOWN: usize = 12;
 
-/// The notes, a line each; none where there is nothing to say.
+/// The notes, one line each.
 pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
     let ruled: Vec<(&Point, (Precision, Decision))> = report
         .points
@@ -22,7 +22,7 @@ pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
             verdicts.filter(|known| *known == verdict).count()
         };
         lines.push(format!(
-            "precision: {} of {} points have what was asked for, {} are under way",
+            "precision: reached at {} of {} points, {} in progress",
             number(Verdict::Reached),
             ruled.len(),
             number(Verdict::Open)
@@ -41,7 +41,7 @@ pub(super) fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
     lines
 }
 
-/// Points whose spheres themselves overlapped: the worst by its name, as the table has the overlaps of all.
+/// A warning about points whose spheres overlapped; it names the worst.
 fn soft(report: &Report, columns: &[&'static Axis]) -> Option<String> {
     let soft = report.points.iter().filter(|p| p.overlaps_too_much());
     let heights = |point: &Point| Some(point.number("overlap")? / point.params.roughness);
@@ -59,10 +59,10 @@ fn soft(report: &Report, columns: &[&'static Axis]) -> Option<String> {
         significant(*most, 2)
     );
     let name = name(report, worst, columns);
-    Some(said(&format!("{name}{others}"), &what))
+    Some(with_name(&format!("{name}{others}"), &what))
 }
 
-/// Why a point does not have the precision that is asked for, if it never will.
+/// Why a point will not reach the requested precision, if so.
 fn missed(point: &Point, (rule, decision): (Precision, Decision)) -> Option<String> {
     let percent = |part: f64| significant(100.0 * part, 2);
     match decision.verdict {
@@ -80,31 +80,31 @@ fn missed(point: &Point, (rule, decision): (Precision, Decision)) -> Option<Stri
             ))
         }
         Verdict::TooFewRuns => Some(format!(
-            "fewer than two of its first {} runs could be averaged: it gets no more",
+            "fewer than two of its first {} runs could be averaged, so no more are computed",
             rule.at_least
         )),
     }
 }
 
-/// Points by name with what there is to say about them.
+/// Points by name, each with its note.
 fn list<'p>(
     report: &Report,
     points: impl Iterator<Item = (&'p Point, String)>,
     columns: &[&'static Axis],
 ) -> Vec<String> {
     let mut lines: Vec<String> = points
-        .map(|(point, what)| said(&name(report, point, columns), &what))
+        .map(|(point, what)| with_name(&name(report, point, columns), &what))
         .collect();
     let more = lines.len().saturating_sub(SHOWN);
     if more > 0 {
         lines.truncate(SHOWN);
-        lines.push(format!("and {more} more points of which the same is true"));
+        lines.push(format!("and {more} more such points"));
     }
     lines
 }
 
-/// What there is to say of a point, after its name if it has one: the only point has none.
-fn said(name: &str, what: &str) -> String {
+/// A note on a point, after its name if it has one: the only point has none.
+fn with_name(name: &str, what: &str) -> String {
     if name.is_empty() {
         what.to_owned()
     } else {
@@ -112,9 +112,9 @@ fn said(name: &str, what: &str) -> String {
     }
 }
 
-/// A point by the axes that tell it from the others.
+/// Name of a point, from the axes that distinguish it.
 fn name(report: &Report, point: &Point, columns: &[&'static Axis]) -> String {
-    // Where the stress is imposed the rate is a result.
+    // Under imposed stress the rate is a result.
     let is_result = |axis: &Axis| axis.is_shear_rate() && point.params.shear_stress.is_some();
     let named = columns.iter().filter(|axis| !is_result(axis));
     let words = named.map(|axis| {

@@ -1,8 +1,8 @@
-//! How bars fit a terminal.
+//! Layout of bars on a terminal.
 
 use crate::case::Case;
 
-/// Width of a bar, and from what width of the terminal on it is a long one.
+/// Widths of a bar, and width of the terminal from which the long one is used.
 const BARS: [(u16, usize); 2] = [(110, 30), (0, 12)];
 
 /// Columns of standard error, if it is a terminal.
@@ -24,7 +24,7 @@ pub(super) fn room() -> usize {
     width.saturating_sub(bar_width() + " 100 %  ".len())
 }
 
-/// What stands beside the bar of a case: the case, and how far it is.
+/// Text beside the bar of a case: the case and its progress.
 pub(super) fn line(case: &Case, strain: f64, viscosity: f64, room: usize) -> String {
     let mut so_far = format!("strain {strain:.2}");
     if viscosity.is_finite() {

@@ -1,20 +1,21 @@
-//! Progress as lines of JSON, an object each, for programs that watch a run. Names and meanings are in `docs/json.md`.
+//! Progress as lines of JSON, one object each, for programs that monitor a run. Names and meanings
+//! are in `docs/json.md`.
 
 use crate::case::Case;
 use crate::store::{Claim, Counts};
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// A case under way.
-pub(super) struct UnderWay {
+/// A running case.
+pub(super) struct RunningCase {
     key: String,
     pub(super) case: Case,
     begun: Instant,
     begun_at: u64,
 }
 
-impl UnderWay {
-    /// A case that is so many steps on.
+impl RunningCase {
+    /// A running case at some step.
     pub(super) fn of(claim: &Claim, steps: u64) -> Self {
         Self {
             key: claim.key.clone(),
@@ -39,7 +40,7 @@ impl UnderWay {
     }
 }
 
-/// A number, or null for what is none.
+/// A number, or null for NaN.
 fn number(value: f64) -> Value {
     serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
 }

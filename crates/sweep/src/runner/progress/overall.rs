@@ -1,12 +1,12 @@
-//! How far a campaign is, and how long the rest takes.
+//! Progress of a campaign and estimate of the remaining time.
 
 use crate::store::Counts;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Work of this last time is what the rest is estimated from.
+/// The remaining time is estimated from the work of this recent interval.
 const WINDOW: Duration = Duration::from_mins(5);
-/// Time from one line in a log to the next at most; the first come sooner, so that whoever looks on sees that it moves.
+/// Maximum interval between lines in a log; the first lines come sooner, to show progress.
 const LOG_EVERY: Duration = Duration::from_mins(1);
 /// Time until the first line in a log.
 const LOG_FIRST: Duration = Duration::from_secs(2);
@@ -14,22 +14,22 @@ const LOG_FIRST: Duration = Duration::from_secs(2);
 /// Progress of the campaign in units of estimated cost.
 pub(super) struct Overall {
     pub(super) total: f64,
-    /// What the store knows to be done, but for the cases under way here.
+    /// Work done according to the store, without the cases running here.
     pub(super) stored: f64,
-    /// Cases ended here since the store was asked.
+    /// Work of cases that ended here since the last update from the store.
     pub(super) since: f64,
-    /// The most that was ever shown: a bar does not go back.
+    /// The maximum shown so far, so that the bar never moves back.
     shown: f64,
     pub(super) counts: Counts,
-    /// How far it was when.
+    /// History of the progress.
     pub(super) history: VecDeque<(Instant, f64)>,
-    /// When it began, and how long after that the next line in the log is due.
+    /// Start, and delay until the next line in the log.
     begun: Instant,
     due: Duration,
 }
 
 impl Overall {
-    /// Of a campaign of which nothing is known yet.
+    /// The progress of a campaign before the first update.
     pub(super) fn new() -> Self {
         Self {
             total: 0.0,
@@ -43,7 +43,7 @@ impl Overall {
         }
     }
 
-    /// Whether the next line in the log is due, which it then is no more.
+    /// Whether the next line in the log is due; if so, schedules the one after it.
     pub(super) fn is_due(&mut self) -> bool {
         let elapsed = self.begun.elapsed();
         let is_due = elapsed >= self.due;
@@ -53,7 +53,7 @@ impl Overall {
         is_due
     }
 
-    /// Takes note of how far it is.
+    /// Records the progress.
     pub(super) fn advance(&mut self, done: f64) {
         self.shown = self.shown.max(done.min(self.total));
         let now = Instant::now();
@@ -82,7 +82,7 @@ impl Overall {
         }
     }
 
-    /// Time left at the rate of the last minutes.
+    /// Remaining time at the rate of the last minutes.
     pub(super) fn left(&self) -> Option<Duration> {
         let (since, before) = *self.history.front()?;
         let (now, done) = *self.history.back()?;

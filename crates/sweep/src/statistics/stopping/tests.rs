@@ -54,11 +54,11 @@ fn order_in_which_seeds_finish_does_not_matter() {
     let last = RULE.decide(&done(&values));
     assert_eq!(last.verdict, Verdict::Reached);
     assert!(last.wanted < 64);
-    // What lies beyond the seeds that count changes nothing.
+    // Seeds beyond those that count have no effect.
     let mut beyond = done(&values);
     beyond[last.wanted..].fill(Outcome::Open);
     assert_eq!(RULE.decide(&beyond), last);
-    // Backwards, the batch is open until its first seed is there.
+    // In reverse order the batch is open until its first seed is done.
     let mut runs = vec![Outcome::Open; 64];
     let mut wanted = RULE.decide(&runs).wanted;
     while RULE.decide(&runs).verdict == Verdict::Open {
@@ -89,8 +89,8 @@ fn a_mean_of_zero_is_never_precise() {
     assert_eq!((decision.wanted, decision.verdict), (64, Verdict::AtMost));
 }
 
-/// The share of campaigns whose 95 % interval holds the true mean 1, and the mean number of seeds, of runs that scatter by
-/// `scatter`, normal or log-normal.
+/// Coverage of the true mean 1 by 95 % intervals, and the mean number of seeds, for runs with this
+/// scatter, normal or log-normal.
 fn coverage(scatter: f64, skewed: bool, random: &mut ChaCha8Rng) -> (f64, f64) {
     const CAMPAIGNS: u32 = 20_000;
     let sigma = (1.0 + scatter * scatter).ln().sqrt();

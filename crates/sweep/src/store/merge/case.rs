@@ -1,4 +1,5 @@
-//! Merging one case: what outranks what. All of it is read and compared with its digests before anything of it is written.
+//! Merging one case by rank. All of it is read and checked by its digests before anything is
+//! written.
 
 use super::{MergeMode, Merged};
 use crate::case::{Case, State};
@@ -15,7 +16,7 @@ use rusqlite::{Connection, params};
 use sd_core::Sample;
 use std::collections::HashMap;
 
-/// A merge of one shard under way.
+/// The merge of one shard in progress.
 pub(super) struct Merging<'m> {
     /// The shard.
     pub(super) other: &'m Connection,
@@ -28,7 +29,7 @@ pub(super) struct Merging<'m> {
     pub(super) merged: &'m mut Merged,
 }
 
-/// A case as the shard has it.
+/// A case in the shard.
 struct Theirs {
     id: i64,
     key: String,
@@ -37,27 +38,27 @@ struct Theirs {
     steps_done: u64,
 }
 
-/// A case as the store has it.
+/// A case in the store.
 struct Ours {
     id: i64,
     state: State,
     steps_done: u64,
     requested: u64,
-    /// How far it was computed, if it was computed to an end: steps, whether it jammed there, and by which process.
+    /// If complete: its steps, whether it jammed, and its process.
     end: Option<((u64, bool), i64)>,
 }
 
 /// A checkpoint: generation, steps, process, data.
 type Kept = (i64, u64, i64, Vec<u8>);
 
-/// A run that was computed to an end.
+/// A complete run.
 struct Run {
     end: RunEnd,
     samples: Vec<(u64, Sample)>,
 }
 
 impl Merging<'_> {
-    /// Takes over what there is of a case.
+    /// Copies the data of a case.
     pub(super) fn case(&mut self, id: i64) -> rusqlite::Result<()> {
         let Ok(theirs) = Theirs::read(self.other, id) else {
             self.merged.unreadable += 1;
@@ -72,7 +73,7 @@ impl Merging<'_> {
             Ok(Some(run)) => self.run(&ours, &theirs, &run)?,
             Err(_) => self.merged.unreadable += 1,
         }
-        // What was taken over may have ended it.
+        // The copied data may have ended it.
         let Some(ours) = self.ours(&theirs, false)? else {
             return Ok(());
         };
@@ -80,7 +81,7 @@ impl Merging<'_> {
             State::Failed if matches!(ours.state, State::Pending | State::Failed) => {
                 self.take_failures(&ours, &theirs)
             }
-            // A case this store's own processes work on is left to them.
+            // A case that a process of this store computes is skipped.
             State::Pending | State::Running
                 if ours.state == State::Pending && theirs.steps_done > ours.steps_done =>
             {
@@ -90,7 +91,7 @@ impl Merging<'_> {
         }
     }
 
-    /// The case as the store has it; a case of no grid is added if there is anything `worth` it.
+    /// The case in the store; a case outside the grid is added if the shard has data `worth` it.
     fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
         let look = || {
             self.connection.find(
@@ -133,10 +134,11 @@ impl Merging<'_> {
         look()
     }
 
-    /// Takes a run over if there is none yet. Of two that agree the longer is kept, of two that do not the later attempt.
+    /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree,
+    /// the later attempt.
     fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let Some((end, process)) = ours.end else {
-            // A case this store's own processes take farther is left to them.
+            // A case that a process of this store continues is skipped.
             if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
                 self.take_run(ours, theirs, run)?;
                 self.merged.results += 1;
@@ -155,7 +157,7 @@ impl Merging<'_> {
         };
         let other = self.take_process(run.end.process)?;
         if other == process {
-            // Met before, and kept as the later attempt.
+            // Merged before, and kept as the later attempt.
             return Ok(());
         }
         let is_later = self.is_later(other, process)?;
@@ -174,7 +176,8 @@ impl Merging<'_> {
         )
     }
 
-    /// Where a run differs first from the one that is there, if it does, as far as both were computed; times may differ.
+    /// First difference between a run and the stored one over their common steps, if any; times may
+    /// differ.
     fn difference(
         &self,
         case: i64,
@@ -216,7 +219,7 @@ impl Merging<'_> {
             .map(|counters| format!("counters are {found}, and {counters}")))
     }
 
-    /// Takes over a run that was computed to an end.
+    /// Copies a complete run.
     fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
         let end = RunEnd {
             process: self.take_process(run.end.process)?,
@@ -224,22 +227,23 @@ impl Merging<'_> {
         };
         let case = (ours.id, theirs.key.as_str());
         settle::keep(self.connection, case, &end, &run.samples, self.protocol)?;
-        // It may be shorter than what is requested.
-        let goes_on = "id = ?2 AND state IN ('pending', 'failed')";
-        states::reopen(self.connection, goes_on, &[ours.id])?;
+        // It may be shorter than requested.
+        let reopened = "id = ?2 AND state IN ('pending', 'failed')";
+        states::reopen(self.connection, reopened, &[ours.id])?;
         self.take_frames(ours, theirs)
     }
 
-    /// Whether the attempt of a process is later than that of another one. Those of the store itself come last, and so win.
+    /// Whether the attempt of a process is later than that of another. Processes of the store
+    /// itself count as the latest.
     fn is_later(&self, one: i64, other: i64) -> rusqlite::Result<bool> {
-        // A job is named by its number, and what may follow that.
+        // The name of a job starts with its number.
         let attempt = "SELECT coalesce(CAST(job AS INTEGER), 0x7fffffffffffffff), coalesce(restart, 0), started_at, host, pid
              FROM processes WHERE id";
         let later = format!("SELECT ({attempt} = ?1) > ({attempt} = ?2)");
         self.connection.one(&later, [one, other], |row| row.get(0))
     }
 
-    /// Takes over failures the store does not have.
+    /// Copies failures that the store does not have.
     fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let read = || {
             Ok((
@@ -254,7 +258,7 @@ impl Merging<'_> {
         };
         let mut taken = false;
         for failure in found {
-            // Whoever it was: the process may be lost in the shard.
+            // Compared without the process, which may be lost in the shard.
             let is_there = self.connection.has(
                 "SELECT 1 FROM failures WHERE case_id = ?1 AND failed_at = ?2 AND step = ?3 AND error = ?4",
                 params![ours.id, failure.failed_at, failure.step, failure.error],
@@ -281,7 +285,7 @@ impl Merging<'_> {
         Ok(())
     }
 
-    /// Takes over the checkpoints of a run under way in place of those there, which are older.
+    /// Replaces the checkpoints of a running case by newer ones.
     fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let whole = theirs.checkpoints(self.other).unwrap_or_default();
         let Some(steps) = whole.iter().map(|checkpoint| checkpoint.1).max() else {
@@ -301,7 +305,7 @@ impl Merging<'_> {
         self.take_frames(ours, theirs)
     }
 
-    /// Takes over frames. Those of one step are the same, whoever computed them.
+    /// Copies frames. Frames of one step are identical in all processes.
     fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let Ok(frames) = frames::of(self.other, theirs.id) else {
             self.merged.unreadable += 1;
@@ -315,7 +319,7 @@ impl Merging<'_> {
         Ok(())
     }
 
-    /// Takes over the process of a number, and gives it the number it has here.
+    /// Copies the process with a number; returns its number in this store.
     fn take_process(&mut self, there: i64) -> rusqlite::Result<i64> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
@@ -332,7 +336,7 @@ impl Merging<'_> {
 }
 
 impl Theirs {
-    /// The case of a number, if it still has its key.
+    /// The case with a number, if its key is intact.
     fn read(other: &Connection, id: i64) -> rusqlite::Result<Self> {
         let found = other.one(
             "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
@@ -360,7 +364,7 @@ impl Theirs {
         }
     }
 
-    /// The run of it, if it was computed to an end: with the samples of all its steps, and a last state that fits.
+    /// Its run, if complete: with the samples of all its steps, and a matching last state.
     fn run(&self, other: &Connection) -> rusqlite::Result<Option<Run>> {
         let is_finished = matches!(self.state, State::Done | State::Jammed);
         let untrusted = || rusqlite::Error::QueryReturnedNoRows;
@@ -373,7 +377,7 @@ impl Theirs {
         };
         let stride = self.case.sample_stride;
         let mut samples = samples::of(other, self.id)?;
-        // Of a run that failed on its way on there are more.
+        // A run that failed after a continuation has more samples.
         samples.retain(|(step, _)| *step < end.steps);
         let in_order = (0..)
             .zip(&samples)
@@ -381,7 +385,7 @@ impl Theirs {
         let last = end.state.as_deref().map(Checkpoint::decode);
         match last {
             Some(Ok(last)) if last.snapshot.steps() == end.steps => {}
-            // The run cannot go on from it, but its result stands.
+            // The run cannot be continued from it, but its result is valid.
             _ => end.state = None,
         }
         if !in_order || samples.len() as u64 != end.steps.div_ceil(stride) {
@@ -390,7 +394,7 @@ impl Theirs {
         Ok(Some(Run { end, samples }))
     }
 
-    /// Whole checkpoints of it.
+    /// Its intact checkpoints.
     fn checkpoints(&self, other: &Connection) -> rusqlite::Result<Vec<Kept>> {
         let found: Vec<rusqlite::Result<Kept>> = other.all(
             "SELECT generation, steps, process, data FROM checkpoints WHERE case_id = ?1",

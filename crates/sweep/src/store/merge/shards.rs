@@ -1,4 +1,4 @@
-//! Shards as a merge meets them: whole ones, of known builds, changed since the last time.
+//! Checks of shards before a merge: integrity, build, changes since the last merge.
 
 use crate::store::check::SIZE;
 use crate::store::statements::Statements;
@@ -7,18 +7,18 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// What a shard is known by in the record of those merged.
+/// Identity of a shard in the record of merged shards.
 pub(super) struct Stamp {
     pub(super) name: String,
     pub(super) size: u64,
-    /// When it was last changed, in nanoseconds since 1970.
+    /// Time of its last change, in nanoseconds since 1970.
     pub(super) modified: i64,
-    /// Whether it has a log, and so may change without being written to.
+    /// Whether it has a log, so that its contents may change without a change of the file.
     pub(super) changing: bool,
 }
 
 impl Stamp {
-    /// Of the file that now has this name.
+    /// The identity of the present file of this name.
     pub(super) fn of(path: &Path) -> Result<Self, StoreError> {
         let file = std::fs::metadata(path).map_err(|_| StoreError::Missing {
             path: path.to_owned(),
@@ -37,21 +37,21 @@ impl Stamp {
     }
 }
 
-/// A shard that may be merged.
+/// A candidate for a merge.
 pub(super) struct Shard {
-    /// The file. It is closed between the look and the merge: there may be thousands.
+    /// The file. It is closed between the check and the merge, since there may be thousands.
     pub(super) path: PathBuf,
-    /// The campaign it belongs to, as far as that can be read.
+    /// The campaign it belongs to, if readable.
     pub(super) campaign: Option<String>,
     /// The file as it was when it was opened.
     pub(super) stamp: Stamp,
     /// Builds of the program that computed it.
     pub(super) builds: BTreeSet<String>,
-    /// What is wrong with it.
+    /// Its damage.
     pub(super) damage: Option<String>,
 }
 
-/// Shards, by number, with a build that is not among the known ones. If none is known, all have to be alike.
+/// Indices of shards with an unknown build. If none is known, all must be equal.
 pub(super) fn foreign(known: &BTreeSet<String>, shards: &[Shard]) -> Vec<(usize, String)> {
     let known = if known.is_empty() {
         let first = shards.iter().find_map(|shard| shard.builds.first());
@@ -69,7 +69,7 @@ pub(super) fn foreign(known: &BTreeSet<String>, shards: &[Shard]) -> Vec<(usize,
         .collect()
 }
 
-/// Opens a shard or a damaged store; without its log where that is not its own, which is said.
+/// Opens a shard or a damaged store; without its log, and with a warning, if that is foreign.
 pub(super) fn open(path: &Path) -> Result<(Store, Option<String>), StoreError> {
     match Store::open_shard(path) {
         Ok(store) => Ok((store, None)),
@@ -85,7 +85,7 @@ pub(super) fn open(path: &Path) -> Result<(Store, Option<String>), StoreError> {
 }
 
 impl Shard {
-    /// Looks through all of a shard once. What is whole of a damaged one is taken over all the same, case by case.
+    /// Checks a shard. The intact cases of a damaged one are still merged.
     pub(super) fn look(path: &Path) -> Result<Self, StoreError> {
         // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
         let stamp = Stamp::of(path)?;
@@ -97,7 +97,7 @@ impl Shard {
             Ok(found) => damage = Some(format!("half-written or damaged: {}", found.trim())),
             Err(error) => damage = Some(format!("half-written or damaged: {error}")),
         }
-        // SQLite takes what is missing at the end of the last page for zeros.
+        // SQLite reads a missing end of the last page as zeros.
         let whole = store.number(SIZE, []).unwrap_or(stamp.size);
         if !stamp.changing && whole != stamp.size {
             damage = Some(format!("half-written: {} bytes of {whole}", stamp.size));

@@ -1,4 +1,4 @@
-//! Altered digits, altered states and altered lists: noticed by whoever makes a table of them.
+//! Altered digits, states and lists are detected by every reader that tabulates them.
 
 use super::*;
 
@@ -16,7 +16,7 @@ fn ended(directory: &Path) -> Store {
     store
 }
 
-/// Changes a store behind its back.
+/// Changes a store without updating digests.
 fn alter(path: &Path, statement: &str) {
     let other = rusqlite::Connection::open(path).unwrap();
     other
@@ -25,7 +25,7 @@ fn alter(path: &Path, statement: &str) {
     assert!(other.execute(statement, []).unwrap() > 0, "{statement}");
 }
 
-/// What a reader says of the runs of a store.
+/// Result of reading the runs of a store.
 fn read(path: &Path) -> Result<(Vec<PointRun>, Vec<FailureLine>), StoreError> {
     let store = Store::open_read_only(path)?;
     let found = (store.point_runs()?, store.failures(9)?);
@@ -227,7 +227,7 @@ fn no_altered_column_of_a_result_is_shown_or_merged() {
 }
 
 #[test]
-fn case_of_an_owner_that_is_not_there_goes_on_under_way() {
+fn running_case_of_a_missing_owner_is_continued() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
@@ -241,7 +241,7 @@ fn case_of_an_owner_that_is_not_there_goes_on_under_way() {
 }
 
 #[test]
-fn owner_whose_heartbeat_lies_a_day_ahead_is_not_waited_for() {
+fn owner_with_a_heartbeat_a_day_ahead_is_not_waited_for() {
     let directory = tempfile::tempdir().unwrap();
     let (mut far, mut heir) = (open(directory.path()), open(directory.path()));
     far.register(1).unwrap();
@@ -256,7 +256,7 @@ fn owner_whose_heartbeat_lies_a_day_ahead_is_not_waited_for() {
     assert_eq!(heir.release_dead().unwrap(), 1);
 }
 
-/// A whole store, and the tables made of it.
+/// An intact store and its tables.
 static WHOLE: std::sync::LazyLock<(Vec<u8>, String)> = std::sync::LazyLock::new(|| {
     let directory = tempfile::tempdir().unwrap();
     let store = ended(directory.path());
@@ -266,7 +266,7 @@ static WHOLE: std::sync::LazyLock<(Vec<u8>, String)> = std::sync::LazyLock::new(
     (std::fs::read(path).unwrap(), tables)
 });
 
-/// All that a report says of a store.
+/// The complete report of a store.
 fn tables(path: &Path) -> Result<String, crate::report::ReportError> {
     let store = Store::open_read_only(path)?;
     let report = crate::report::Report::of(&store, &crate::report::Selection::default())?;
@@ -296,7 +296,8 @@ fn damaged(whole: &[u8], way: u8, at: usize, other: usize, put: &[u8]) -> Vec<u8
 }
 
 proptest::proptest! {
-    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides
+    // this number.
     #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn random_damage_crashes_no_reader_and_gives_no_other_table(
@@ -312,7 +313,7 @@ proptest::proptest! {
             proptest::prop_assert_eq!(&tables, &WHOLE.1);
         }
         let _ = check(&path);
-        // What is saved of it is whole: nothing but what was computed.
+        // The recovered part is intact: it holds only computed data.
         let mut saved = Store::at(&directory.path().join("saved.sqlite"), &campaign(CAMPAIGN));
         if saved.merge(std::slice::from_ref(&path), true).is_ok() {
             let right = finished(State::Done).samples;

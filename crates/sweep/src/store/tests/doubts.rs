@@ -1,4 +1,4 @@
-//! Runs with doubtful numbers: kept, counted, and not averaged unless asked for.
+//! Runs with doubtful numbers: stored, counted, and averaged only on request.
 
 use super::*;
 use crate::doubt::Doubt;
@@ -22,7 +22,7 @@ fn half_doubtful(directory: &Path) -> Store {
 }
 
 #[test]
-fn doubtful_runs_are_counted_and_averaged_only_if_asked_for() {
+fn doubtful_runs_are_counted_and_averaged_only_on_request() {
     let directory = tempfile::tempdir().unwrap();
     let store = half_doubtful(directory.path());
     let runs = store.point_runs().unwrap();

@@ -1,4 +1,4 @@
-//! Stores made to do harm: nothing in them is carried out, waited for or taken at its word.
+//! Malicious stores: nothing in them is executed, blocks, or is trusted.
 
 use super::*;
 use crate::case::State;
@@ -61,7 +61,7 @@ fn names_of_columns_in_a_shard_are_never_sql() {
     ] {
         craft(&path, &evil.replace("TABLE_", table));
     }
-    // An upsert in place of a value: what the names did before.
+    // An upsert in place of a value, which names of columns once allowed.
     craft(
         &path,
         r#"ALTER TABLE results ADD COLUMN "samples) SELECT * FROM results WHERE 1 ON CONFLICT DO UPDATE SET viscosity = 666 --" DEFAULT 3"#,
@@ -106,7 +106,7 @@ fn views_virtual_tables_and_computed_columns_are_no_store() {
 }
 
 #[test]
-fn triggers_of_a_store_do_nothing() {
+fn triggers_of_a_store_are_not_executed() {
     let directory = tempfile::tempdir().unwrap();
     let store = own(directory.path());
     let (path, before) = (store.path().to_owned(), viscosities(&store));
@@ -146,7 +146,7 @@ fn values_of_types_that_no_store_has_are_not_taken_over() {
 }
 
 #[test]
-fn pipe_is_refused_at_once() {
+fn pipe_is_refused_without_blocking() {
     let directory = tempfile::tempdir().unwrap();
     let pipe = directory.path().join("pipe.sqlite");
     rustix::fs::mknodat(
@@ -190,18 +190,19 @@ fn failed_runs_bring_their_samples_and_frames() {
     let mut store = open(directory.path());
     let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
     assert_eq!(merged.failures, 1);
-    let story = store.story(&claim.key).unwrap();
-    assert_eq!((story.samples.len(), story.frames), (2, 1));
+    let details = store.details(&claim.key).unwrap();
+    assert_eq!((details.samples.len(), details.frames), (2, 1));
 }
 
-/// A whole shard, and what a store is after its merge.
+/// An intact shard, and a store after its merge.
 static SHARD: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
     let directory = tempfile::tempdir().unwrap();
     std::fs::read(shard(directory.path())).unwrap()
 });
 
 proptest::proptest! {
-    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides this number.
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides
+    // this number.
     #![proptest_config(proptest::test_runner::Config::with_cases(8))]
     #[test]
     fn damaged_shards_crash_no_merge_and_bring_nothing_that_was_not_computed(

@@ -1,4 +1,4 @@
-//! Runs that are longer or shorter than what is asked for.
+//! Runs that are longer or shorter than requested.
 
 use super::*;
 
@@ -22,12 +22,12 @@ fn run(store: &Store, key: &str) -> PointRun {
 }
 
 #[test]
-fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
+fn finished_run_continues_from_its_last_state_to_a_larger_strain() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     store.take_in(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &key).state, State::Pending);
-    // As another program reads it: our own connections look at no view.
+    // As another program reads it: our own connections use no views.
     let shown: (Option<f64>, f64) = rusqlite::Connection::open(store.path())
         .unwrap()
         .query_row(
@@ -36,7 +36,7 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
             |row| Ok((row.get(0)?, row.get(1)?)),
         )
         .unwrap();
-    assert_eq!(shown, (None, 0.005), "nothing came out of it yet");
+    assert_eq!(shown, (None, 0.005), "it has no result yet");
     let claim = store.next().unwrap();
     assert_eq!((&claim.key, claim.case.steps), (&key, 400));
     let [Ok(from)] = claim.checkpoints.as_slice() else {
@@ -44,7 +44,7 @@ fn finished_run_goes_on_from_its_last_state_when_more_strain_is_asked_for() {
     };
     assert_eq!(from.snapshot.steps(), 200);
     assert_eq!(from.samples, finished(State::Done).samples);
-    // On its way on it is interrupted, and begins from its checkpoint.
+    // The continuation is interrupted, and resumes from its checkpoint.
     store.keep(&claim, 240, &checkpoint(240)).unwrap();
     store.release([&claim]).unwrap();
     let claim = store.next().unwrap();
@@ -64,14 +64,14 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     let kept = &finished(State::Done).samples[25..40];
     let mean = kept.iter().map(|(_, s)| s.viscosity).sum::<f64>() / 15.0;
     assert!((cut.viscosity.unwrap() - mean).abs() < 1e-12);
-    let story = store.story(&key).unwrap();
-    assert_eq!(story.samples.len(), 40);
+    let details = store.details(&key).unwrap();
+    assert_eq!(details.samples.len(), 40);
     store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
 }
 
 #[test]
-fn jammed_run_stays_jammed_when_more_is_asked_for_and_flows_before_it_jammed() {
+fn jammed_run_stays_jammed_at_a_larger_strain_and_flows_before_it_jammed() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
@@ -86,7 +86,7 @@ fn jammed_run_stays_jammed_when_more_is_asked_for_and_flows_before_it_jammed() {
 }
 
 #[test]
-fn what_failed_beyond_the_strain_asked_for_is_tried_again() {
+fn runs_that_failed_beyond_the_requested_strain_are_retried() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
@@ -121,7 +121,7 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     assert_eq!(
         run(&store, &key).viscosity,
         before,
-        "a strain of 1 is asked for"
+        "a strain of 1 is requested"
     );
     assert!(store.disagreements().unwrap().is_empty());
     store.take_in(&of_strain("2.0")).unwrap();
@@ -135,12 +135,12 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
 }
 
 #[test]
-fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
+fn a_run_that_fails_in_a_continuation_keeps_its_beginning() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     let whole = format!("{:?}", run(&store, &key));
     store.take_in(&of_strain("2.0")).unwrap();
-    // Once on its way on, and once anew, as if its last state could not be used.
+    // Once as a continuation, and once from the start, as if its last state were unusable.
     for (step, samples) in [(240, 60), (8, 2)] {
         let claim = store.next().unwrap();
         assert_eq!(claim.key, key);
@@ -159,7 +159,7 @@ fn a_run_that_fails_on_its_way_on_keeps_its_beginning() {
 }
 
 #[test]
-fn what_is_to_go_on_is_merged_with_its_last_state() {
+fn resumable_runs_are_merged_with_their_last_state() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     store.take_in(&of_strain("2.0")).unwrap();
@@ -173,7 +173,7 @@ fn what_is_to_go_on_is_merged_with_its_last_state() {
 }
 
 #[test]
-fn a_segment_more_goes_on_from_the_finished_run() {
+fn an_added_segment_continues_from_the_finished_run() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
     let segments = |second: &str| {
@@ -196,7 +196,7 @@ fn a_segment_more_goes_on_from_the_finished_run() {
     // The run without it keeps its result.
     store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(run(&store, &key).state, State::Done);
-    // One that turns earlier has nothing to go on from.
+    // A run that reverses earlier has no state to continue from.
     let earlier = segments("")
         .text
         .replacen("strain = 1.0", "strain = 0.8", 1);

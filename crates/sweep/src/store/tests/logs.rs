@@ -1,16 +1,16 @@
-//! Logs that are a stranger's, or are taken away from under a live process.
+//! Foreign logs, and logs removed while a process uses them.
 
 use super::*;
 use crate::store::place::log_of;
 
-/// A store with one result in the file itself and more in its log, as a killed process leaves it; the log alone holds what
-/// came after the copy that is given back.
+/// A store with one result in the file itself and more in its log, as a killed process leaves it;
+/// only the log holds the changes after the returned copy.
 fn killed(directory: &Path) -> (std::path::PathBuf, Vec<u8>) {
     let mut store = open(directory);
     store.register(1).unwrap();
     let claim = store.next().unwrap();
     store.end(&claim, &finished(State::Done)).unwrap();
-    bury_owners(&store);
+    mark_owners_dead(&store);
     store
         .connection
         .execute_batch("PRAGMA wal_checkpoint(RESTART)")
@@ -39,7 +39,7 @@ fn done(path: &Path) -> u64 {
     Store::open_read_only(path).unwrap().counts().unwrap().done
 }
 
-/// A store all of whose runs have ended, left in peace.
+/// A store whose runs have all ended, closed cleanly.
 fn leave_complete_store(directory: &Path) {
     let mut complete = open(directory);
     complete.register(1).unwrap();
@@ -86,7 +86,8 @@ fn log_of_another_store_is_refused_and_a_merge_leaves_it_out() {
 fn log_of_a_later_day_of_the_same_store_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (path, _) = killed(directory.path());
-    // A copy of the file alone, from before the first result: its log would go on from a state it never had.
+    // A copy of only the file, from before the first result: the log would continue from a state
+    // that it never had.
     let fresh = tempfile::tempdir().unwrap();
     let backup = {
         let store = open(fresh.path());
@@ -102,16 +103,16 @@ fn log_of_a_later_day_of_the_same_store_is_refused() {
 }
 
 #[test]
-fn copy_from_before_the_changes_in_the_log_goes_on_with_them() {
+fn copy_from_before_the_changes_in_the_log_continues_with_them() {
     let directory = tempfile::tempdir().unwrap();
     let (path, early) = killed(directory.path());
-    // The state from which the log goes on, whichever way it came there.
+    // The state from which the log continues.
     std::fs::write(&path, early).unwrap();
     assert_eq!(done(&path), 3);
 }
 
 #[test]
-fn damaged_log_is_told_and_what_comes_before_the_damage_is_kept() {
+fn damaged_log_is_reported_and_earlier_changes_are_kept() {
     let directory = tempfile::tempdir().unwrap();
     let (path, _) = killed(directory.path());
     let log = log_of(&path);
@@ -134,7 +135,7 @@ fn damaged_log_is_told_and_what_comes_before_the_damage_is_kept() {
 }
 
 #[test]
-fn log_that_was_taken_away_at_rest_is_told_until_somebody_works() {
+fn log_removed_at_rest_is_reported_until_a_process_works() {
     let directory = tempfile::tempdir().unwrap();
     let (path, _) = killed(directory.path());
     rusqlite::Connection::open(&path)

@@ -2,7 +2,7 @@ use super::*;
 use rusqlite::types::Value;
 use std::path::PathBuf;
 
-/// A shard of task 0 after so many restarts, and this process at work on it.
+/// A shard of task 0 after a number of restarts, with this process registered.
 fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
     let path = directory.join(format!("{name}.sqlite"));
     let mut store = Store::at(&path, &campaign(CAMPAIGN));
@@ -13,7 +13,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         node: name.into(),
     });
     store.register(1).unwrap();
-    // Processes of this test are told apart by their hosts.
+    // Processes of this test differ in their hosts.
     store
         .connection
         .execute("UPDATE processes SET host = ?1", [name])
@@ -23,7 +23,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
     (store, path)
 }
 
-/// Claims the next case and keeps a checkpoint of it.
+/// Claims the next case and stores a checkpoint of it.
 fn begin(store: &mut Store, steps: u64) -> Claim {
     let claim = store.next().unwrap();
     store.keep(&claim, steps, &checkpoint(steps)).unwrap();
@@ -42,7 +42,7 @@ fn rows(store: &Store, query: &str) -> Vec<Vec<Value>> {
         .unwrap()
 }
 
-/// All that the outcome of a merge is, whatever the order.
+/// The complete outcome of a merge, independent of the order.
 fn content(store: &Store) -> Vec<Vec<Value>> {
     [
         "SELECT key, state, steps_done FROM cases ORDER BY key",
@@ -71,11 +71,11 @@ fn failure_of(error: &str) -> Attempt {
 }
 
 #[test]
-fn shards_merge_in_any_order_and_as_often_as_one_likes() {
+fn shards_merge_in_any_order_and_repeatedly() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
-    // The first case is half done in one shard, further in another, complete in the third; the second failed and was begun;
-    // the third has checkpoints only.
+    // The first case is half done in one shard, further in another, complete in the third; the
+    // second failed and was begun; the third has checkpoints only.
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
     let claim = a.next().unwrap();
@@ -109,7 +109,7 @@ fn shards_merge_in_any_order_and_as_often_as_one_likes() {
             assert_eq!((again.shards, again.unchanged), (0, 1));
         }
         let once = content(&store);
-        // As if nothing were known of them.
+        // Deletes the records of merged shards.
         store.connection.execute("DELETE FROM shards", []).unwrap();
         let again = store.merge(&paths, false).unwrap();
         assert_eq!(
@@ -254,7 +254,7 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
         let merged = store.merge(&[half.clone(), good.clone()], false).unwrap();
         assert_eq!((merged.damaged.len(), merged.results), (1, 1), "{length}");
         assert_eq!(merged.damaged[0].path, half);
-        // Whole at last, it is merged by the same command.
+        // Once complete, it is merged by the same command.
         std::fs::write(&half, &bytes).unwrap();
         let merged = store.merge(&[half, good.clone()], false).unwrap();
         assert_eq!((merged.damaged.len(), merged.duplicates), (0, 1));

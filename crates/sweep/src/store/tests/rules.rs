@@ -1,4 +1,4 @@
-//! Seeds that a precision decides on.
+//! Seeds under a requested precision.
 
 use super::*;
 use crate::statistics::Verdict;
@@ -23,7 +23,7 @@ fn precise(directory: &Path) -> Store {
     store
 }
 
-/// A run whose viscosity is always this.
+/// A run with a constant viscosity.
 fn run_of(viscosity: f64) -> Finished {
     let mut run = finished(State::Done);
     for (_, sample) in &mut run.samples {
@@ -32,7 +32,8 @@ fn run_of(viscosity: f64) -> Finished {
     run
 }
 
-/// The viscosity of a run in these tests: at the lower area fraction all are alike, at the higher one they scatter.
+/// The viscosity of a run in these tests: equal at the lower area fraction, scattered at the higher
+/// one.
 fn viscosity(claim: &Claim) -> f64 {
     let scatter = if claim.case.params.area_fraction > 0.62 {
         1.0
@@ -47,7 +48,7 @@ fn viscosity(claim: &Claim) -> f64 {
         }
 }
 
-/// Seeds that count and what is said of both points.
+/// Number of seeds that count and verdict, at both points.
 fn states(store: &Store) -> Vec<(usize, Verdict)> {
     let states = store.point_states().unwrap();
     states
@@ -67,7 +68,8 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
         let run = run_of(viscosity(&claim));
         store.end(&claim, &run).unwrap();
     }
-    // One seed of both points first, the rest of the first batches, the confirmation of one, the scatter of the other.
+    // One seed of both points first, the rest of the first batches, the confirmation of one, the
+    // scatter of the other.
     assert_eq!(&seeds[..2], [(0.6, 1), (0.65, 1)]);
     assert!(seeds[..6].iter().all(|(_, seed)| *seed <= 3));
     assert_eq!(
@@ -85,10 +87,7 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
     let mut text = Vec::new();
     crate::report::write_text(&report, crate::report::Shape::default(), None, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
-    assert!(
-        text.contains("1 of 2 points have what was asked for"),
-        "{text}"
-    );
+    assert!(text.contains("reached at 1 of 2 points"), "{text}");
     assert!(
         text.contains("c 0.65, Γ inf: viscosity is known to"),
         "{text}"
@@ -103,7 +102,7 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
     while let Some(claim) = store.next() {
         store.end(&claim, &run_of(viscosity(&claim))).unwrap();
     }
-    // The same in shards, each of which holds some cases of the campaign and knows of no rule, wave after wave.
+    // The same in shards, each of which holds some cases of the campaign and no rule, in waves.
     let mut merged = Store::at(&directory.path().join("merged.sqlite"), &campaign(PRECISE));
     for wave in 0.. {
         let open = merged.open_cases().unwrap();
@@ -142,7 +141,7 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
             .collect()
     };
     assert_eq!(table(&merged), table(&store));
-    // A new store that takes over what the first holds has nothing to compute.
+    // A new store that reuses the results of the first has nothing to compute.
     let mut reusing = Store::at(&directory.path().join("reusing.sqlite"), &campaign(PRECISE));
     reusing.reuse(&[store.path().to_owned()]).unwrap();
     assert!(reusing.open_cases().unwrap().is_empty());
@@ -160,7 +159,7 @@ fn another_precision_keeps_what_is_there() {
     drop(store);
     let rough = campaign(&PRECISE.replace("precision = 0.05", "precision = 0.9"));
     let path = directory.path().join("small.sqlite");
-    // Shown first, and then taken into the store: the same.
+    // Showing it and entering it into the store give the same.
     let shown = Store::shown(&path, &rough);
     assert_eq!(
         states(&shown),
@@ -213,7 +212,8 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
     while let Some(claim) = store.next() {
         let mut run = run_of(10.0);
         run.protocol = campaign(&text).protocol;
-        // The first ten samples of the denser point are those of its start; what is steady alternates a little.
+        // The first ten samples of the denser point are the initial transient; the steady part
+        // alternates slightly.
         for (n, (_, sample)) in run.samples.iter_mut().enumerate() {
             let start = claim.case.params.area_fraction > 0.62 && n < 10;
             sample.viscosity = if start {
@@ -263,7 +263,7 @@ fn precision_is_that_of_the_runs_that_are_averaged() {
 }
 
 #[test]
-fn no_case_changes_its_rule_without_a_word() {
+fn no_case_changes_its_rule_undetected() {
     for change in ["rule = 99", "rule = NULL", "rule = 1 - rule"] {
         let directory = tempfile::tempdir().unwrap();
         let store = precise(directory.path());

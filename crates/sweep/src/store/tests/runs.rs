@@ -14,7 +14,7 @@ fn column<'t>(table: &'t [DataColumn], name: &str) -> &'t Cells {
 }
 
 #[test]
-fn runs_have_all_axes_and_results_whatever_became_of_them() {
+fn runs_of_every_state_have_all_axes_and_results() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
     store.register(1).unwrap();
@@ -40,7 +40,7 @@ fn runs_have_all_axes_and_results_whatever_became_of_them() {
     let Cells::Number(viscosities) = column(&table, "viscosity") else {
         panic!("viscosities are numbers");
     };
-    // As another program reads it: our own connections look at no view.
+    // As another program reads it: our own connections use no views.
     let of_view: f64 = rusqlite::Connection::open(store.path())
         .unwrap()
         .query_row(

@@ -1,9 +1,9 @@
-//! What happens to a store from outside: dead owners, locks, deletion, damage, other versions.
+//! External events: dead owners, locks, deletion, damage, other versions.
 
 use super::*;
 use crate::system::process;
 
-/// A store with one finished case, one under way with two checkpoints and one that failed.
+/// A store with one finished case, one running with two checkpoints, and one failed.
 fn mixed(directory: &Path) -> Store {
     let mut store = open(directory);
     store.register(1).unwrap();
@@ -20,7 +20,7 @@ fn mixed(directory: &Path) -> Store {
     store
 }
 
-/// Lets the owner of the next case die, so often.
+/// Simulates deaths of the owner of the next case.
 fn die(directory: &Path, times: u32, same_boot: bool) -> Store {
     let mut heir = open(directory);
     heir.register(1).unwrap();
@@ -76,7 +76,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
         if death == 1 {
             dead.keep(&claim, 20, &checkpoint(20)).unwrap();
         }
-        bury_owners(&dead);
+        mark_owners_dead(&dead);
         heir.connection
             .execute(
                 "UPDATE processes SET start = ?2 WHERE id = ?1",
@@ -231,7 +231,8 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
     let whole = std::fs::read(&path).unwrap();
     let broken = directory.path().join("broken.sqlite");
     let (mut saved_some, mut refused) = (0, 0_u32);
-    // So small a store is half list of tables, without which nothing can be found: a cut may take it all.
+    // Half of such a small store is the list of tables, without which nothing can be found: a cut
+    // may destroy all.
     let pages = whole.len() / 4096;
     for (page, cut) in (0..pages)
         .map(|page| (page, false))

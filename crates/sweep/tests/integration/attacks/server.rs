@@ -1,4 +1,4 @@
-//! The live page under attack: slow visitors, many at once, bad requests, a store that is locked.
+//! The live page under attack: slow clients, many connections, bad requests, a locked store.
 
 use super::directory;
 use crate::harness::{PATIENCE, Served, ended, program, send, until};
@@ -49,7 +49,7 @@ fn slow_clients_do_not_block_others() {
     let idle: Vec<TcpStream> = (0..40).map(|_| connect(&server)).collect();
     assert_eq!(status(&ask(&server, PAGE)), "200");
     drop(idle);
-    // A byte now and then does not keep a connection.
+    // Sending a byte occasionally does not keep a connection.
     let mut slow = connect(&server);
     slow.set_read_timeout(Some(Duration::from_millis(100)))
         .unwrap();
@@ -99,7 +99,7 @@ fn requests_that_name_no_host_or_two_are_refused() {
     ] {
         assert_eq!(status(&ask(&server, request)), wanted, "{request}");
     }
-    // A store that cannot be read is no reason to name where it is.
+    // An error about an unreadable store must not reveal its path.
     std::fs::write(directory.path().join("results/small.sqlite"), "no store").unwrap();
     let answer = ask(&server, PAGE);
     assert_eq!(status(&answer), "503");

@@ -1,4 +1,5 @@
-//! Chromium, driven over a pipe by its own protocol: real windows, real keys, real pixels, and every request it makes.
+//! Chromium, driven over a pipe by its own protocol: real windows, real keys, real pixels, and
+//! every request it makes.
 
 use crate::harness::PATIENCE;
 use base64::Engine as _;
@@ -9,14 +10,14 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 
-/// A window: its width, and whether the user likes it dark.
+/// A window: its width and colour scheme.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Window(pub(crate) u32, pub(crate) bool);
 
 /// The window of most tests.
-pub(crate) const USUAL: Window = Window(1000, false);
+pub(crate) const DEFAULT: Window = Window(1000, false);
 
-/// All windows that the page is made for.
+/// All windows that the page supports.
 pub(crate) const WINDOWS: [Window; 6] = [
     Window(1920, false),
     Window(1920, true),
@@ -32,7 +33,7 @@ pub(crate) struct Browser {
     to: File,
     from: Receiver<Value>,
     calls: u64,
-    /// What it told of its pages.
+    /// Events of its pages.
     events: Vec<Value>,
     _folder: tempfile::TempDir,
 }
@@ -58,7 +59,7 @@ impl Browser {
             rustix::fs::mkfifoat(rustix::fs::CWD, &path, 0o600.into()).unwrap();
             path
         });
-        // Open at both ends, so that none waits for the other.
+        // Open at both ends, so that neither blocks.
         let [to, from] = pipes.each_ref().map(|path| {
             let mut options = OpenOptions::new();
             options.read(true).write(true).open(path).unwrap()
@@ -103,7 +104,7 @@ impl Browser {
         })
     }
 
-    /// Asks it for something; the answer.
+    /// Sends a command; returns the answer.
     fn call(&mut self, session: Option<&str>, method: &str, params: &Value) -> Value {
         self.calls += 1;
         let id = self.calls;
@@ -181,7 +182,7 @@ impl Page<'_> {
         self.browser.call(Some(&self.session), method, params)
     }
 
-    /// What the browser told of this page, by the name of the event.
+    /// Events of this page, by name.
     fn told(&self, method: &str) -> impl Iterator<Item = &Value> {
         let own = self.browser.events.iter();
         own.filter(move |event| event["sessionId"] == self.session && event["method"] == method)
@@ -195,7 +196,7 @@ impl Page<'_> {
         }
     }
 
-    /// The value of a script, once it is there.
+    /// The value of a script, once available.
     pub(crate) fn value(&mut self, script: &str) -> Value {
         let result = self.call(
             "Runtime.evaluate",
@@ -242,7 +243,7 @@ impl Page<'_> {
         dots.map(|dot| [dot[0], dot[1], dot[2]]).collect()
     }
 
-    /// The addresses it asked for, those of data left out.
+    /// The addresses it requested, without data URIs.
     pub(crate) fn requests(&self) -> Vec<String> {
         self.told("Network.requestWillBeSent")
             .map(|event| event["request"]["url"].as_str().unwrap().to_owned())
@@ -250,7 +251,7 @@ impl Page<'_> {
             .collect()
     }
 
-    /// What went wrong in it, or was written to its console.
+    /// Its errors and console output.
     pub(crate) fn trouble(&self) -> Vec<String> {
         let kinds = [
             "Runtime.exceptionThrown",

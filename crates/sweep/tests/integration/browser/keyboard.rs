@@ -1,13 +1,13 @@
-//! The keyboard alone: keys as the browser gets them from a user's hands, and nothing else.
+//! Use by keyboard only, with keys as the browser receives them.
 
 use super::chromium::{Browser, Page, WINDOWS};
 use super::{COMPUTED, page_of};
 use serde_json::Value;
 
-/// Tells what is saved, in the order of saving.
+/// Reports saved files in order.
 const NOTE_SAVED: &str = "window.kept = []; document.addEventListener('saved', event => kept.push(event.detail.name)); 0";
 
-/// Presses Tab until the focus stands on what a selector means, which must show that it does.
+/// Presses Tab until the focus is on the element of a selector, which must show its focus.
 fn tab_to(page: &mut Page<'_>, selector: &str) {
     let script = format!("!!document.activeElement?.matches({selector:?})");
     for _ in 0..150 {
@@ -34,7 +34,7 @@ fn count(page: &mut Page<'_>, selector: &str) -> u64 {
     page.value(&script).as_u64().unwrap()
 }
 
-/// Waits until a script says yes.
+/// Waits until a script returns true.
 fn until(page: &mut Page<'_>, script: &str) {
     let waiting = format!(
         "(async () => {{ for (let n = 0; n < 1200; n++) {{ if ({script}) return true; await new Promise(done => setTimeout(done, 50)); }} return false; }})()"
@@ -55,7 +55,7 @@ fn everything_is_reached_and_done_with_keys_alone() {
         for part in [views, controls, points, curves, movie, table] {
             part(&mut page);
         }
-        // Nothing that can be used was passed over: from the end Tab goes round, and stands once on each.
+        // No control was skipped: from the end Tab cycles, and visits each once.
         let missed = passed_over(&mut page);
         assert_eq!(missed, [""; 0], "{window:?}");
         assert_eq!(page.requests(), [address.as_str()]);
@@ -119,7 +119,7 @@ fn points(page: &mut Page<'_>) {
     assert_eq!(page.value(place), 4, "the focus stays");
 }
 
-/// Curves hidden and shown, what is shown saved.
+/// Curves are hidden and shown, and the picture is saved.
 fn curves(page: &mut Page<'_>) {
     tab_to(page, "#legend button");
     page.press(" ");
@@ -179,7 +179,8 @@ fn table(page: &mut Page<'_>) {
     tab_to(page, "#text");
 }
 
-/// What can be used and is not reached by Tab alone. Of the points of a plot one is, from which arrows lead to the others.
+/// Controls that Tab does not reach. One point of a plot is reached, from which arrows lead to the
+/// others.
 fn passed_over(page: &mut Page<'_>) -> Vec<String> {
     page.value(
         "window.usable = [...document.querySelectorAll('select, button, input, summary, pre, .scroll, #plot .point')]

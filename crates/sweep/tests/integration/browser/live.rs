@@ -1,7 +1,7 @@
 //! The live page: a server that only reads, and what a browser sees of it.
 
 use super::COMPUTED;
-use super::chromium::{Browser, USUAL};
+use super::chromium::{Browser, DEFAULT};
 use super::views::look_at_everything;
 use crate::harness::{Served, command, ended, json, send, spoil};
 use rustix::process::Signal;
@@ -97,14 +97,14 @@ fn the_live_page_follows_its_store() {
     let folder = COMPUTED.folder();
     let at = folder.path();
     let server = serve(at);
-    let mut page = browser.open(&format!("http://{}/", server.address), USUAL);
+    let mut page = browser.open(&format!("http://{}/", server.address), DEFAULT);
     let said = page.value("document.getElementById('summary').textContent");
     assert!(
         said.as_str().unwrap().starts_with("12 of 12 runs done"),
         "{said}"
     );
     spoil(at, "UPDATE cases SET state = 'jammed' WHERE id = 1");
-    // Until it has asked again.
+    // Until the next poll.
     let said = page.value(
         "(async () => { const words = document.getElementById('summary');
          for (let n = 0; n < 1200 && !words.textContent.startsWith('11 of 12'); n++) await new Promise(done => setTimeout(done, 50));

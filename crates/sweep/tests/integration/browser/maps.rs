@@ -1,11 +1,12 @@
-//! The phase map of the page: what marks its cells, one map for each value of a third axis, and the numbers behind each plot.
+//! The phase map of the page: marks of its cells, one map per value of a third axis, and the
+//! numbers of each plot.
 
 use super::chromium::{Browser, WINDOWS};
 use super::views::seen_by;
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 
-/// A user of the phase map: what marks each cell, and what is told of it.
+/// A user of the phase map: mark and tooltip of each cell.
 const MAPPER: &str = r"
 pick('view', 'map');
 seen.dark = matchMedia('(prefers-color-scheme: dark)').matches;
@@ -34,7 +35,8 @@ fn the_phase_map_marks_what_jammed_and_what_failed() {
     };
     let folder = COMPUTED.folder();
     let at = folder.path();
-    // At ν = 0.3: of Γ = 0.1 a run jammed, of Γ = 1 one jammed and one failed, of Γ = ∞ both failed.
+    // At ν = 0.3: of Γ = 0.1 a run jammed, of Γ = 1 one jammed and one failed, of Γ = ∞ both
+    // failed.
     let at_rate = |rate: &str| format!("friction > 0.2 AND shear_rate = {rate}");
     fail(
         at,
@@ -97,7 +99,8 @@ fn the_phase_map_marks_what_jammed_and_what_failed() {
     }
 }
 
-/// A user who reads maps of a campaign with three axes, and the numbers of each plot in place of its picture.
+/// A user who reads maps of a campaign with three axes, and the numbers of each plot in place of
+/// its picture.
 const MULTIPLE: &str = r"
 const numbers = id => { $(id).open = true; $(id).dispatchEvent(new Event('toggle')); return [...document.querySelectorAll(`#${id} tr`)].map(row => row.textContent); };
 pick('view', 'map'); pick('map-x', 'shear_rate'); pick('map-y', 'friction');

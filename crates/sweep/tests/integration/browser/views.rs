@@ -1,12 +1,12 @@
-//! What the page shows: each view by its elements and, as the picture it is saved as, by its pixels.
+//! The views of the page, by their elements and, as saved pictures, by their pixels.
 
-use super::chromium::{Browser, Page, USUAL, WINDOWS, Window};
+use super::chromium::{Browser, DEFAULT, Page, WINDOWS, Window};
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 use serde_json::Value;
 use sweep::format::Uncertain;
 
-/// What every user of the page may need.
+/// Helpers for every user of the page.
 const COMMON: &str = r"
 const seen = {}, $ = id => document.getElementById(id);
 const until = async test => { for (let n = 0; n < 1200; n++) { if (test()) return; await new Promise(done => setTimeout(done, 50)); } throw new Error('waited for ' + test); };
@@ -27,7 +27,7 @@ const colours = async address => {
 };
 ";
 
-/// What a user sees on a page.
+/// The visible content of a page.
 pub(super) fn seen_by(page: &mut Page<'_>, user: &str) -> Value {
     page.value(&format!(
         "(async () => {{ {COMMON} {user}; return seen; }})()"
@@ -57,14 +57,14 @@ seen.wide = is_wide();
 ";
 
 #[test]
-fn page_draws_hovers_and_plays_and_asks_nobody() {
-    let Some(mut browser) = Browser::start("page_draws_hovers_and_plays_and_asks_nobody") else {
+fn page_draws_hovers_and_plays_without_requests() {
+    let Some(mut browser) = Browser::start("page_draws_hovers_and_plays_without_requests") else {
         return;
     };
     let folder = COMPUTED.folder();
     let at = folder.path();
     let address = page_of(at, &[]);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     let seen = seen_by(&mut page, USER);
     let point = &json(at, &["report", "s.sqlite"])["points"][4];
     let number = |name: &str| point[name].as_f64().unwrap();
@@ -98,7 +98,7 @@ fn curves_run_along_the_stress_where_it_is_imposed() {
     let folder = folder("c.toml", &imposed);
     let at = folder.path();
     sweep(at, &["run", "c.toml", "--store", "s.sqlite", "-q"]);
-    let mut page = browser.open(&page_of(at, &[]), USUAL);
+    let mut page = browser.open(&page_of(at, &[]), DEFAULT);
     let user = "seen.along = $('along').value; seen.map = $('map-x').value;";
     let seen = seen_by(&mut page, user);
     assert_eq!(seen["along"], "shear_stress");
@@ -158,7 +158,7 @@ const pictures = ['', 'pressure', 'contacts', 'spin'].map(kind => { pick('paint'
 seen.pictures = new Set(pictures).size; seen.meaning = $('meaning').textContent;
 ";
 
-/// Lets a user look at everything, in every window; the page may ask for these addresses and no other.
+/// Shows everything to a user, in every window; the page may request only these addresses.
 pub(crate) fn look_at_everything(
     browser: &mut Browser,
     address: &str,
@@ -180,7 +180,8 @@ pub(crate) fn look_at_everything(
 fn check_views(seen: &Value, report: &Value, window: Window) {
     assert_eq!(seen["dark"], window.1, "{window:?}");
     assert_eq!(seen["window"], window.0, "{window:?}");
-    // Two curves of three points; four kinds of contacts of each; six points; a map of three by two; two runs.
+    // Two curves of three points; four kinds of contacts of each; six points; a map of three by
+    // two; two runs.
     for (view, counts) in [
         ("curve", [2, 6, 0, 0, 2]),
         ("flow", [2, 4, 0, 0, 2]),
@@ -310,7 +311,8 @@ fn many_curves_repeat_no_colour() {
         colours.sort();
         colours.dedup();
         assert_eq!(colours.len(), 11, "{colours:?}");
-        // Of 33 histograms so many are shown at first as can be told apart; the others can be switched on.
+        // Of 33 histograms as many are shown at first as can be distinguished; the others can be
+        // switched on.
         let seen = seen_by(
             &mut page,
             "pick('view', 'histogram'); seen.first = all('.bars'); seen.remark = $('remark').textContent;
@@ -338,7 +340,7 @@ fn hostile_text_is_shown_and_not_obeyed() {
          UPDATE campaign SET name = '<b onclick=x>bold</b>'",
     );
     let address = page_of(at, &[]);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     assert_eq!(
         page.value("document.title"),
         "<b onclick=x>bold</b> · sweep"
@@ -373,7 +375,7 @@ fn physical_units_reach_every_view() {
     let at = folder.path();
     let units = ["--units", "a=1um,mu=2mPas,f_crit=10pN"];
     let address = page_of(at, &units);
-    let mut page = browser.open(&address, USUAL);
+    let mut page = browser.open(&address, DEFAULT);
     let seen = seen_by(&mut page, READER);
     let has = |view: &str, word: &str| {
         let words = seen[view].as_array().unwrap();

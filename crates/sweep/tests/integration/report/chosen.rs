@@ -1,6 +1,6 @@
-//! Some of the points, kinds of figures, and stores that have little to show.
+//! Selected points, kinds of figures, and stores with few results.
 
-use super::{CAMPAIGN, PAPER, SMALL, figure, named_anew, words};
+use super::{CAMPAIGN, PAPER, SMALL, figure, with_new_keys, words};
 use crate::harness::{json, refused, run, spoil, sweep};
 
 #[test]
@@ -110,9 +110,9 @@ fn a_selection_holds_for_every_output() {
     assert_eq!(page.matches(r#""viscosity_ci95""#).count(), 2);
 
     for (condition, part) in [
-        ("friction=0.25", "there are points with 0, 0.3"),
+        ("friction=0.25", "available: 0, 0.3"),
         ("fricton=0.3", "area_fraction"),
-        ("seed=1", "no axis"),
+        ("seed=1", "not an axis"),
         ("friction", "KEY=VALUE"),
     ] {
         let error = refused(at, &["report", "s.sqlite", "--where", condition]);
@@ -129,7 +129,7 @@ fn time_steps_and_sizes_set_curves_apart() {
         "UPDATE points SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2;
          UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM points WHERE friction > 0.2)",
     );
-    named_anew(at);
+    with_new_keys(at);
     let text = sweep(at, &["report", "s.sqlite"]);
     assert!(text.contains("Δt"), "a column of its own: {text}");
     let draw = |more: &[&str]| {

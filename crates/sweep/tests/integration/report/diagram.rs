@@ -96,7 +96,8 @@ fn lines_are_drawn_where_the_slope_passes_a_limit() {
     let at = folder.path();
     let one = ["--where", "friction=0.6"];
     assert!(!with(at, &one).contains("d ln η"));
-    // A thousand times the viscosity from Γ = 1 to 10: ln σ rises by 4 ln 10 and ln η by 3, a slope of 0.75 after one of 0.
+    // A thousand times the viscosity from Γ = 1 to 10: ln σ rises by 4 ln 10 and ln η by 3, a slope
+    // of 0.75 after one of 0.
     edit(
         &at.join("s.sqlite"),
         "UPDATE results SET viscosity = CASE (SELECT p.shear_rate > 5 FROM cases c JOIN points p ON p.id = c.point

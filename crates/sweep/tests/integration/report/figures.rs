@@ -1,4 +1,4 @@
-//! Figures as they go into a paper.
+//! Figures for papers.
 
 use super::{ONE, PAPER, PAPER_CAMPAIGN, figure, words};
 use crate::harness::{fail, folder, json, refused, sweep};

@@ -1,4 +1,4 @@
-//! The tables of a plan, which are written as those of a report are.
+//! The tables of a plan, in the formats of a report.
 
 use super::PAPER_CAMPAIGN;
 use crate::harness::{folder, json, refused, sweep};
@@ -68,7 +68,7 @@ fn kinds_that_differ_in_their_step_alone_say_which_it_is() {
     let plan = json(at, &["plan", "c.toml"]);
     let kinds = plan["kinds"].as_array().unwrap();
     assert!(kinds.iter().all(|kind| kind["time_step"].is_f64()));
-    // Where there is one step the axis says which.
+    // A single step is shown on the axis.
     std::fs::write(at.join("c.toml"), one).unwrap();
     let text = sweep(at, &["plan", "c.toml"]);
     assert!(!text.contains("Δt"), "{text}");

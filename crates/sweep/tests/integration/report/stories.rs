@@ -1,11 +1,11 @@
-//! The story of a run, its frames, and pages and figures that name no other place.
+//! The details of a run, its frames, and pages and figures that name no other place.
 
 use super::{CAMPAIGN, SMALL};
 use crate::harness::{folder, json, refused, sweep};
 use std::path::Path;
 
 #[test]
-fn show_tells_the_story_of_a_run_by_number_and_by_key() {
+fn show_prints_a_run_by_number_and_by_key() {
     let folder = SMALL.folder();
     let at = folder.path();
     let text = sweep(at, &["show", "s.sqlite", "5"]);
@@ -21,9 +21,9 @@ fn show_tells_the_story_of_a_run_by_number_and_by_key() {
         assert!(text.contains(part), "{part} not in {text}");
     }
     assert!(!text.contains('\u{1b}'), "no escape sequences");
-    let story = json(at, &["show", "s.sqlite", "5"]);
-    assert_eq!(story["samples"].as_array().unwrap().len(), 20);
-    let key = story["key"].as_str().unwrap();
+    let details = json(at, &["show", "s.sqlite", "5"]);
+    assert_eq!(details["samples"].as_array().unwrap().len(), 20);
+    let key = details["key"].as_str().unwrap();
     assert_eq!(sweep(at, &["show", "s.sqlite", &key[..12]]), text);
     refused(at, &["show", "s.sqlite", "zz"]);
     refused(at, &["show", "s.sqlite", ""]);

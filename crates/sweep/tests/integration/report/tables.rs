@@ -1,6 +1,6 @@
 //! Tables of points.
 
-use super::{PAPER, SMALL, figure, named_anew, words};
+use super::{PAPER, SMALL, figure, with_new_keys, words};
 use crate::harness::{json, refused, spoil, sweep};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
@@ -186,13 +186,13 @@ fn columns_have_names_in_print_and_axes_few_digits() {
         "$\\nu$ & $\\Gamma$ & viscosity & first normal stress difference N$_1$ & \
          95 \\% interval of first normal stress difference N$_1$ & smallest gap (a) & rolling \\\\"
     );
-    // On the screen columns keep the names they were asked for by.
+    // On the screen columns keep the requested names.
     assert!(report(&chosen).contains("n1: first normal stress difference N₁"));
     spoil(
         at,
         "UPDATE points SET shear_rate = 18.84955592153876, params = json_set(params, '$.shear_rate', 18.84955592153876) WHERE shear_rate = 1",
     );
-    named_anew(at);
+    with_new_keys(at);
     let text = report(&[]);
     assert!(
         text.contains(" 18.85 ") && !text.contains("18.849"),

@@ -147,7 +147,7 @@ fn figures_have_them_on_both_axes_and_in_their_words() {
         "at Γ = ∞ the stress is infinite: {:?}",
         words(&svg)
     );
-    // What sets curves and panels apart.
+    // Labels of curves and panels.
     let svg = asked(&["--where", "friction=0.3", "--along", "area_fraction"]);
     has(&svg, "Γ = 2.653 1/s");
     has(&svg, "Γ = ∞");
@@ -160,13 +160,13 @@ fn figures_have_them_on_both_axes_and_in_their_words() {
         "shear_rate",
     ];
     has(&asked(&by_rate), "Γ = 26.53 1/s");
-    // Plateaus have a result but no stress in pascal: they are left out, and not marked as missing.
+    // Plateaus have a result but no stress in pascal: they are left out and not marked as missing.
     let svg = asked(&[&ONE[..], &["--kind", "normal-stress"]].concat());
     has(&svg, "normal stress difference N₁ (Pa)");
     for word in ["no result", "∞"] {
         assert!(!words(&svg).contains(&word), "{word}: {:?}", words(&svg));
     }
-    // A range is meant in what the axis shows.
+    // A range is in the units of the axis.
     let svg = asked(&[&ONE[..], &["--x-range", "1..100"]].concat());
     has(&svg, "100");
     assert!(!words(&svg).contains(&"1000") && !words(&svg).contains(&"∞"));

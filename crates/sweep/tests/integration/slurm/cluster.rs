@@ -1,4 +1,4 @@
-//! A cluster of stand-ins for Slurm's programs, and what the tests do with it.
+//! A cluster of substitutes for Slurm's programs, with helpers.
 
 use crate::harness::{command, send, until, words};
 use rusqlite::types::Value;
@@ -23,7 +23,7 @@ spheres = 30
 hydrodynamics = "ball-melrose"
 "#;
 
-/// A cluster of stand-ins in a folder with an odd name.
+/// A cluster of substitutes in a folder with an odd name.
 pub(crate) struct Cluster {
     pub(crate) directory: tempfile::TempDir,
 }
@@ -58,7 +58,7 @@ impl Cluster {
         std::fs::write(cluster.home().join("small.toml"), campaign).unwrap();
         let said = cluster.said();
         let said = said.display();
-        // Each says what a file tells it to say, and writes down what it was asked.
+        // Each prints the content of a file, and records its arguments.
         cluster.program(
             "sbatch",
             &format!(
@@ -140,14 +140,14 @@ impl Cluster {
         self.command(arguments).output().unwrap()
     }
 
-    /// What a command prints that ends with 0.
+    /// The output of a command that ends with 0.
     pub(crate) fn ok(&self, arguments: &[&str]) -> String {
         let output = self.sweep(arguments);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}: {output:?}");
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// What a command says that ends with some code, without line breaks.
+    /// The messages of a command that ends with some code, without line breaks.
     pub(crate) fn not_ok(&self, code: i32, arguments: &[&str]) -> String {
         let output = self.sweep(arguments);
         assert_eq!(
@@ -202,8 +202,8 @@ impl Cluster {
         }
     }
 
-    /// Lets a task run for moments only until it has so many steps in its checkpoints, and leaves it stopped: however fast or busy
-    /// the machine is, it is then in the midst of its work.
+    /// Runs a task in short intervals until its checkpoints have a number of steps, and leaves it
+    /// stopped: on any machine it is then unfinished.
     pub(crate) fn hold_at_steps(&self, child: &Child, task: Task, steps: i64) {
         until("checkpoints", || {
             run_for_a_moment(child);
@@ -225,7 +225,7 @@ impl Cluster {
             .find(|path| path.display().to_string().ends_with(&name));
         work.and_then(|path| rusqlite::Connection::open(path).ok())
             .and_then(|store| {
-                // A task that is stopped with the lock gives it back when it goes on.
+                // A task that is stopped with the lock releases it when it continues.
                 store.busy_timeout(Duration::from_millis(100)).ok()?;
                 let query = "SELECT coalesce(sum(steps_done), 0) FROM cases";
                 store.query_row(query, [], |row| row.get(0)).ok()
@@ -233,7 +233,7 @@ impl Cluster {
             .unwrap_or(0)
     }
 
-    /// Cases under way in published shards.
+    /// Running cases in published shards.
     pub(crate) fn published_halves(&self) -> i64 {
         let files = std::fs::read_dir(self.shards()).into_iter().flatten();
         files
@@ -270,7 +270,7 @@ impl Cluster {
         .collect()
     }
 
-    /// That the store holds what a local run computes, and nothing else.
+    /// Checks that the store holds exactly the results of a local run.
     pub(crate) fn equals_local_run(&self) {
         self.ok(&["run", "small.toml", "--store", "local.sqlite", "--quiet"]);
         let (local, merged) = (
@@ -282,7 +282,7 @@ impl Cluster {
     }
 }
 
-/// Lets a stopped process go on for some milliseconds.
+/// Continues a stopped process for some milliseconds.
 pub(crate) fn run_for_a_moment(child: &Child) {
     send(child, Signal::CONT);
     std::thread::sleep(Duration::from_millis(5));

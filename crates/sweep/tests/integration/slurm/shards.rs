@@ -1,4 +1,4 @@
-//! Shards that are gone, half-written, of another build, or find no room.
+//! Shards that are missing, half-written, of another build, or on a full disk.
 
 use super::cluster::{Cluster, QUICK, Task, contains, long};
 use crate::harness::{until, words};
@@ -13,7 +13,7 @@ fn vanished_folder_is_named_and_submitting_again_recovers() {
     let script = cluster.submit(&["--tasks", "1"]);
     let text = std::fs::read_to_string(&script).unwrap();
     let task = Task::FIRST;
-    // Under way, it is made again: what is computed counts. The store at work is on another disk.
+    // While running, it is recreated, and the results count. The private store is on another disk.
     let scratch = cluster.directory.path().join("scratch");
     let elsewhere = cluster.directory.path().join("job.sh");
     std::fs::write(
@@ -83,7 +83,7 @@ fn half_written_shard_is_named_and_the_rest_is_merged_and_submitted_again() {
     let half = shards()[1].clone();
     let bytes = std::fs::read(&half).unwrap();
     std::fs::write(&half, &bytes[..bytes.len() / 2]).unwrap();
-    // As a copy that was cut short leaves it; nobody takes it for a shard.
+    // As an interrupted copy leaves it; it is not read as a shard.
     std::fs::write(cluster.shards().join(".x.1.2.3.n1.sqlite.part-7"), "half").unwrap();
     let output = cluster.sweep(&["merge", "small.toml"]);
     assert_eq!(output.status.code(), Some(1));
@@ -158,7 +158,7 @@ fn other_builds_are_refused_unless_allowed_and_then_recorded() {
 }
 
 #[test]
-fn full_disk_of_the_shards_is_named_and_the_same_command_goes_on() {
+fn full_disk_of_the_shards_is_named_and_the_same_command_continues() {
     let cluster = Cluster::new(QUICK);
     let disk = cluster.directory.path().join("disk");
     std::fs::create_dir(&disk).unwrap();

@@ -1,4 +1,4 @@
-//! Submitting: what is handed over, what is refused, what is left to tasks at work.
+//! Submitting: arguments, refusals, cases left to running tasks.
 
 use super::cluster::{Cluster, LONG, QUICK, contains, long};
 use crate::harness::{until, words};
@@ -180,7 +180,7 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
                 "was refused",
                 said.rsplit(": ").next().unwrap(),
                 advice,
-                "same command",
+                "repeat the command",
             ],
         );
     }
@@ -195,7 +195,7 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
         &cluster.ok(&submit),
         &["job 4711;north: 6 open cases in 5 tasks"],
     );
-    // Whether the job runs is not known: nothing is submitted blindly.
+    // The state of the job is unknown, so nothing is submitted.
     cluster.says(
         "squeue.error",
         "slurm_load_jobs error: Unable to contact slurm controller",
@@ -203,9 +203,9 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
     contains(&cluster.not_ok(2, &submit), &["4711", "--again"]);
     contains(
         &cluster.ok(&["status", "small.toml"]),
-        &["cannot be asked for", "unknown"],
+        &["tasks are unknown"],
     );
-    // So says Slurm of a job that ended some minutes ago.
+    // The answer of Slurm for a job that ended some minutes ago.
     cluster.says(
         "squeue.error",
         "slurm_load_jobs error: Invalid job id specified",

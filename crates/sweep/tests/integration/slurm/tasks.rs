@@ -1,4 +1,4 @@
-//! Tasks: what they compute, how they stop, go on and are cancelled.
+//! Tasks: computing, stopping, continuing, cancelling.
 
 use super::cluster::{Cluster, LONG, QUICK, Task, contains, long, run_for_a_moment};
 use crate::harness::{send, until, words};
@@ -20,7 +20,7 @@ fn tasks_compute_what_a_local_run_does() {
         &["4 unchanged: 0 new"],
     );
     cluster.equals_local_run();
-    // Nothing is left behind but shards, plans and the program.
+    // Only shards, plans and the program remain.
     assert_eq!(
         std::fs::read_dir(cluster.shards().join("work"))
             .unwrap()
@@ -66,7 +66,7 @@ fn tasks_compute_suspensions_as_a_local_run_does() {
 }
 
 #[test]
-fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
+fn signalled_task_is_restarted_and_continues_elsewhere() {
     let cluster = Cluster::new(&long().replace(LONG, "strain = 4.0"));
     let script = cluster.submit(&["--tasks", "1"]);
     let mut task = Task::FIRST;
@@ -78,12 +78,12 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
         send(&child, Signal::CONT);
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{output:?}");
-        contains(&words(&output.stderr), &["starts the task again"]);
+        contains(&words(&output.stderr), &["restarts the task"]);
         task.restart += 1;
         task.node = node;
     }
     assert_eq!(cluster.was_told("requeue"), "4711_0\n4711_0\n");
-    // A plain scancel is not a wish for more.
+    // A plain scancel is no request for a restart.
     cluster.says("squeue", "COMPLETING|None\n");
     let child = cluster.start(&script, task);
     cluster.hold_at_steps(&child, task, 400);
@@ -94,7 +94,7 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
     contains(&words(&output.stderr), &["cancelled"]);
     assert_eq!(cluster.was_told("requeue").lines().count(), 2);
     std::fs::remove_file(cluster.said().join("squeue")).unwrap();
-    // A new job goes on from what was published, merged or not.
+    // A new job continues from published shards, merged or not.
     let script = cluster.submit(&["--tasks", "1"]);
     cluster.run_all(&script, 4712, 1);
     cluster.ok(&["merge", "small.toml"]);
@@ -102,7 +102,7 @@ fn task_told_to_stop_is_started_again_and_goes_on_elsewhere() {
     let resumed: i64 = store
         .query_row("SELECT sum(resumed) FROM results", [], |row| row.get(0))
         .unwrap();
-    // A busy machine may be between two cases when it is told.
+    // On a busy machine the task may be between two cases at the signal.
     assert!(resumed >= 1, "{resumed}");
     cluster.equals_local_run();
 }
@@ -113,8 +113,8 @@ fn killed_task_loses_no_more_than_since_it_published() {
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let mut task = Task::FIRST;
     let mut child = cluster.start(&script, task);
-    // Until a shard with a case under way is there for all to read. Copies come at intervals of real time, which pass while the task is
-    // held in the midst of a case.
+    // Until a shard with a running case is published. Copies are made at intervals of real time,
+    // which pass while the task is stopped within a case.
     cluster.hold_at_steps(&child, task, 8);
     until("a published shard", || {
         std::thread::sleep(Duration::from_secs(1));
@@ -142,7 +142,7 @@ fn killed_task_loses_no_more_than_since_it_published() {
 }
 
 #[test]
-fn task_that_runs_twice_at_once_does_no_harm() {
+fn task_that_runs_twice_simultaneously_is_harmless() {
     let cluster = Cluster::new(&QUICK.replace("strain = 0.3", "strain = 1.0"));
     let script = cluster.submit(&["--tasks", "1", "--publish-every", "0"]);
     let task = Task::FIRST;
@@ -151,8 +151,8 @@ fn task_that_runs_twice_at_once_does_no_harm() {
         node: "n2",
         ..task
     };
-    // Held in the midst of its first case until the others are done, so that it computes that case a second time on
-    // however fast or busy a machine.
+    // Stopped within its first case until the others are done, so that it computes that case a
+    // second time on any machine.
     let held = cluster.start(&script, twin);
     cluster.hold_at_steps(&held, twin, 8);
     // Even under one name.
@@ -178,7 +178,7 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
     cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
     let task = Task::FIRST;
     let child = cluster.start(&script, task);
-    // Held while it is looked at, or it would be done on a busy machine.
+    // Stopped during the check, or it would finish on a busy machine.
     cluster.hold_at_steps(&child, task, 40);
     let status = cluster.json(&["status", "small.toml", "--json"]);
     let tasks = &status["jobs"][0]["tasks"];
@@ -205,7 +205,7 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
         &["cancelled: 4711", "sweep submit"],
     );
     assert_eq!(cluster.was_told("scancel"), "4711\n");
-    // Even where squeue could not tell: the mark is there.
+    // Even without an answer of squeue: the mark exists.
     cluster.says("squeue", "RUNNING|None\n");
     send(&child, Signal::TERM);
     send(&child, Signal::CONT);
@@ -246,7 +246,7 @@ fn slices_by_hand_need_no_engine() {
 }
 
 #[test]
-fn failed_cases_are_computed_again_only_if_that_is_asked_for() {
+fn failed_cases_are_retried_only_on_request() {
     let cluster = Cluster::new(QUICK);
     let script = cluster.submit(&["--tasks", "1", "--max-wall-time", "0.000001"]);
     let output = cluster.start(&script, Task::FIRST).wait_with_output();

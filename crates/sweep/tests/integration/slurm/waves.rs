@@ -1,10 +1,10 @@
-//! Campaigns that ask for a precision, one wave of tasks after the other.
+//! Campaigns with a requested precision, in successive waves of tasks.
 
 use super::cluster::{Cluster, QUICK, Task, contains};
 use crate::harness::send;
 use rustix::process::Signal;
 
-/// Points that want different numbers of seeds.
+/// Points that need different numbers of seeds.
 fn precise() -> String {
     QUICK.replace(
         "seeds = 3",
@@ -12,7 +12,8 @@ fn precise() -> String {
     )
 }
 
-/// Submits the next wave; its script and how many cases and tasks it has, or nothing where none is left.
+/// Submits the next wave; returns its script and numbers of cases and tasks, or `None` if nothing
+/// remains.
 fn next_wave(cluster: &Cluster) -> Option<(std::path::PathBuf, u64, usize)> {
     let arguments = ["submit", "small.toml", "--tasks", "3", "--quiet", "--json"];
     let answer = cluster.json(&arguments);
@@ -33,7 +34,7 @@ fn waves_end_by_themselves_with_the_results_of_a_local_run() {
         cluster.says("job", &format!("{}\n", job + 1));
         cluster.run_all(&script, job, tasks);
     }
-    // First batches of both points; then only what the rule asked for.
+    // First batches of both points; then only the seeds of the rule.
     assert_eq!(waves[0], 6);
     assert!(waves.len() > 2, "{waves:?}");
     let points = cluster.json(&["report", "small.toml", "--json"]);

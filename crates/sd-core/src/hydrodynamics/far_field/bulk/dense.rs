@@ -1,10 +1,12 @@
-//! The grand mobility of a suspension as a full matrix, in unbounded fluid or by Ewald sums in the sheared cell.
+//! The grand mobility of a suspension as a full matrix, in unbounded fluid or by Ewald sums in the
+//! sheared cell.
 //!
 //! ```text
 //! G = G_real + G_wave − own image,   G_real: f = r erfc(αr), summed over all images within a cut-off
 //! G_wave(k) = (8π/k²)(I − kk/k²)(1 + w + 2w²) exp(−w)/V,   w = k²/4α²,   k ≠ 0
 //! ```
-//! Rows are ordered strain first: the 5N strains or stresslets, then the 6N velocities `(U, Ω)` or forces.
+//! Rows are ordered strain first: the 5N strains or stresslets, then the 6N velocities `(U, Ω)` or
+//! forces.
 
 use super::kernels::{couplings, finite_size, pair_mobility, self_mobility};
 use crate::error::Error;
@@ -19,7 +21,7 @@ use crate::space::cell::Cell;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Columns of the wave sum that are multiplied out at once.
+/// Columns of the wave sum that are multiplied together.
 const BATCH: usize = 256;
 
 /// The grand mobility of spheres, planned for a cell's sides, radii and tolerance.
@@ -29,11 +31,11 @@ pub(crate) struct DenseMobility {
     sizes: Vec<FiniteSize>,
     /// The periodic sums; `None` in unbounded fluid.
     splitting: Option<Splitting>,
-    /// Amplitudes of one batch of waves, `[11N × BATCH]`, and what they are multiplied with.
+    /// Amplitudes of one batch of waves, `[11N × BATCH]`, and their weighted counterparts.
     waves: [Matrix; 2],
 }
 
-/// How periodic sums are cut in two.
+/// Splitting of the periodic sums.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Splitting {
     /// α, in 1/a.
@@ -49,7 +51,8 @@ impl Splitting {
     pub(super) fn new(alpha: f64, volume: f64, radii: &[f64], tolerance: f64) -> Self {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let size = FiniteSize::new(largest);
-        // Signs cancel in sums: remainders stay well below what magnitudes add up to, test `operator_is_the_dense_mobility`.
+        // Terms of opposite signs cancel, so remainders stay well below the sum of magnitudes; test
+        // `operator_is_the_dense_mobility`.
         let limit = 2.0 * tolerance * planar_self(largest)[0];
         let magnitude = |c: &Coupling| {
             let numbers = [
@@ -108,7 +111,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// That of a cell; `None` of unbounded fluid.
+    /// The sides and shifts of a cell; `None` for unbounded fluid.
     pub(super) fn of(cell: &Cell<Bulk>) -> Option<Self> {
         match *cell {
             Cell::Unbounded => None,
@@ -144,7 +147,7 @@ impl DenseMobility {
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance.
     pub(crate) fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
-        // An image costs as much as four half-waves.
+        // The cost of an image equals that of four half-waves.
         let balanced = cell.content().map_or(0.0, |volume| {
             let mut best = (f64::INFINITY, 0.0);
             for step in 0..60 {
@@ -189,7 +192,8 @@ impl DenseMobility {
         }
     }
 
-    /// Fills the grand mobility `[11N × 11N]`, its lower triangle, in 1/(mu a), 1/(mu a²), 1/(mu a³).
+    /// Fills the grand mobility `[11N × 11N]`, its lower triangle, in 1/(mu a), 1/(mu a²), 1/(mu
+    /// a³).
     ///
     /// # Errors
     /// [`Error::Length`].
@@ -226,7 +230,8 @@ impl DenseMobility {
         Ok(())
     }
 
-    /// Adds the real sums, and what each sphere has alone less the wave part's own image.
+    /// Adds the real sums, and the self mobility of each sphere minus its own image in the wave
+    /// part.
     fn add_images(
         &self,
         splitting: &Splitting,
@@ -257,7 +262,8 @@ impl DenseMobility {
         }
     }
 
-    /// Adds the wave sum: `Σ_k γ [R Rᵀ − R_κ Rᵀ − R R_κᵀ]`, R the amplitudes of all modes in a wave, R_κ those times κ a² k².
+    /// Adds the wave sum: `Σ_k γ [R Rᵀ − R_κ Rᵀ − R R_κᵀ]`, R the amplitudes of all modes in a
+    /// wave, R_κ those times κ a² k².
     fn add_waves(
         &mut self,
         splitting: &Splitting,
@@ -391,7 +397,8 @@ fn polarisations(k: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, k.cross(&first).normalize()]
 }
 
-/// Velocity along p, angular velocity `k × p/2` and strain of a wave of unit amplitude; the latter two are a quarter wave ahead.
+/// Velocity along p, angular velocity `k × p/2` and strain of a wave of unit amplitude; the latter
+/// two are a quarter wave ahead.
 pub(super) fn amplitudes(k: &Vector3<f64>, p: &Vector3<f64>) -> [f64; MODES] {
     let spin = k.cross(p) * 0.5;
     [

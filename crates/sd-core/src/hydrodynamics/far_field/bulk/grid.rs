@@ -1,11 +1,13 @@
-//! The long-ranged part of a suspension's mobility applied to a vector, by fast Fourier transforms on a grid in the sheared cell.
+//! The long-ranged part of a suspension's mobility applied to a vector, by fast Fourier transforms
+//! on a grid in the sheared cell.
 //!
 //! ```text
 //! u(x_i) = Σ_k e^(ik·x_i) G^ (P − k² Q),   v(x_i) = −Σ_k e^(ik·x_i) G^ k² P,   G^ = γ (I − kk/k²),   k ≠ 0
 //! P(k) = Σ_j e^(−ik·x_j) f_j,   Q(k) the same with every mode times its κ a²;   f_j: force, and dipoles as −Q_bc ∂_c
 //! velocity mode of i: read off u, plus κ a² times the same of v
 //! ```
-//! Window, its transform and its derivative are those of the layer's grid; reading is the transpose of writing.
+//! Window, its transform and its derivative are those of the layer's grid; reading is the transpose
+//! of writing.
 
 use super::dense::{Lattice, transform};
 use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
@@ -17,7 +19,7 @@ use nalgebra::Vector3;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Lines of the grid transformed at once.
+/// Lines of the grid transformed together.
 const LINES: usize = 8;
 
 /// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
@@ -36,7 +38,7 @@ pub(super) struct Grid {
     kernel: Vec<f64>,
     /// `P + iQ`, then `u + iv`, three components a point; the first coordinate runs fastest.
     values: Vec<[Complex64; 3]>,
-    /// Where the lines begin that are transformed along an axis.
+    /// Starts of the lines that are transformed along an axis.
     starts: Vec<usize>,
     /// Lines being transformed.
     lines: Vec<Complex64>,
@@ -44,7 +46,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its largest entry.
+    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its
+    /// largest entry.
     pub(super) fn new(
         sides: Vector3<f64>,
         sizes: &[FiniteSize],
@@ -75,7 +78,7 @@ impl Grid {
         grid
     }
 
-    /// Makes room for the points of the axes, and for transforms that need so much scratch.
+    /// Allocates the points of the axes and the scratch of the transforms.
     fn make_room(&mut self, scratch: usize) {
         let points = self.axes.iter().map(|axis| axis.points).product();
         let longest = self.axes.iter().map(|axis| axis.points).max().unwrap_or(0);
@@ -86,10 +89,11 @@ impl Grid {
         self.scratch.resize(scratch, zero);
     }
 
-    /// Takes the offsets and the centres of the next applications.
+    /// Sets the offsets and the centres for the next applications.
     pub(super) fn update(&mut self, offsets: [f64; 2], centres: &[Vector3<f64>]) {
         let old = std::mem::replace(&mut self.lattice.offsets, offsets);
-        // The plan depends on the cell alone, not on those before it: a run that is resumed has the same bits.
+        // The plan depends only on the cell, not on earlier ones, so a resumed run has the same
+        // bits.
         let is_crossed = offsets[1] != 0.0;
         if is_crossed != (old[1] != 0.0) {
             let lengths = lengths(&self.lattice.sides, is_crossed);
@@ -125,7 +129,8 @@ impl Grid {
         );
     }
 
-    /// Calls `visit` with the place of every kept wave vector, that of its opposite, and the wave vector; one of each such pair.
+    /// Calls `visit` with the index of every kept wave vector, that of its opposite, and the wave
+    /// vector, once per pair.
     fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
         let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
         let Lattice {
@@ -189,7 +194,8 @@ impl Grid {
         );
     }
 
-    /// Derivatives of the lattice coordinates: row c holds what `∂_c` has of `∂_X, ∂_Y, ∂_Z`.
+    /// Derivatives of the lattice coordinates: row c holds the components of `∂_c` along
+    /// `∂_X, ∂_Y, ∂_Z`.
     fn slopes(&self) -> [[f64; 3]; 3] {
         let [x, y, z] = [0, 1, 2].map(|k| self.lattice.sides[k].recip());
         let [offset, cross_offset] = self.lattice.offsets;
@@ -209,7 +215,8 @@ impl Grid {
         for ((windows, size), modes) in self.windows.iter().zip(&self.sizes).zip(x) {
             let stress = dipole(&modes[6..]);
             let turn = rotation([modes[3], modes[4], modes[5]]);
-            // Weights of the window, and of its derivatives by the lattice coordinates; P and Q of each component in turn.
+            // Weights of the window, and of its derivatives by the lattice coordinates; P and Q of
+            // each component in turn.
             let mut value = [0.0_f64; 6];
             let mut by = [[0.0_f64; 6]; 3];
             for b in 0..3 {
@@ -235,7 +242,7 @@ impl Grid {
                     let by_slope = by[0].map(|weight| weight * vy * vz);
                     let row = &mut self.values[row..row + counts[0]];
                     let (beyond, before) = row.split_at_mut(along.first);
-                    // Up to the edge of the grid, and beyond it from the other edge on.
+                    // Up to the edge of the grid, then wrapped to the other edge.
                     let edge = before.len().min(WIDTH);
                     for (from, points) in [(0, before), (edge, beyond)] {
                         let window = along.values[from..].iter().zip(&along.slopes[from..]);
@@ -364,7 +371,8 @@ impl Grid {
                     }
                 }
             }
-            // Gradients of u and v by component and direction; ∂ of the centre is minus that of the grid point.
+            // Gradients of u and v by component and direction; ∂ of the centre is minus that of the
+            // grid point.
             let gradient = |field: usize| {
                 [0, 1, 2].map(|b| {
                     slopes.map(|slopes| {
@@ -388,7 +396,8 @@ impl Grid {
     }
 }
 
-/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each. Offsets are at most half a side.
+/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each.
+/// Offsets are at most half a side.
 fn lengths(sides: &Vector3<f64>, is_crossed: bool) -> [f64; 3] {
     let above = sides.y.hypot(0.5 * sides.x);
     let above = if is_crossed {

@@ -4,7 +4,8 @@
 //! 8π u_a = (1 + κ_i a_i² ∇² + κ_j a_j² ∇²) (G_ab F_b − Q_bc ∂_c G_ab q),   G_ab = (δ_ab ∇² − ∂_a ∂_b) f,   q = Q_bc ∂_c u_b
 //! κ = 1/6 for F and U, 1/10 for S and E, 0 for T and Ω;   torque along k: Q_bc = −ε_kbc/2;   strains: the unit tensors
 //! ```
-//! With `x = r n` the separation from the source j to the sphere i, and f₁, f₂, … as in [`RadialChain`]:
+//! With `x = r n` the separation from the source j to the sphere i, and f₁, f₂, … as in
+//! [`RadialChain`]:
 //!
 //! ```text
 //! U∥ = 2 f₁ F∥,   U⊥ = (2 f₁ + r² f₂) F⊥,   U = (r/2) l₁ n×T,   Ω = (r/2) l₁ n×F
@@ -89,9 +90,11 @@ pub(super) fn finite_size(
     }
 }
 
-/// Velocity modes of sphere i from force modes of sphere j in unbounded fluid, for the unit vector from j to i.
+/// Velocity modes of sphere i from force modes of sphere j in unbounded fluid, for the unit vector
+/// from j to i.
 ///
-/// Signs as in [`unbounded::pair_mobility`], which this is in the plane; radii and distance in a.
+/// Signs as in [`unbounded::pair_mobility`], with which it agrees in the plane; radii and distance
+/// in a.
 #[inline(always)]
 pub(crate) fn pair_mobility(distance: f64, radius_i: f64, radius_j: f64) -> Coupling {
     let couplings = couplings(&RadialChain::distance(distance * distance));

@@ -1,6 +1,7 @@
 //! The periodic mobility of a suspension as an operator: `M x` in O(N log N), M never formed.
 //!
-//! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes through a grid.
+//! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes
+//! through a grid.
 
 use super::dense::{Lattice, Splitting, images};
 use super::grid::Grid;
@@ -17,7 +18,7 @@ use crate::space::neighbours::NeighbourList;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// Measured nanoseconds that a near pair takes in an application, and a grid point.
+/// Measured nanoseconds of a near pair and of a grid point in an application.
 const PAIR_COST: f64 = 140.0;
 const POINT_COST: f64 = 120.0;
 
@@ -29,22 +30,23 @@ struct NearPair {
     coupling: Coupling,
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions last given.
+/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
+/// last given.
 pub(crate) struct MobilityOperator {
     sizes: Vec<FiniteSize>,
     sides: Vector3<f64>,
     splitting: Splitting,
     grid: Grid,
     list: NeighbourList<Bulk>,
-    /// Radii of one for all spheres, which the list is given so that its range is a distance.
+    /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
     pairs: Vec<NearPair>,
-    /// Self mobility less what the grid holds of a sphere's own image.
+    /// Self mobility minus the grid's part of a sphere's own image.
     own: Vec<Modes>,
 }
 
 impl MobilityOperator {
-    /// Makes the plan whose applications cost least.
+    /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
     /// - `cell`: periodic; its offsets may differ in every call of [`MobilityOperator::update`].
@@ -119,13 +121,13 @@ impl MobilityOperator {
         })
     }
 
-    /// Whether near pairs reach less than half of every side, so that no sphere meets two images of
-    /// another.
+    /// Whether the range of near pairs is less than half of every side, so that no sphere has two
+    /// images of another in range.
     pub(super) fn reaches_one_image(&self) -> bool {
         self.splitting.distance < 0.499 * self.sides.min()
     }
 
-    /// Takes new positions.
+    /// Sets new positions.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
@@ -160,7 +162,7 @@ impl MobilityOperator {
             }
             return Ok(());
         }
-        // In small or thin cells a sphere meets several images of another, and of itself.
+        // In small or thin cells a sphere has several images of another, and of itself, in range.
         let reach = self.splitting.distance;
         for i in 0..centres.len() {
             for j in i..centres.len() {
@@ -190,7 +192,8 @@ impl MobilityOperator {
     /// `y ← M x`, modes of each sphere.
     ///
     /// # Accuracy
-    /// The tolerance of the plan, relative to the largest entry of M; test `operator_is_the_dense_mobility`.
+    /// The tolerance of the plan, relative to the largest entry of M; test
+    /// `operator_is_the_dense_mobility`.
     pub(crate) fn apply(&mut self, x: &[Modes], y: &mut [Modes]) {
         for ((y, x), own) in y.iter_mut().zip(x).zip(&self.own) {
             *y = std::array::from_fn(|k| own[k] * x[k]);

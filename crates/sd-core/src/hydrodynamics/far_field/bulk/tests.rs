@@ -90,7 +90,7 @@ fn images_of_one_lattice_are_one_whatever_cell_spans_it() {
 
 #[test]
 fn rotation_from_torque_is_the_sum_over_spheres_of_images() {
-    // The sum over images within a sphere has in it the mean over directions of what k = 0 would give, T/(6V).
+    // The sum over images within a sphere contains the directional mean of the k = 0 term, T/(6V).
     let (radii, side) = ([1.0, 1.0], 12.0);
     let cell = Cell::periodic(Vector3::new(side, side, side), 0.0).unwrap();
     let x = Vector3::new(2.6, 0.7, -0.4);
@@ -140,7 +140,7 @@ fn lattice(name: &str, phi: f64) -> (Cell<Bulk>, Vec<Vector3<f64>>) {
     (cell, centres)
 }
 
-/// What the far field gives alone for velocities and strains that are those of every sphere.
+/// The far field for velocities and strains common to all spheres.
 fn far_response(name: &str, phi: f64, modes: [f64; 11]) -> [f64; 11] {
     let (cell, centres) = lattice(name, phi);
     let n = centres.len();
@@ -159,7 +159,7 @@ fn far_response(name: &str, phi: f64, modes: [f64; 11]) -> [f64; 11] {
 
 #[test]
 fn far_field_of_cubic_lattices_has_its_closed_forms() {
-    // Hasimoto 1959; Zuzovsky, Adler & Brenner 1983: the constants have so many digits.
+    // Hasimoto 1959; Zuzovsky, Adler & Brenner 1983: the constants have these digits.
     for (name, c, a, b) in [
         ("SC", 1.7601, 0.28556, -0.04645),
         ("BCC", 1.7919, -0.08990, 0.01432),

@@ -3,7 +3,7 @@
 //! ```text
 //! window w(z) = I₀(β √(1 − z²))/I₀(β), |z| < 1, over WIDTH points;   its transform at m: WIDTH sinh(s)/(s I₀(β)), s = √(β² − (π WIDTH m/points)²)
 //! ```
-//! Between two grid points every value under the window is a polynomial of the place, fitted once.
+//! Between two grid points every value of the window is a fitted polynomial of the position.
 
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::PI;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Points under the window along each coordinate.
 pub(in crate::hydrodynamics::far_field) const WIDTH: usize = 12;
-/// Degree of the polynomials that stand for the window.
+/// Degree of the polynomials that approximate the window.
 const DEGREE: usize = 15;
 
 /// The window of one sphere along one coordinate.
@@ -33,13 +33,14 @@ pub(in crate::hydrodynamics::far_field) struct Axis {
     pub(in crate::hydrodynamics::far_field) highest: usize,
     /// One over the window's transform, by wave number ≥ 0.
     pub(in crate::hydrodynamics::far_field) correction: Vec<f64>,
-    /// Coefficients of the window's values in u = 2t − 1, t the place between two grid points.
+    /// Coefficients of the window's values in u = 2t − 1, t the position between two grid points.
     polynomials: [[f64; WIDTH]; DEGREE + 1],
     /// Transforms along the axis, forward and back.
     pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
 }
 
-/// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their transforms need.
+/// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their
+/// transforms need.
 ///
 /// `lengths`: of each direction, in a: a wave vector k has at most k·length/2π waves along it.
 pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
@@ -66,7 +67,8 @@ pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
 }
 
 impl Axis {
-    /// Wave numbers up to `highest` on a grid `oversampling` times as fine as they need, or somewhat finer.
+    /// An axis with wave numbers up to `highest` on a grid at least `oversampling` times as fine as
+    /// required.
     pub(in crate::hydrodynamics::far_field) fn new(
         highest: usize,
         oversampling: f64,

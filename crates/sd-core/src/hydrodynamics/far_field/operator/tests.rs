@@ -6,7 +6,7 @@ use super::*;
 use crate::linalg::dense::Matrix;
 use crate::linalg::join::tests::assert_same_with_any_threads;
 
-/// The whole of an operator, column by column.
+/// The matrix of an operator, column by column.
 fn whole(operator: &mut FarOperator) -> Matrix {
     let n = 6 * operator.radii.len();
     let mut all = Matrix::zeros(n, n);
@@ -19,13 +19,14 @@ fn whole(operator: &mut FarOperator) -> Matrix {
     all
 }
 
-/// Largest difference of the two, and the largest entry, in columns of force-free sources and up to a translation of the layer as a
-/// whole: that of a uniform force is arbitrary in both, and unequal spheres share it unequally.
+/// Largest difference of the two, and the largest entry, in columns of force-free sources and up to
+/// a uniform translation of the layer: the response to a uniform force is arbitrary in both, and
+/// unequal spheres share it unequally.
 fn worst(expected: &Matrix, found: &Matrix) -> (f64, f64) {
     let n = expected.rows();
     let (mut worst, mut largest): (f64, f64) = (0.0, 0.0);
     for j in 0..n {
-        // A force goes with its opposite on the next sphere.
+        // A force is balanced by its opposite on the next sphere.
         let force = j >= n / 2 && j % 3 < 2;
         let other = n / 2 + (j - n / 2 + 3) % (n / 2);
         let mut difference: Vec<f64> = (0..n)

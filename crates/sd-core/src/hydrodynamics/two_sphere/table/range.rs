@@ -1,11 +1,11 @@
-//! Near-field terms at any size ratio up to a largest: what spheres of many sizes need.
+//! Near-field terms at any size ratio up to a largest, for spheres of many sizes.
 //!
 //! ```text
 //! f(t) = singular terms + h(t),   t = ln λ,   h interpolated between the nodes ±t_k, t_k = L cos(π (k + ½)/2M), k < M
 //! ```
-//! The two labellings of a table are h at t_k and at −t_k. The coefficients of the singular terms are known at every λ. h is analytic for
-//! |Im t| < π, so that the interpolation converges as `(ρ + √(ρ² + 1))^−2M` with `ρ = π/L`. What is evaluated is a polynomial in ln λ and
-//! ln ξ on every cell of a uniform grid.
+//! The two labellings of a table are h at t_k and at −t_k. The coefficients of the singular terms
+//! are known at every λ. h is analytic for
+//! |Im t| < π, so that the interpolation converges as `(ρ + √(ρ² + 1))^−2M` with `ρ = π/L`. The evaluated form is a polynomial in ln λ and ln ξ on every cell of a uniform grid.
 
 use super::{
     BLOCK, BLOCKS, INTERVALS, LANES, LAST, NODES, NearField, SLIP, SPLIT, locate, node_xi,
@@ -19,8 +19,9 @@ use crate::hydrodynamics::two_sphere::{Scalars, check_size_ratio};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Largest size ratios that there are tables for, and their nodes M: within 6e-9 of solutions, tests
-/// `range_meets_solutions_at_random_size_ratios_and_gaps` and `range_meets_solutions_at_extreme_size_ratios` (1e-8 asserted).
+/// Largest size ratios of the ranges, and their nodes M: within 6e-9 of solutions, tests
+/// `range_meets_solutions_at_random_size_ratios_and_gaps` and
+/// `range_meets_solutions_at_extreme_size_ratios` (1e-8 asserted).
 pub(crate) const RANGES: [(f64, usize); 4] = [(4.0, 10), (12.0, 17), (26.0, 22), (100.0, 28)];
 /// Widest cell in ln λ.
 const WIDEST: f64 = 0.25;
@@ -32,21 +33,23 @@ const FINE: usize = 10;
 /// Pair terms of the grand resistance at any gap and any size ratio up to a largest.
 ///
 /// # Accuracy
-/// As [`NearField`]: within 1e-8 of solutions, test `range_meets_solutions_at_random_size_ratios_and_gaps`.
+/// As [`NearField`]: within 1e-8 of solutions, test
+/// `range_meets_solutions_at_random_size_ratios_and_gaps`.
 ///
 /// # Cost
-/// 0.25 µs per evaluation, ten times that of [`NearField`]. Solving the tables that it is made from takes 1, 3 and 6 s up to size ratios 4,
-/// 12 and 26; making it from them 0.1 s; it takes 4, 7 and 10 MB.
+/// 0.25 µs per evaluation, ten times that of [`NearField`]. Solving its tables takes 1, 3 and 6 s
+/// up to size ratios 4, 12 and 26; combining them 0.1 s; the memory is 4, 7 and 10 MB.
 #[derive(Debug)]
 pub struct NearFieldRange {
     cells: Cells,
     /// Coefficients of the singular terms: by cell in ln λ, block, term and power.
     singular: Vec<[[[[f64; BLOCK]; FINE]; 3]; BLOCKS]>,
-    /// The same of the regular part: by cell in ln λ and in ln ξ, block, power of ln ξ and of ln λ.
+    /// The same for the regular part: by cell in ln λ and in ln ξ, block, power of ln ξ and of ln
+    /// λ.
     regular: Vec<[[[[f64; BLOCK]; COARSE]; NODES]; BLOCKS]>,
 }
 
-/// The number of the range that a size ratio ≥ 1 is in.
+/// The index of the range of a size ratio ≥ 1.
 ///
 /// # Errors
 /// [`Error::OutOfRange`] unless the size ratio is within 0.01..=100.
@@ -80,8 +83,8 @@ fn weights((largest, count): (f64, usize), t: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Power of λ in the drags that the `12` of each function joins, over the scale of the function, in the order of [`Scalars`]:
-/// interpolated are the functions in units of those drags.
+/// Power of λ in the drags joined by the `12` of each function, over the scale of the function, in
+/// the order of [`Scalars`]: the interpolation uses functions in units of those drags.
 const POWERS: [f64; 10] = [0.5, 0.5, 0.5, 1.5, 0.5, 0.5, 1.5, 1.5, 1.5, 1.5];
 
 /// The functions, at the size ratio e^t, in units of the drags that they join.
@@ -91,7 +94,8 @@ fn in_drags(values: &mut [f64; 20], t: f64) {
     }
 }
 
-/// What is interpolated at a node and at its negative: the functions, without the singular terms where they are split off.
+/// What is interpolated at a node and at its negative: the functions, without the singular terms
+/// where they are split off.
 ///
 /// `beyond`: the solved values of the table in order, of which one is taken where it has no other.
 fn remainders<'t>(
@@ -120,7 +124,7 @@ fn remainders<'t>(
     both
 }
 
-/// The places of cells in ln λ up to a largest size ratio.
+/// The positions of cells in ln λ up to a largest size ratio.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::hydrodynamics::two_sphere) struct Cells {
     count: usize,
@@ -142,7 +146,8 @@ impl Cells {
         }
     }
 
-    /// ln λ at the nodes of all cells, with the numbers of their cells and their weights for each power.
+    /// ln λ at the nodes of all cells, with the numbers of their cells and their weights for each
+    /// power.
     pub(in crate::hydrodynamics::two_sphere) fn nodes<const N: usize>(
         self,
     ) -> impl Iterator<Item = (usize, f64, [f64; N])> {
@@ -155,7 +160,7 @@ impl Cells {
         })
     }
 
-    /// The cell of a size ratio ≥ 1, and the place in it; the ends stand for all beyond.
+    /// The cell of a size ratio ≥ 1, and the position in it, clamped to the ends.
     #[inline(always)]
     pub(in crate::hydrodynamics::two_sphere) fn locate(self, size_ratio: f64) -> (usize, f64) {
         let position = (size_ratio.ln() / self.width).clamp(0.0, self.count as f64);
@@ -170,7 +175,7 @@ impl Cells {
 }
 
 impl NearFieldRange {
-    /// The size ratios whose tables it is made from, for spheres of size ratios up to `largest`.
+    /// The size ratios of its tables, for spheres of size ratios up to `largest`.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the size ratio is within 0.01..=100.
@@ -178,7 +183,7 @@ impl NearFieldRange {
         Ok(nodes(RANGES[range_of(largest)?]).map(f64::exp).collect())
     }
 
-    /// Makes it from the tables of [`NearFieldRange::ratios`], in that order.
+    /// Combines the tables of [`NearFieldRange::ratios`], in that order.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the size ratio is within 0.01..=100.
@@ -281,7 +286,7 @@ fn values_at_nodes(tables: &[Arc<NearField>]) -> Vec<Vec<[[f64; 20]; 2]>> {
         .collect()
 }
 
-/// What the regular part is at a size ratio and a gap, and the slip resistance.
+/// The regular part at a size ratio and a gap, and the slip resistance.
 ///
 /// `weights`, `values`: those at the nodes of the range.
 fn lanes(

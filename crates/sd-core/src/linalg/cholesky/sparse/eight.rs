@@ -1,14 +1,15 @@
-//! Solves with eight supernodes side by side and one right-hand side, for callers that are vectorised themselves: what [`super::single`] does
-//! with one, with the same bits.
+//! Solves with eight supernodes in parallel and one right-hand side, for vectorised callers: like
+//! [`super::single`] for one, with the same bits.
 
 use super::lanes::{LANES, Lanes};
 
-/// Number of values of supernodes side by side: for each sphere its three columns, row after row from its own first row on.
+/// Number of values of supernodes side by side: for each sphere its three columns, row after row
+/// from its own first row on.
 pub(super) fn values(width: usize, below: usize) -> usize {
     start(width, width + below)
 }
 
-/// Where the values of the sphere begin whose columns begin at `column`, of supernodes of that height.
+/// Start of the values of the sphere with columns from `column` on, in supernodes of that height.
 #[inline(always)]
 pub(super) fn start(column: usize, height: usize) -> usize {
     // Each sphere before has three columns and starts three rows below the one before it.
@@ -16,7 +17,7 @@ pub(super) fn start(column: usize, height: usize) -> usize {
     3 * spheres * height - 9 * (spheres * spheres.saturating_sub(1) / 2)
 }
 
-/// Solves with their columns; what is left for the rows below.
+/// Solves with their columns, and accumulates updates of the rows below.
 #[inline(always)]
 pub(super) fn lower(values: &[Lanes], own: &mut [Lanes], below: &mut [Lanes]) {
     let (width, height) = (own.len(), own.len() + below.len());
@@ -60,8 +61,8 @@ fn subtracted<const ROWS: usize>(
     sums
 }
 
-/// Solves with the transpose of their columns, from the rows below; see [`lower`]. `whole`: how many of these are summed eight at a
-/// time.
+/// Solves with the transpose of their columns, from the rows below; see [`lower`]. `whole`: the
+/// number of these that are summed in groups of eight.
 #[inline(always)]
 pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[Lanes]) {
     let (width, height) = (own.len(), own.len() + below.len());
@@ -83,7 +84,8 @@ pub(super) fn upper(values: &[Lanes], whole: usize, own: &mut [Lanes], below: &[
     }
 }
 
-/// Dot products of three columns with x: of the first `whole` rows in eight partial sums, then one by one.
+/// Dot products of three columns with x: of the first `whole` rows in eight partial sums, then one
+/// by one.
 #[inline(always)]
 fn dot_three(rows: &[[Lanes; 3]], x: &[Lanes], whole: usize) -> [Lanes; 3] {
     let mut totals = [[0.0; LANES]; 3];

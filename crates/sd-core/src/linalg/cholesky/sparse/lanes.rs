@@ -1,6 +1,6 @@
-//! Eight numbers that are computed side by side.
+//! Eight numbers that are computed in parallel.
 
-/// How many.
+/// Number of lanes.
 pub(super) const LANES: usize = 8;
 /// One number of each.
 pub(super) type Lanes = [f32; LANES];

@@ -1,36 +1,40 @@
-//! Solves with one right-hand side, eight supernodes at a time.
+//! Solves with one right-hand side, eight supernodes in parallel.
 //!
-//! Most supernodes have a few spheres. Alone, each of their steps waits for the one before; those none of which is below another can go
-//! side by side. A level has all supernodes whose descendants are in the levels before. Up to eight of a level are held like one, with zeros
-//! where one is smaller than another: in the first columns, and between the rows below that are summed eight at a time and the others. So
-//! every sum has the bits it has in [`super::single`].
+//! Most supernodes have few spheres, and each of their steps depends on the one before; independent
+//! supernodes can be solved in parallel. A level has all supernodes whose descendants are in
+//! earlier levels. Up to eight of a level are stored interleaved as a batch, padded with zeros
+//! where their sizes differ: in the first columns, and between the rows below that are summed in
+//! groups of eight and the others. So every sum has the same bits as in [`super::single`].
 //!
-//! Vectors are held in that order too: eight entries side by side for each column of a batch, one after another for a supernode alone.
+//! Vectors use the same order: eight interleaved entries for each column of a batch, consecutive
+//! ones for a single supernode.
 
 use super::lanes::{LANES, Lanes};
 use super::{Node, eight, narrow, single};
 use std::ops::Range;
 
-/// Which supernodes go together, and in what order.
+/// Batches of supernodes and their order.
 #[derive(Debug, Default)]
 pub(super) struct SolveOrder {
     levels: Vec<Level>,
     batches: Vec<Batch>,
     singles: Vec<Single>,
-    /// Where each row is in a vector, and the length of vectors, in eights. The last eight are zeros.
+    /// Position of each row in a vector, and the length of vectors, in eights. The last eight are
+    /// zeros.
     places: Vec<u32>,
     length: usize,
-    /// Places of the rows below: of batches, eight side by side; then of supernodes alone. Where there is none, that of a zero.
+    /// Positions of the rows below: interleaved for batches, then for single supernodes. Padding
+    /// refers to a zero.
     batched_below: Vec<[u32; LANES]>,
     single_below: Vec<u32>,
-    /// What supernodes leave for rows of later levels.
+    /// Updates of supernodes to rows of later levels.
     arrivals: Vec<Arrival>,
-    /// Number of values of all batches, and of what supernodes leave, in eights.
+    /// Number of values of all batches, and of updates, in eights.
     values: usize,
     slots: usize,
 }
 
-/// Parts of the lists that make up a level.
+/// Ranges of the lists of a level.
 #[derive(Debug)]
 struct Level {
     arrivals: Range<usize>,
@@ -38,37 +42,37 @@ struct Level {
     singles: Range<usize>,
 }
 
-/// Up to eight supernodes side by side.
+/// A batch of up to eight supernodes.
 #[derive(Debug)]
 struct Batch {
     nodes: Vec<usize>,
-    /// Columns of the widest, and where they begin in a vector, in eights.
+    /// Columns of the widest, and their start in a vector, in eights.
     width: usize,
     start: usize,
-    /// Rows below that are summed eight at a time, and the others.
+    /// Rows below that are summed in groups of eight, and the others.
     whole: usize,
     rest: usize,
-    /// Where its rows below begin in the list.
+    /// Start of its rows below in the list.
     below: usize,
-    /// Where its values begin.
+    /// Start of its values.
     values: usize,
-    /// Where what it leaves begins.
+    /// Start of its updates.
     slots: usize,
 }
 
-/// A supernode alone.
+/// A single supernode.
 #[derive(Debug)]
 struct Single {
     node: usize,
-    /// Where its columns begin in a vector.
+    /// Start of its columns in a vector.
     start: usize,
     /// Its rows below in the list.
     below: Range<usize>,
-    /// Where what it leaves begins.
+    /// Start of its updates.
     slots: usize,
 }
 
-/// A place in a vector, and what is added there.
+/// A position in a vector, and the updates added there.
 #[derive(Debug)]
 struct Arrival {
     place: u32,
@@ -78,16 +82,16 @@ struct Arrival {
 /// Workspace.
 #[derive(Default)]
 pub(super) struct Workspace {
-    /// What supernodes leave.
+    /// Updates of supernodes.
     left: Vec<Lanes>,
-    /// Rows below the batch at work.
+    /// Rows below the current batch.
     eights: Vec<Lanes>,
-    /// Rows below the single supernode at work.
+    /// Rows below the current single supernode.
     rows: Vec<f32>,
 }
 
 impl Batch {
-    /// Rows that sums of eight partial sums leave over.
+    /// Number of rows beyond the last group of eight.
     fn rest(node: &Node) -> usize {
         node.below.len() % LANES
     }
@@ -97,7 +101,7 @@ impl Batch {
         self.whole + self.rest
     }
 
-    /// Where a row below of one of its supernodes is among its own.
+    /// Index of a row below of one of its supernodes among those of the batch.
     fn row_below(&self, node: &Node, row: usize) -> usize {
         let whole = node.below.len() - Self::rest(node);
         if row < whole {
@@ -107,7 +111,7 @@ impl Batch {
         }
     }
 
-    /// Where an entry is among its values; the one below it is three after it.
+    /// Index of an entry among its values; the next row is three further.
     fn place(&self, row: usize, column: usize) -> usize {
         let (first, rest) = (column - column % 3, column % 3);
         eight::start(first, self.width + self.below()) + 3 * (row - first) + rest
@@ -120,7 +124,8 @@ impl Batch {
 }
 
 impl SolveOrder {
-    /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list `below`.
+    /// The levels of supernodes of a matrix `[size × size]`, whose rows below are those of the list
+    /// `below`.
     pub(super) fn new(nodes: &[Node], below: &[usize], size: usize) -> Self {
         let owner = Node::owners(nodes, size);
         let mut level = vec![0; nodes.len()];
@@ -134,11 +139,12 @@ impl SolveOrder {
             places: vec![0; size],
             ..Self::default()
         };
-        // Where each row below of a supernode leaves what it has.
+        // Destination of the update of each row below of a supernode.
         let mut slots = vec![Vec::new(); nodes.len()];
         for number in 0..count {
             let mut same: Vec<usize> = (0..nodes.len()).filter(|&k| level[k] == number).collect();
-            // Alike in width first: with 10 000 spheres that holds an eighth fewer values, zeros included, than alike in height first.
+            // Grouped by width first: with 10 000 spheres this needs an eighth fewer values,
+            // padding included, than grouping by height first.
             same.sort_by_key(|&k| (nodes[k].width, nodes[k].below.len()));
             let (first_batch, first_single) = (all.batches.len(), all.singles.len());
             for eight in same.chunks(LANES) {
@@ -156,7 +162,7 @@ impl SolveOrder {
                 singles: first_single..all.singles.len(),
             });
         }
-        // Every row takes what arrives in the order of the supernodes.
+        // Every row adds its updates in the order of the supernodes.
         let mut arrivals: Vec<_> = (0..count).map(|_| Vec::new()).collect();
         for (node, slots) in nodes.iter().zip(&slots) {
             for (&row, &slot) in below[node.below.clone()].iter().zip(slots) {
@@ -205,7 +211,7 @@ impl SolveOrder {
         self.batches.push(batch);
     }
 
-    /// Adds a supernode alone.
+    /// Adds a single supernode.
     fn add_single(&mut self, nodes: &[Node], k: usize, slots: &mut [Vec<u32>]) {
         let node = &nodes[k];
         let start = LANES * self.length;
@@ -224,7 +230,7 @@ impl SolveOrder {
         self.slots += node.below.len().div_ceil(LANES);
     }
 
-    /// Looks up the places of all rows below, once every row has one.
+    /// Looks up the positions of all rows below, once every row has one.
     fn find_rows_below(&mut self, nodes: &[Node], below: &[usize]) {
         let zero = narrow(LANES * self.length);
         self.length += 1;
@@ -247,7 +253,7 @@ impl SolveOrder {
         }
     }
 
-    /// Where the three rows of a sphere are in a vector, from the first of them.
+    /// Position of the three rows of a sphere in a vector.
     pub(super) fn places(&self, row: usize) -> [u32; 3] {
         [0, 1, 2].map(|k| self.places[row + k])
     }
@@ -257,20 +263,20 @@ impl SolveOrder {
         self.length
     }
 
-    /// Room for the values of a factor side by side, with what stands where supernodes have none.
+    /// Allocates the interleaved values of a factor, with padding.
     pub(super) fn make_room(&self, values: &mut Vec<Lanes>) {
         values.clear();
         values.resize(self.values, [0.0; LANES]);
         for batch in &self.batches {
             let values = &mut values[batch.values()];
-            // What is not there solves nothing: 1 · 0 = 0.
+            // Padding has no effect: 1 · 0 = 0.
             for column in 0..batch.width {
                 values[batch.place(column, column)] = [1.0; LANES];
             }
         }
     }
 
-    /// Puts the values of the supernodes that are new in a factor side by side.
+    /// Interleaves the values of the new supernodes of a factor.
     pub(super) fn pack(
         &self,
         nodes: &[Node],
@@ -305,7 +311,7 @@ impl SolveOrder {
         }
     }
 
-    /// `x ← L⁻ᵀ L⁻¹ x` by a factor and its values side by side, for callers that are vectorised themselves.
+    /// `x ← L⁻ᵀ L⁻¹ x` by a factor and its interleaved values, for vectorised callers.
     #[inline(always)]
     pub(super) fn solve(
         &self,
@@ -358,7 +364,8 @@ impl SolveOrder {
     }
 }
 
-/// Whether supernodes take less time together: each alone takes that of its steps one after another, all together that of every value.
+/// Whether supernodes are faster as a batch: a single one takes the time of its steps in sequence,
+/// a batch that of all values.
 fn is_worth_while(nodes: &[Node], eight: &[usize]) -> bool {
     let rows = eight.iter().map(|&k| nodes[k].height()).max().unwrap_or(0);
     eight.len() > 2 + rows / 16

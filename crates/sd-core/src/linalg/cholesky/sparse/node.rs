@@ -3,7 +3,7 @@
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use std::ops::Range;
 
-/// Where one supernode of a factor is: its rows and columns, and its values.
+/// A supernode of a factor: its rows, columns and values.
 #[derive(Debug, Clone)]
 pub(super) struct Node {
     /// First row and column.
@@ -17,7 +17,7 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// The supernode of each of that many columns.
+    /// The supernode of each column.
     pub(super) fn owners(nodes: &[Self], size: usize) -> Vec<usize> {
         let mut owners = vec![0; size];
         for (k, node) in nodes.iter().enumerate() {
@@ -46,7 +46,7 @@ impl Node {
             .collect()
     }
 
-    /// The three columns of a sphere, which begin at column `j`, from the row of the first of them on.
+    /// The three columns of a sphere from column `j` on, starting at the row of the first.
     #[inline(always)]
     pub(super) fn columns<'f>(&self, factor: &'f [f32], j: usize) -> [&'f [f32]; 3] {
         let height = self.height();

@@ -1,11 +1,13 @@
-//! The factorization of the values of a sparse matrix: columns of a supernode, then what they do to all later ones.
+//! The numeric factorization of a sparse matrix: columns of a supernode, then their updates of all
+//! later ones.
 //!
 //! ```text
 //! L_ss L_ssᵀ = A_ss,   L_bs = A_bs L_ss⁻ᵀ,   A_bb ← A_bb − L_bs L_bsᵀ          s: columns of a supernode, b: its rows below
 //! ```
 //!
-//! Supernodes have a few spheres each, so that the time goes into hundreds of small products. Where each of them goes is looked up once for
-//! a pattern; blocks of columns are factored by faer. The factor has the bits of faer's own supernodal factorization, which takes longer.
+//! Supernodes have few spheres, so most time is spent in hundreds of small products. Their
+//! destinations are determined once for a pattern; faer factors the blocks of columns. The factor
+//! has the same bits as faer's own supernodal factorization, which is slower.
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
@@ -18,45 +20,48 @@ use faer::sparse::SymbolicSparseColMatRef;
 use faer::{MatMut, Par, Spec};
 use std::ops::Range;
 
-/// Rows at a time: with the columns of two spheres, as many sums as the registers hold, none of which waits for another.
+/// Rows per block: with the columns of two spheres, as many independent sums as fit in registers.
 const ROWS: usize = 16;
-/// The same at the end, where there are fewer.
+/// The same for the last rows.
 const LAST_ROWS: usize = 8;
 /// Columns of a sphere.
 const COLUMNS: usize = 3;
 /// Columns of two spheres.
 const TWO_SPHERES: usize = 2 * COLUMNS;
 
-/// Where values go in a factor.
+/// Positions of values in a factor.
 #[derive(Debug, Default)]
 pub(super) struct Schedule {
-    /// Place in the factor of each value of the matrix, and which of them are in the columns of each supernode.
+    /// Position in the factor of each value of the matrix, and the values in the columns of each
+    /// supernode.
     places: Vec<u32>,
     values: Vec<Range<usize>>,
-    /// What each supernode does to later ones, and which of it is each one's.
+    /// Updates of later supernodes, and their ranges by supernode.
     updates: Vec<Update>,
     of_node: Vec<Range<usize>>,
     /// Rows of the targets.
     rows: Vec<u32>,
 }
 
-/// What a supernode does to the columns of a later one.
+/// The update of a later supernode by a supernode.
 #[derive(Debug)]
 struct Update {
     /// The later supernode.
     target: usize,
-    /// The first of its rows below that is a column of the target, and how many are.
+    /// The first of its rows below that is a column of the target, and their number.
     first: usize,
     columns: usize,
-    /// Where the target begins, and from one of its columns to the next.
+    /// Start of the target, and its column stride.
     start: usize,
     height: usize,
-    /// The target's row for each of its own from the first on, among all; of columns these are their numbers too.
+    /// The target's row for each of its own rows from the first on; for columns these are their
+    /// indices too.
     rows: Range<usize>,
 }
 
 impl Schedule {
-    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the lower triangle.
+    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the
+    /// lower triangle.
     pub(super) fn new(
         nodes: &[Node],
         below: &[usize],
@@ -64,7 +69,7 @@ impl Schedule {
     ) -> Self {
         let size = matrix.ncols();
         let owner = Node::owners(nodes, size);
-        // Where a row is in a supernode.
+        // Index of a row in a supernode.
         let local = |node: &Node, row: usize| {
             if row < node.start + node.width {
                 row - node.start
@@ -77,7 +82,7 @@ impl Schedule {
         for column in 0..size {
             let node = &nodes[owner[column]];
             let start = node.values.start + (column - node.start) * node.height();
-            // Those above the diagonal, which nobody reads, have a place too.
+            // Entries above the diagonal, which are never read, have a position too.
             let rows = matrix.row_idx_of_col(column);
             let places = rows.map(|row| narrow(start + local(node, row)));
             schedule.places.extend(places);
@@ -117,7 +122,8 @@ pub(super) fn scratch(nodes: &[Node]) -> StackReq {
 }
 
 impl Schedule {
-    /// Which supernodes of a factor change with the values of the matrix: their own, or those of a supernode that they depend on.
+    /// Supernodes of a factor that change with the values of the matrix: their own, or those of a
+    /// supernode they depend on.
     pub(super) fn find_changes(&self, old: &[f32], new: &[f32], changes: &mut Vec<bool>) {
         changes.clear();
         changes.resize(self.values.len(), false);
@@ -132,13 +138,14 @@ impl Schedule {
     }
 }
 
-/// Whether values differ; all are looked at, as most are equal, and a loop that may end early takes one after the other.
+/// Whether values differ; all are compared, as most are equal, and a loop with an early exit is not
+/// vectorised.
 fn differ(old: &[f32], new: &[f32]) -> bool {
     let pairs = old.iter().zip(new);
     pairs.filter(|(old, new)| old != new).count() > 0
 }
 
-/// Factors a matrix of the pattern, in the supernodes that are new; the others of the factor stay. `rows`: workspace.
+/// Factors a matrix of the pattern, in the new supernodes; the others are kept. `rows`: workspace.
 ///
 /// # Errors
 /// The row of a pivot that is not positive.
@@ -182,7 +189,8 @@ pub(super) fn factor(
     Ok(())
 }
 
-/// What a factored supernode does to later ones, whose rows are those of the list, for callers that are vectorised themselves.
+/// Applies the updates of a factored supernode to later ones, whose rows are those of the list, for
+/// vectorised callers.
 #[inline(always)]
 fn update<'u>(
     targets: &[u32],
@@ -191,7 +199,8 @@ fn update<'u>(
     factor: &mut [f32],
     rows: &mut Vec<f32>,
 ) {
-    // Its rows below, column after column, with room for the last rows at a time beyond the end, where anything may stand.
+    // Its rows below, column after column, with space for an incomplete block at the end, whose
+    // content is arbitrary.
     let count = node.below.len();
     let height = count.next_multiple_of(LAST_ROWS) + LAST_ROWS;
     rows.resize((node.width * height).max(rows.len()), 0.0);
@@ -212,7 +221,8 @@ fn update<'u>(
     }
 }
 
-/// What a supernode does to C columns of a later one, from `column` of the update on. What that puts above the diagonal nobody reads.
+/// Updates C columns of a later supernode, from `column` of the update on. Results above the
+/// diagonal are never read.
 #[inline(always)]
 fn subtract<const C: usize>(
     rows: &[f32],
@@ -225,7 +235,7 @@ fn subtract<const C: usize>(
     let places = std::array::from_fn::<_, C, _>(|c| {
         update.start + targets[column + c] as usize * update.height
     });
-    // Sums of all rows at a time for one column after the other.
+    // Sums of a block of rows for successive columns.
     let mut take = |targets: &[u32], sums: &[f32]| {
         for (place, sums) in places.into_iter().zip(sums.chunks_exact(sums.len() / C)) {
             let target = &mut factor[place..place + update.height];

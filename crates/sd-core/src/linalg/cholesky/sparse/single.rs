@@ -1,11 +1,11 @@
-//! Solves with one supernode and one right-hand side, for callers that are vectorised themselves.
+//! Solves with one supernode and one right-hand side, for vectorised callers.
 
 use super::Node;
 
-/// Spheres whose columns are taken off the rows below at a time.
+/// Number of spheres whose columns are subtracted from the rows below together.
 const SPHERES: usize = 4;
 
-/// `x ← L⁻¹ x` in the columns of a supernode; `left`: what that leaves for its rows below.
+/// `x ← L⁻¹ x` in the columns of a supernode; `left`: updates of its rows below.
 #[inline(always)]
 pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]) {
     for j in (0..node.width).step_by(3) {
@@ -39,7 +39,8 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
     }
 }
 
-/// `x ← x − Σ weight · column` for the three columns of G spheres, one sphere after the other, eight rows at a time.
+/// `x ← x − Σ weight · column` for the three columns of G spheres in sequence, in blocks of eight
+/// rows.
 #[inline(always)]
 fn subtract<const G: usize>(x: &mut [f32], columns: [[&[f32]; 3]; G], weights: [[f32; 3]; G]) {
     let columns = columns.map(|three| three.map(|column| &column[..x.len()]));

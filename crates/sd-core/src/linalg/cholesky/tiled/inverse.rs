@@ -8,8 +8,8 @@ use faer::{Accum, MatMut, Par};
 use std::ops::Range;
 
 impl TiledCholesky {
-    /// The trailing half of A⁻¹, as `V Vᵀ` with `V = L₂₂⁻ᵀ`, L₂₂ the trailing half of L: makes V and writes the lower triangle
-    /// `[n/2 × n/2]` of `V Vᵀ` into `out`. Cost 2 (n/2)³/3.
+    /// The trailing half of A⁻¹, as `V Vᵀ` with `V = L₂₂⁻ᵀ`, L₂₂ the trailing half of L: makes V
+    /// and writes the lower triangle `[n/2 × n/2]` of `V Vᵀ` into `out`. Cost 2 (n/2)³/3.
     pub fn trailing_inverse(&mut self, out: &mut Matrix) {
         let tiles = self.matrix.tiles();
         let (first, half) = (tiles / 2, self.matrix.rows() / 2);
@@ -22,7 +22,8 @@ impl TiledCholesky {
         let lower = &self.matrix.values;
         let strips = TILE * half;
         let share = tiles >= LARGE;
-        // Row t of V is made by (last − t)² products of tiles, and so is column t of the product: the first fifth is half of the work.
+        // Row t of V is made by (last − t)² products of tiles, and so is column t of the product:
+        // the first fifth is half of the work.
         let cut = first + (tiles - first).div_ceil(5);
         let (upper, rest) = self.inverse.split_at_mut(strips * (cut - first));
         join(
@@ -40,8 +41,8 @@ impl TiledCholesky {
         );
     }
 
-    /// V of [`TiledCholesky::trailing_inverse`], by tiles: rows of the tile (counted from the half), and its columns from the diagonal
-    /// on, `TILE` apart.
+    /// V of [`TiledCholesky::trailing_inverse`], by tiles: rows of the tile (counted from the
+    /// half), and its columns from the diagonal on, `TILE` apart.
     pub(crate) fn inverse_rows(&self) -> impl Iterator<Item = (Range<usize>, &[f64])> {
         let tiles = self.matrix.tiles();
         let half = self.matrix.rows() / 2;
@@ -56,7 +57,8 @@ impl TiledCholesky {
 }
 
 impl Shape<'_> {
-    /// Rows `tiles` of `V = L₂₂⁻ᵀ`, each a strip of all columns of the half: `V_t L₂₂ᵀ = e_t`, column after column.
+    /// Rows `tiles` of `V = L₂₂⁻ᵀ`, each a strip of all columns of the half: `V_t L₂₂ᵀ = e_t`,
+    /// column after column.
     fn invert(&self, lower: &[f64], inverse: &mut [f64], tiles: Range<usize>, first: usize) {
         let half = self.starts[first];
         let strips = inverse.chunks_exact_mut((TILE * half).max(1));

@@ -11,8 +11,9 @@ fn near(a: f64, b: f64, what: &str) {
     assert!((a - b).abs() <= 1e-8 * (1.0 + b.abs()), "{what}: {a} {b}");
 }
 
-/// Spheres in a plane of unbounded fluid move in it alike whether they are written as a layer or as a suspension: the two are computed
-/// with other modes, other far fields and other contact problems.
+/// Spheres in a plane of unbounded fluid move in it alike whether they are written as a layer or as
+/// a suspension: the two are computed with other modes, other far fields and other contact
+/// problems.
 #[test]
 fn spheres_in_a_plane_move_as_those_of_a_layer() {
     let rest = |hydrodynamics: &str| {

@@ -1,4 +1,5 @@
-//! A square of the plane of flow and gradient, with a key to its colours beside it and a caption below.
+//! A square of the plane of flow and gradient, with a key to its colours beside it and a caption
+//! below.
 
 use super::{AXIS, Frame, Grid, TICK};
 use crate::report::error::ReportError;
@@ -10,7 +11,7 @@ use crate::report::figure::scale::{Scale, extent};
 use crate::report::figure::scene::{Anchor, Page, Place, Shape, Stroke, Text, corners};
 use crate::report::figure::sketch::{Field, Sketch};
 
-/// Width of the colours of a key over the size of its letters.
+/// Width of the colours of a key over its font size.
 const BAR: f64 = 1.2;
 /// Height of a class of a key, and of a line of the caption.
 const ROW: f64 = 1.35;
@@ -18,17 +19,17 @@ const ROW: f64 = 1.35;
 const SAMPLE: f64 = 2.6;
 /// Stripes of a scale.
 const STRIPES: usize = 96;
-/// Discs that a shaded sphere is made of.
+/// Number of discs that compose a shaded sphere.
 const SHADES: usize = 16;
 /// Width of the rims of spheres.
 const RIM: f64 = 0.3;
-/// Width of lines at least.
-const THINNEST: f64 = 0.2;
+/// Minimum width of lines.
+const MIN_LINE_WIDTH: f64 = 0.2;
 
-/// Something in the plane: flow to the right, gradient upwards, lengths in a.
+/// An object in the plane: flow to the right, gradient upwards, lengths in a.
 #[derive(Debug, Clone)]
 pub(in crate::report) enum Mark {
-    /// A sphere, as a disc or with light on it.
+    /// A sphere, as a disc or shaded.
     Sphere {
         centre: [f64; 2],
         radius: f64,
@@ -49,33 +50,34 @@ pub(in crate::report) enum Mark {
     },
 }
 
-/// What the colours are.
+/// The key of the colours.
 #[derive(Debug)]
 pub(in crate::report) enum Key {
-    /// Numbers between two ends, as [`Colour::heat`] has them; beyond an open end there are more, of the colour of that end.
+    /// Numbers between two ends in the colours of [`Colour::heat`]; numbers beyond an open end have
+    /// its colour.
     Numbers {
         label: String,
         ends: [f64; 2],
         is_open: [bool; 2],
     },
-    /// Kinds, the first on top.
+    /// Classes, the first on top.
     Kinds {
         label: String,
         kinds: Vec<(Colour, String)>,
     },
 }
 
-/// All of a picture.
+/// A picture.
 #[derive(Debug)]
 pub(in crate::report) struct Picture {
     /// Ends of both axes, in a.
     pub(in crate::report) ends: [f64; 2],
-    /// The first behind all others.
+    /// Objects from back to front.
     pub(in crate::report) marks: Vec<Mark>,
     pub(in crate::report) key: Key,
-    /// Lines that are explained: colours and widths in a, drawn over each other, and words.
+    /// Samples of lines: colours and widths in a, drawn over each other, and their description.
     pub(in crate::report) lines: Vec<(Vec<(Colour, f64)>, String)>,
-    /// What it is of, in pieces that are not broken.
+    /// The caption, in pieces that are not broken.
     pub(in crate::report) caption: Vec<String>,
 }
 
@@ -122,7 +124,7 @@ pub(in crate::report::figure) fn page(picture: &Picture) -> Result<Page, ReportE
             (x, y) = (start, y + ROW * size);
         }
         let middle = y + 0.5 * ROW * size;
-        // The widest is as long as the words expect, its round ends included.
+        // The widest sample has the standard length, its round ends included.
         let widest = strokes
             .iter()
             .map(|(_, width)| 0.5 * width * per_a)
@@ -168,7 +170,7 @@ fn wrapped(pieces: &[String], width: f64, size: f64) -> Vec<String> {
 }
 
 impl Frame<'_> {
-    /// A mark on the page, on which a is so long.
+    /// A shape on the page, with a of this length.
     fn mark(&self, mark: &Mark, per_a: f64) -> Vec<Shape> {
         let at = |&[x, y]: &[f64; 2]| [self.x(x), self.y(y)];
         match mark {
@@ -180,12 +182,12 @@ impl Frame<'_> {
             } => {
                 let stroke = Stroke {
                     is_round: *is_round,
-                    ..Stroke::solid(*colour, (width * per_a).max(THINNEST))
+                    ..Stroke::solid(*colour, (width * per_a).max(MIN_LINE_WIDTH))
                 };
                 Vec::from_iter(Shape::line(ends.each_ref().map(at), stroke))
             }
             Mark::Area { corners, colour } => {
-                // Neighbours meet without a seam.
+                // Overlapping edges, so that neighbours meet without a seam.
                 let stroke = Stroke::solid(*colour, 0.2);
                 Vec::from_iter(Shape::edged(corners.iter().map(at), Some(*colour), stroke))
             }
@@ -224,7 +226,7 @@ fn scale([low, high]: [f64; 2]) -> Scale {
 }
 
 impl Key {
-    /// What is written beside its colours.
+    /// The labels beside its colours.
     fn words(&self) -> Vec<String> {
         match self {
             Self::Numbers { ends, .. } => {
@@ -235,18 +237,18 @@ impl Key {
         }
     }
 
-    /// The width of its words.
+    /// The width of its labels.
     fn widest(&self, size: f64) -> f64 {
         let [_, widest] = extent(self.words().iter().map(|words| font::width(words, size)));
         widest.max(0.0)
     }
 
-    /// The width it takes beside the axes.
+    /// Its width beside the axes.
     fn width(&self, size: f64) -> f64 {
         (BAR + 2.4) * size + self.widest(size)
     }
 
-    /// Draws it beside the axes, in letters of a size.
+    /// Draws it beside the axes, at a font size.
     fn draw(&self, [[_, top], [right, bottom]]: [Place; 2], size: f64) -> Vec<Shape> {
         let from = right + size;
         let to = from + BAR * size;
@@ -266,13 +268,13 @@ impl Key {
             } => {
                 let scale = scale(*ends);
                 let at = |part: f64| bottom + part * (top - bottom);
-                // Each is painted over the one before, so that nothing shows between them.
+                // Each stripe overlaps the one before, so that no gap shows between them.
                 for stripe in 0..STRIPES {
                     let part = |shift: f64| (stripe as f64 + shift) / STRIPES as f64;
                     let ends = [[from, top], [to, at(part(0.0))]];
                     shapes.extend(Shape::filled(corners(ends), Colour::heat(part(0.5)), 1.0));
                 }
-                // An open end points to what is beyond it.
+                // An open end is drawn as an arrow.
                 for (is_open, part, y, tip) in [
                     (is_open[0], 0.0, bottom, bottom + 0.6 * size),
                     (is_open[1], 1.0, top, top - 0.6 * size),

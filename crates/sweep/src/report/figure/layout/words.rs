@@ -1,14 +1,14 @@
-//! What is written on a panel: numbers, labels.
+//! Text on a panel: numbers and labels.
 
 use super::Frame;
 use crate::report::figure::font;
 use crate::report::figure::scene::{Anchor, Place, Shape, Text};
 
-/// From one place that a curve passes to the next, where it is looked for what hides it.
+/// Distance between the points of a curve that are tested for overlap.
 const NEAR: f64 = 3.0;
 
 impl Frame<'_> {
-    /// Numbers, labels and what is said within the axes.
+    /// Numbers, labels and text within the axes.
     pub(super) fn words(&self, is_left: bool, is_lowest: bool) -> Vec<Shape> {
         let [[left, top], [right, bottom]] = self.corners;
         let (label, size) = (self.outline.label_size, self.outline.tick_size);
@@ -21,7 +21,7 @@ impl Frame<'_> {
             let place = [left - 0.5 * size, self.y(*place) + 0.36 * size];
             texts.push(Text::new(place, words, size, Anchor::End));
         }
-        // A label that is longer than its axis is written smaller.
+        // A label longer than its axis is set smaller.
         let fitting = |words: &str, room: f64| label * (room / font::width(words, label)).min(1.0);
         if is_lowest {
             let words = &self.panel.x.label;
@@ -54,8 +54,8 @@ impl Frame<'_> {
         texts.into_iter().flat_map(Text::shapes).collect()
     }
 
-    /// Ticks of the lower axis that are named: all, or every second, third .. one where names would run into each other. Plateaus beyond
-    /// breaks are named in any case.
+    /// Labelled ticks of the lower axis: all, or every nth where labels would overlap. Plateaus
+    /// beyond breaks are always labelled.
     fn named_ticks(&self, size: f64) -> Vec<(f64, &str)> {
         let scale = &self.panel.x;
         let places: Vec<f64> = scale.ticks.iter().map(|tick| tick.0).collect();
@@ -83,7 +83,7 @@ impl Frame<'_> {
         found.unwrap_or_else(|| kept(places.len().max(1)))
     }
 
-    /// Places that a legend should leave free.
+    /// Points that a legend should not hide.
     pub(super) fn obstacles(&self) -> Vec<Place> {
         let parts = [Self::bands, Self::lines, Self::bars, Self::markers];
         let curves = self.panel.curves.iter();

@@ -1,4 +1,4 @@
-//! State diagrams: how points flow, in the plane of two axes.
+//! State diagrams: the state of the flow in the plane of two axes.
 
 use super::draft::Draft;
 use super::{Form, Height, Line, Sketch, Spot};
@@ -9,16 +9,17 @@ use crate::report::figure::Drawing;
 use crate::report::points::{Point, Report};
 use crate::report::states::{Flow, FlowCurve, grouped};
 
-/// Slopes d ln η/d ln σ whose places are drawn as lines, and what these are called.
+/// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
 const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
-/// Columns of a diagram, and points of at least so many of them, without which no slope is known.
+/// Minimum number of columns of a diagram, and of points in each, for slopes.
 const LEAST_COLUMNS: usize = 2;
 const LEAST_POINTS: usize = 3;
 
-/// The axes of a state diagram: those asked for, or the area fraction and the stress, or the rate where no stress is imposed.
+/// The axes of a state diagram: those requested, or the area fraction and the stress, or the rate
+/// where no stress is imposed.
 ///
 /// # Errors
-/// [`ReportError::Argument`] on axes that make no diagram.
+/// [`ReportError::Argument`] on unsuitable axes.
 pub(in crate::report::figure) fn axes(
     reports: &[Report],
     drawing: &Drawing,
@@ -41,13 +42,13 @@ pub(in crate::report::figure) fn axes(
     if !y.is_of_shear() {
         return Err(ReportError::argument(
             "--y",
-            "of a state diagram it is shear_stress or shear_rate",
+            "in a state diagram it is shear_stress or shear_rate",
         ));
     }
     if x.is_of_shear() {
         return Err(ReportError::argument(
             "--x",
-            "of a state diagram it is no shear rate or stress, which are on the vertical axis",
+            "in a state diagram it is neither shear rate nor stress, which are on the vertical axis",
         ));
     }
     Ok([x, y])
@@ -57,7 +58,8 @@ impl Draft<'_> {
     /// The diagram: a marker for every point, and lines where slopes pass the limits.
     ///
     /// # Errors
-    /// [`ReportError::Argument`] if other axes have several values, and if there are too few points for slopes.
+    /// [`ReportError::Argument`] if other axes have several values, and if there are too few points
+    /// for slopes.
     pub(super) fn diagram(&self, y: &'static Axis) -> Result<Sketch, ReportError> {
         let x = self.along;
         let mut lines = Vec::new();
@@ -91,7 +93,7 @@ impl Draft<'_> {
         Ok(self.sketch(lines, self.label_of_shear(y)))
     }
 
-    /// Refuses points that differ in an axis that is not drawn.
+    /// Refuses points that differ on another axis.
     fn check_others(&self, points: &[&Point]) -> Result<(), ReportError> {
         let params = || points.iter().map(|point| &point.params);
         let is_drawn = |axis: &Axis| axis.key == self.along.key || axis.is_of_shear();
@@ -111,13 +113,13 @@ impl Draft<'_> {
         Err(ReportError::argument(
             "--where",
             format!(
-                "a state diagram averages over no axis, and {}: choose one value of each with --where, or --panels",
+                "a state diagram does not average over axes, and {}: choose one value of each with --where, or --panels",
                 named.join("; ")
             ),
         ))
     }
 
-    /// A line of markers for each way to flow.
+    /// A line of markers for each state.
     fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
         let mut lines: Vec<Line> = Flow::ALL
             .iter()
@@ -149,7 +151,8 @@ impl Draft<'_> {
         lines
     }
 
-    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted where a column has none.
+    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted
+    /// where a column has none.
     fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
         let mut lines = Vec::new();
         for (number, (limit, name)) in LIMITS.into_iter().enumerate() {
@@ -175,7 +178,7 @@ impl Draft<'_> {
         lines
     }
 
-    /// Where a point stands along the vertical axis, in the units asked for.
+    /// Position of a point along the vertical axis, in the units requested.
     fn height(&self, point: &Point, y: &Axis) -> f64 {
         self.units.along(y, point.at(), point.place(y))
     }

@@ -1,4 +1,4 @@
-//! Reports as lines: which points make a curve, where they stand, and in which panel.
+//! Reports as lines: the points of each curve, their positions, and their panels.
 
 use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
 use crate::axes::{AXES, Axis, identity};
@@ -17,12 +17,12 @@ use crate::spaces::dilute_viscosity;
 use crate::statistics::Estimate;
 use sd_core::Params;
 
-/// What reports are drawn as.
+/// Settings of the lines of reports.
 pub(super) struct Draft<'r> {
     reports: &'r [Report],
     pub(super) along: &'static Axis,
     pub(super) panels: Option<&'static Axis>,
-    /// Parameters of each panel, in the order of their values; one of nothing where there are no panels.
+    /// Parameters of each panel, in the order of their values; a single empty entry without panels.
     pub(super) fields: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
     pub(super) units: Units,
@@ -39,7 +39,7 @@ impl<'r> Draft<'r> {
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
             return Err(ReportError::argument(
                 "--along",
-                "a flow curve is stress against rate: it runs along shear_rate",
+                "a flow curve is stress against rate: its axis is shear_rate",
             ));
         }
         let names = |is_meant: fn(&Axis) -> bool| {
@@ -52,17 +52,17 @@ impl<'r> Draft<'r> {
                 names => format!("axes with several values are {}", names.join(", ")),
             }
         };
-        // A rate that is measured varies without being an axis of the campaign.
+        // A measured rate varies without being an axis of the campaign.
         let [low, high] = extent(points().map(|point| point.place(along)));
         let is_in_time = drawing.kind == Kind::Trace;
-        // Which says itself how many points it needs.
+        // It reports itself how many points it needs.
         let is_diagram = drawing.kind == Kind::StateDiagram;
         let has_one = points().next().is_some() && low >= high;
         if drawing.along.is_some() && !is_in_time && !is_diagram && has_one {
             return Err(ReportError::argument(
                 "--along",
                 format!(
-                    "all points have the same {}, so no curve runs along it; {}",
+                    "all points have the same {}, so there is no curve along it; {}",
                     along.key,
                     names(Axis::is_numeric)
                 ),
@@ -96,10 +96,10 @@ impl<'r> Draft<'r> {
             panels: drawing.look.panels,
             fields,
             log: along.is_logarithmic().then(|| {
-                let rests = |p: &&Point| along.is_shear_rate() && bears(p);
+                let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
                 let values: Vec<f64> = points()
                     .map(|p| units.along(along, p.at(), p.place(along)))
-                    // Layers that bear their stress at rest stand at a rate of 0.
+                    // Layers that carry their stress at rest are drawn at a rate of 0.
                     .chain(points().filter(rests).map(|_| 0.0))
                     .collect();
                 LogAxis::of(&values)
@@ -107,7 +107,7 @@ impl<'r> Draft<'r> {
         })
     }
 
-    /// Makes sure that the units asked for can be had, and that something changes by them.
+    /// Checks that the requested units apply and change something.
     pub(super) fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
         let Measured { label, unit, .. } = measured;
         self.units.reach(label, unit)?;
@@ -117,7 +117,7 @@ impl<'r> Draft<'r> {
         let changes = self.units.word(unit) != unit
             || is_converted(&self.along)
             || varying.any(|axis| is_converted(&axis));
-        if self.units.are_asked_for() && !changes {
+        if self.units.are_requested() && !changes {
             return Err(ReportError::argument(
                 "--units",
                 format!(
@@ -129,7 +129,7 @@ impl<'r> Draft<'r> {
         Ok(())
     }
 
-    /// Whether there is nothing to draw because what there is has no physical scale.
+    /// Whether nothing is drawn because no value has a physical scale.
     pub(super) fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
         if self
             .points()
@@ -140,7 +140,8 @@ impl<'r> Draft<'r> {
         Ok(())
     }
 
-    /// Whether numbers of this unit, and the place along the axis, have a value in the units asked for.
+    /// Whether numbers of this unit, and the position along the axis, have a value in the requested
+    /// units.
     fn has_scale(&self, unit: &str, point: &Point) -> bool {
         let has_place = point.place(self.along).is_nan() || !self.value(point).is_nan();
         self.units.factor(unit, point.at()).is_some() && has_place
@@ -160,7 +161,7 @@ impl<'r> Draft<'r> {
         curves(self.reports, shared)
     }
 
-    /// What an axis of shear is called, whichever of stress and rate is imposed, with its unit.
+    /// Label of an axis of shear with its unit, whether stress or rate is imposed.
     pub(super) fn label_of_shear(&self, axis: &Axis) -> String {
         if axis.is_shear_stress() {
             self.units.label("shear stress σ*", axis.unit)
@@ -202,13 +203,13 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Value of a point along the axis, in the units asked for.
+    /// Value of a point along the axis, in the requested units.
     pub(super) fn value(&self, point: &Point) -> f64 {
         let value = point.place(self.along);
         self.units.along(self.along, point.at(), value)
     }
 
-    /// Where a value stands on the axis.
+    /// Position of a value on the axis.
     pub(super) fn place(&self, value: f64) -> f64 {
         self.log.map_or(value, |log| log.place(value))
     }
@@ -242,7 +243,8 @@ impl<'r> Draft<'r> {
             })
         };
         let lines = self.curves().into_iter().filter_map(|mut curve| {
-            // What has a result but no value here is left out, and not marked as missing: a stress at an infinite rate.
+            // A result without a value here, such as a stress at an infinite rate, is left out and
+            // not marked as missing.
             let is_shown = |point: &Point| match measured.read(point) {
                 Some(height) => height.value.is_finite() && self.has_scale(unit, point),
                 None => true,
@@ -258,10 +260,10 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// The axis without plateaus at which nothing is drawn.
+    /// The axis without empty plateaus.
     fn without_empty_plateaus(&self, log: LogAxis, lines: &[Line]) -> LogAxis {
         let spots = || lines.iter().flat_map(|line| &line.points);
-        let rests = || self.along.is_shear_rate() && self.points().any(bears);
+        let rests = || self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
         LogAxis {
             zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
             infinite: log.infinite && spots().any(|spot| spot.x > log.high),
@@ -372,7 +374,7 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Says under the figure that runs are doubtful.
+    /// Adds a note on doubtful runs below the figure.
     pub(super) fn note_doubtful(&self, sketch: &mut Sketch, kind: Kind) {
         let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
         if number > 0 && kind != Kind::Trace {
@@ -386,13 +388,16 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Crosses for the points with runs that jammed under an imposed stress: at a rate of 0 in a flow curve, above all that flows
-    /// among viscosities.
+    /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow
+    /// curve, above all flowing points among viscosities.
     pub(super) fn jammed(&self, kind: Kind, sketch: &Sketch) -> Vec<Line> {
         let spots = sketch.lines.iter().flat_map(|line| &line.points);
         let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.value)));
         let mut lines: Vec<Line> = Vec::new();
-        for point in self.points().filter(|point| bears(point)) {
+        for point in self
+            .points()
+            .filter(|point| jammed_at_imposed_stress(point))
+        {
             let x = if self.along.is_shear_rate() {
                 0.0
             } else {
@@ -426,11 +431,11 @@ impl<'r> Draft<'r> {
     }
 }
 
-/// The axis of a figure if the user names none: the first that varies.
+/// Default axis of a figure: the first that varies.
 fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
     let first = match kind {
         Kind::Contacts => "friction",
-        // Stress against rate, whichever is imposed.
+        // Stress against rate, whether stress or rate is imposed.
         Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
         _ => "shear_rate",
     };
@@ -452,6 +457,6 @@ fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
 }
 
 /// Whether runs of it ended jammed under an imposed stress.
-fn bears(point: &Point) -> bool {
+fn jammed_at_imposed_stress(point: &Point) -> bool {
     point.params.shear_stress.is_some() && point.jammed > 0
 }

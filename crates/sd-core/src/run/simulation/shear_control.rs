@@ -1,8 +1,9 @@
-//! How the shear is imposed: by its rate, or by its stress.
+//! Control of the shear, by rate or by stress.
 //!
-//! In units of the flow the rate is 1 whatever it is; what changes with it is the critical load F_crit = 6π/Γ, and with it every force that
-//! is given in units of F_crit. Where the stress is imposed F_crit is found at every stage, see [`crate::run::balance`]; strain stays the
-//! variable that runs are made of, and a step takes the time strain/rate.
+//! In units of the flow the rate is always 1; the critical load F_crit = 6π/Γ depends on it, and so
+//! does every force given in units of F_crit. Under an imposed stress F_crit is determined at every
+//! stage, see [`crate::run::balance`]; strain remains the independent variable, and a step takes
+//! the time strain/rate.
 
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Laws;
@@ -16,16 +17,17 @@ use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use std::f64::consts::PI;
 
-/// Viscosity with which the search for the first load of a run begins.
+/// Initial viscosity of the search for the first load of a run.
 const FIRST_VISCOSITY: f64 = 10.0;
-/// Solves of a stage after which friction is held where it acts: the law jumps there, and no load need bear the stress.
+/// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of
+/// the law, no load may balance the stress.
 const MOST_DECISIONS: u32 = 6;
-/// Solves of a stage after which it counts as unconverged.
+/// Number of solves of a stage after which it counts as unconverged.
 const MOST_SOLVES: u32 = 60;
 
-/// How the shear is imposed.
+/// Control of the shear.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Drive {
+pub(super) enum ShearControl {
     /// By its rate.
     Rate,
     /// By its stress.
@@ -39,8 +41,9 @@ pub(super) enum Drive {
     },
 }
 
-impl Drive {
-    /// What a run with these parameters has, at the critical load of its last stage if it goes on.
+impl ShearControl {
+    /// The control of a run with these parameters, with the critical load of its last stage if it
+    /// is resumed.
     pub(super) fn new(params: &Params, load: Option<f64>) -> Self {
         match params.shear_stress {
             None => Self::Rate,
@@ -52,7 +55,7 @@ impl Drive {
         }
     }
 
-    /// The critical load of the stage last solved, where the stress is imposed.
+    /// The critical load of the stage last solved, under an imposed stress.
     pub(super) fn critical_load(&self) -> Option<f64> {
         match *self {
             Self::Stress {
@@ -87,16 +90,16 @@ impl Drive {
     }
 }
 
-/// What depends on the critical load.
+/// Dependence of a stage on the critical load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Dependence {
     /// Nothing.
     None,
-    /// On which contacts friction acts, and nothing else.
+    /// Only the set of frictional contacts.
     Set,
-    /// Forces, and where friction begins with a jump that set as well.
+    /// Forces, and with a jump of friction at its onset that set too.
     Forces {
-        /// Whether it does.
+        /// Whether friction jumps at its onset.
         jumps: bool,
     },
 }
@@ -104,9 +107,9 @@ enum Dependence {
 impl Dependence {
     fn of(params: &Params) -> Self {
         let laws = params.contact.laws();
-        let rubs = params.rubs();
-        let jumps = rubs && laws.onset == FrictionOnset::CriticalLoad;
-        let smooth = rubs && laws.onset == FrictionOnset::Reduced;
+        let has_friction = params.has_friction();
+        let jumps = has_friction && laws.onset == FrictionOnset::CriticalLoad;
+        let smooth = has_friction && laws.onset == FrictionOnset::Reduced;
         match params.contact {
             ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => {
                 Self::Forces { jumps }
@@ -118,7 +121,7 @@ impl Dependence {
 }
 
 impl<S: Started> Simulation<S> {
-    /// Solves a stage at the critical load at which it bears the imposed stress.
+    /// Solves a stage at the critical load at which it carries the imposed stress.
     pub(super) fn solve_at_stress(
         &mut self,
         stage: Stage,
@@ -126,15 +129,15 @@ impl<S: Started> Simulation<S> {
         centres: &[S::Vector],
     ) -> Result<Quality, Error> {
         let mut pass = Pass::First;
-        let Drive::Stress {
+        let ShearControl::Stress {
             stress, mut load, ..
-        } = self.drive
+        } = self.shear_control
         else {
             unreachable!("only where the stress is imposed");
         };
         let dependence = Dependence::of(&self.params);
         let mut balance = Balance::new(stress);
-        // The last load at which the layer flowed, if there was one.
+        // The last load at which the layer flowed, if any.
         let mut flowing = None;
         for count in 1.. {
             self.take_load(load);
@@ -152,7 +155,7 @@ impl<S: Started> Simulation<S> {
                 Dependence::Forces { .. } => false,
             };
             if settled && viscosity > 0.0 {
-                // The solution is the same at the load it needs.
+                // The solution is the same at the balancing load.
                 self.take_load(balance.load_of(viscosity));
                 return Ok(quality);
             }
@@ -184,13 +187,13 @@ impl<S: Started> Simulation<S> {
                 if quality.jammed()
                     && let Some(flowing) = flowing
                 {
-                    // Of the two sides of the jump the one that flows.
+                    // The flowing one of the two sides of the jump.
                     self.take_load(flowing);
                     quality = self.solve(stage, cell, centres, pass)?;
                     viscosity = self.stress_of_stage().viscosity;
                 }
                 if dependence == Dependence::Set {
-                    // Held where it acts now, nothing else depends on the load.
+                    // With the set of frictional contacts fixed, nothing else depends on the load.
                     self.take_load(balance.load_of(viscosity));
                     return Ok(quality);
                 }
@@ -201,7 +204,7 @@ impl<S: Started> Simulation<S> {
         unreachable!("solves are limited")
     }
 
-    /// Imposes what the segments of the run ask for in a step.
+    /// Imposes the shear of the run's segments in a step.
     pub(super) fn impose(&mut self, step: u64) {
         let Some(run) = &self.run else {
             return;
@@ -218,31 +221,31 @@ impl<S: Started> Simulation<S> {
         if self.params.direction != direction
             && let SchemeMemory::Procedure { velocities, .. } = &mut self.memory
         {
-            // They say nothing of who approaches whom now.
+            // Velocities of the last step no longer indicate which pairs approach.
             velocities.clear();
         }
         if self.params.shear_stress.is_none() {
-            self.drive = Drive::Rate;
+            self.shear_control = ShearControl::Rate;
             self.take_laws();
         } else if self.params.shear_stress != stress {
-            // The laws, and springs in their units, follow with the first load that is tried.
-            self.drive = Drive::new(&self.params, None);
+            // The laws, and springs in their units, are updated with the first trial load.
+            self.shear_control = ShearControl::new(&self.params, None);
         }
     }
 
-    /// Brings all that is in units of the critical load to this one.
+    /// Rescales all that is in units of the critical load.
     fn take_load(&mut self, new: f64) {
-        if let Drive::Stress { load, begun, .. } = &mut self.drive {
+        if let ShearControl::Stress { load, begun, .. } = &mut self.shear_control {
             *load = new;
             *begun = true;
         }
         self.take_laws();
     }
 
-    /// Brings all that is in units of the flow to what is imposed now.
+    /// Rescales all that is in units of the flow to the new shear.
     fn take_laws(&mut self) {
         let before = self.laws.tangential_stiffness;
-        self.laws = self.drive.laws(&self.params);
+        self.laws = self.shear_control.laws(&self.params);
         if let SchemeMemory::Laws(memory) = &mut self.memory
             && before > 0.0
         {
@@ -253,7 +256,8 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Whether friction would act on the same contacts above another critical load. The paper's steps decide it by themselves.
+    /// Whether friction would act on the same contacts at another critical load. The paper's steps
+    /// determine this themselves.
     fn acts_alike(&self, load: f64) -> bool {
         let mut contacts = self.stage.contacts.list.iter();
         contacts.all(|contact| contact.friction_acts == (contact.normal_force > load))

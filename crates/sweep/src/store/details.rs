@@ -1,4 +1,4 @@
-//! All that the store knows of one case.
+//! All stored data of one case.
 
 use super::failures::{self, Attempt};
 use super::processes::program;
@@ -10,9 +10,9 @@ use rusqlite::Row;
 use sd_core::{Params, Sample};
 use serde::Serialize;
 
-/// One case from its plan to its end.
+/// One case with its state and data.
 #[derive(Debug, Clone, Serialize)]
-pub struct Story {
+pub struct CaseDetails {
     /// Its key.
     pub key: String,
     /// Its number in the campaign file, from 1; `None` once it has left the grid.
@@ -27,21 +27,21 @@ pub struct Story {
     pub steps: u64,
     /// Steps done, as of the last checkpoint.
     pub steps_done: u64,
-    /// Times it was begun anew.
+    /// Number of attempts.
     pub attempts: u64,
-    /// Why its numbers are doubtful, if they are.
+    /// Reasons why its numbers are doubtful, if any.
     pub doubts: Vec<String>,
-    /// Seconds of computing, once it has ended well.
+    /// Wall seconds, once it is done.
     pub wall_time_s: Option<f64>,
     /// Seconds of CPU.
     pub cpu_time_s: Option<f64>,
-    /// Times it went on from a checkpoint.
+    /// Number of times it was resumed from a checkpoint.
     pub resumed: Option<u64>,
-    /// Where it was computed, or is being computed.
+    /// The process that computed it, or computes it.
     pub origin: Option<Origin>,
     /// Its failed attempts, the last one last.
     pub failures: Vec<Attempt>,
-    /// Frames kept.
+    /// Number of frames.
     pub frames: u64,
     /// Its samples so far, with their steps.
     pub samples: Vec<(u64, Sample)>,
@@ -58,15 +58,16 @@ pub struct Origin {
     pub physics_version: u64,
     /// Hash of its executable.
     pub build: String,
-    /// When it ended, or was last heard of, in milliseconds since 1970.
+    /// Its end or last heartbeat, in milliseconds since 1970.
     pub at: i64,
 }
 
 impl Store {
-    /// The key of the one case meant by the beginning of a key, or by a number of the campaign file; an exact number wins.
+    /// The key of the case identified by the beginning of a key or by a number of the campaign
+    /// file; an exact number takes precedence.
     ///
     /// # Errors
-    /// [`StoreError::Case`] if no case or several are meant, and trouble with the file.
+    /// [`StoreError::Case`] if no case or several match, and I/O or SQLite errors.
     pub fn key_of(&self, given: &str) -> Result<String, StoreError> {
         let mut keys = self.find_cases(given)?;
         match (keys.pop(), keys.as_slice()) {
@@ -76,7 +77,7 @@ impl Store {
         }
     }
 
-    /// The error about a name that is not that of one case.
+    /// The error about a name that does not match exactly one case.
     pub(crate) fn no_case(&self, given: &str, what: &'static str) -> StoreError {
         StoreError::Case {
             path: self.path.clone(),
@@ -85,7 +86,7 @@ impl Store {
         }
     }
 
-    /// Keys of the cases meant by a name, two at most.
+    /// Keys of the cases that match a name, at most two.
     fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
         let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
         let by_number = "SELECT key FROM cases WHERE position = ?1 - 1";
@@ -97,8 +98,8 @@ impl Store {
         self.read(self.connection.values(by_key, [given]))
     }
 
-    /// The story of the case a user names, as [`Store::key_of`] reads the name.
-    pub(crate) fn story(&self, given: &str) -> Result<Story, StoreError> {
+    /// The details of a case, by a name as for [`Store::key_of`].
+    pub(crate) fn details(&self, given: &str) -> Result<CaseDetails, StoreError> {
         let key = self.key_of(given)?;
         let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                  r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
@@ -108,15 +109,15 @@ impl Store {
              LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
                  (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
              WHERE c.key = ?1";
-        let (id, mut story) = self.read(self.connection.one(query, [&key], case))?;
+        let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
         self.read(results::check(&self.connection, id))?;
-        story.failures = self.read(failures::of(&self.connection, id))?;
-        story.samples = self.samples_so_far(id, story.steps)?;
-        story.frames = self.frame_count(&key)?;
-        Ok(story)
+        details.failures = self.read(failures::of(&self.connection, id))?;
+        details.samples = self.samples_so_far(id, details.steps)?;
+        details.frames = self.frame_count(&key)?;
+        Ok(details)
     }
 
-    /// Samples of a case: of its result, or else of its newest readable checkpoint.
+    /// Samples of a case, from its result or else from its newest readable checkpoint.
     fn samples_so_far(&self, id: i64, requested: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
         let mut samples = self.read(samples::of(&self.connection, id))?;
         samples.retain(|(step, _)| *step < requested);
@@ -132,7 +133,7 @@ impl Store {
     /// Samples of a case so far, with their steps.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// An I/O or SQLite error.
     pub fn samples(&self, key: &str) -> Result<Vec<(u64, Sample)>, StoreError> {
         let case = "SELECT id, steps FROM cases WHERE key = ?1";
         let found = self.connection.find(case, [key], |row| row.try_into());
@@ -145,7 +146,7 @@ impl Store {
     /// Strain and viscosity of a case at its samples so far.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// An I/O or SQLite error.
     pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
         Ok(self
             .samples(key)?
@@ -157,14 +158,14 @@ impl Store {
 }
 
 impl Origin {
-    /// The program, as people name it.
+    /// Name and version of the program.
     pub fn program(&self) -> String {
         program(&self.version, self.physics_version, &self.build)
     }
 }
 
-/// One row of [`Store::story`], and the number of its case.
-fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
+/// One row of [`Store::details`], and the number of its case.
+fn case(row: &Row<'_>) -> rusqlite::Result<(i64, CaseDetails)> {
     let host: Option<String> = row.get(11)?;
     let origin = match host {
         None => None,
@@ -176,7 +177,7 @@ fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
             at: row.get(15)?,
         }),
     };
-    let story = Story {
+    let details = CaseDetails {
         key: row.get(1)?,
         number: row.get::<_, Option<u64>>(2)?.map(|position| position + 1),
         params: params(row, 3)?,
@@ -197,5 +198,5 @@ fn case(row: &Row<'_>) -> rusqlite::Result<(i64, Story)> {
         frames: 0,
         samples: Vec::new(),
     };
-    Ok((row.get(0)?, story))
+    Ok((row.get(0)?, details))
 }
