@@ -67,12 +67,14 @@ impl<S: Space> ProblemSolver<S> {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
         let (mut least_turn, mut before, mut shortens) = (f64::INFINITY, None, false);
         for count in 1..=MAX_SYSTEMS {
-            self.previous.copy_from(&self.forces);
+            shortens |= S::TANGENTS > 1 && stalled > 0;
+            if shortens {
+                self.previous.copy_from(&self.forces);
+            }
             let solved = system.solve(problem, &self.states, last, &mut self.forces);
             let Some(roundoff) = solved else {
                 return (false, count);
             };
-            shortens |= stalled > 0;
             let least = before.filter(|_| !last && shortens);
             let (violation, is_whole) = self.shorten(problem, system, least);
             let refined = refine(problem, &self.forces);

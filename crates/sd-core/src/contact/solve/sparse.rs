@@ -35,7 +35,7 @@ use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
 const LEAST_COMPLIANCE: f64 = 1e-6;
-/// The stiffness of contacts that have none.
+/// Largest stiffness in the preconditioner, that of rigid contacts.
 const STIFF: f64 = 1.0 / LEAST_COMPLIANCE;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
@@ -223,13 +223,17 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             self.stiffness.len()
         };
-        let mut fits = self.is_factored && self.factored.len() == rows;
-        for (at, (&old, &new)) in self.factored.iter().zip(&self.stiffness).enumerate() {
-            // A slide that turns, or slips faster, changes little.
-            let slides = at >= problem.normal.len()
-                && linear.states.slide(at - problem.normal.len()).is_some();
-            fits &= old == new || slides && old > 0.0 && new > 0.0 && old < STIFF && new < STIFF;
-        }
+        // A slide that turns, or slips faster, changes little.
+        let slides = |at: usize| {
+            let row = at.checked_sub(problem.normal.len());
+            row.is_some_and(|m| linear.states.slide(m).is_some())
+        };
+        let is_soft = |stiffness: f64| stiffness > 0.0 && stiffness < STIFF;
+        let mut pairs = self.factored.iter().zip(&self.stiffness).enumerate();
+        let fits = self.is_factored
+            && self.factored.len() == rows
+            && pairs
+                .all(|(at, (&old, &new))| old == new || is_soft(old) && is_soft(new) && slides(at));
         if !fits {
             self.assemble((problem, linear.states), pattern, rows);
             // Where it fails there is none.
@@ -315,7 +319,9 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     }
 
     fn read_motion(&self, problem: &Problem<S>, forces: &mut Forces) -> bool {
-        self.read(problem, forces);
+        if self.system.has_motion {
+            self.read(problem, forces);
+        }
         self.system.has_motion
     }
 
