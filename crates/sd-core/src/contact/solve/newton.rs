@@ -18,8 +18,11 @@ use super::ProblemSolver;
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
 use crate::space::Space;
 
-/// Iterations at most.
-const MAX_SYSTEMS: u32 = 60;
+/// Most linear systems of one call, in a layer and in a suspension. With 60 in place of 25, 200
+/// spheres at φ = 0.54 take half as much time again: what has not converged by then rarely does.
+const fn max_systems<S: Space>() -> u32 {
+    if S::TANGENTS == 1 { 60 } else { 25 }
+}
 /// Iterations without fewer changes of the active set than ever before after which it has failed. With 8 in its place layers of 1000 that flow
 /// take 4 % fewer linear systems, and layers of 100 at c = 0.76, ν = 1 a third more time.
 const PATIENCE: u32 = 4;
@@ -66,7 +69,7 @@ impl<S: Space> ProblemSolver<S> {
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
         let (mut least_turn, mut before, mut shortens) = (f64::INFINITY, None, false);
-        for count in 1..=MAX_SYSTEMS {
+        for count in 1..=max_systems::<S>() {
             shortens |= S::TANGENTS > 1 && stalled > 0;
             if shortens {
                 self.previous.copy_from(&self.forces);
@@ -105,7 +108,7 @@ impl<S: Space> ProblemSolver<S> {
                 return (true, count);
             }
         }
-        (false, MAX_SYSTEMS)
+        (false, max_systems::<S>())
     }
 
     /// Shortens the last step to the largest of the shares 1, ½, ¼, … that leaves a smaller violation than `least`.
