@@ -25,8 +25,9 @@ from .place import RESULTS, ROOT, Wrong
 
 def derived():
     """The files that are made of other files, if those are there, with their tables."""
-    if (RESULTS / thickening.RUNS[0]).exists():
-        yield RESULTS / thickening.EFFECTS, thickening.effects(thickening.read())
+    for design in [thickening.LAYERS, thickening.SUSPENSIONS]:
+        if design.there():
+            yield RESULTS / design.effects, thickening.effects(design, design.read())
     if (RESULTS / jamming.PLATEAUS).exists():
         yield RESULTS / jamming.FITS, jamming.read()
 

@@ -63,16 +63,18 @@ CAMPAIGNS = {
     "suspension": [figure("--along", "volume_fraction")],
     # Its figure is made with the tables.
     "suspension-plateaus": [],
+    # Its effects and the figure too.
+    "cause-of-thickening-bulk": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
 }
 # Runs of the same cases are shared.
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which single runs are published too.
-OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full"]
+OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "cause-of-thickening-bulk"]
 # Campaigns whose network of frictional contacts is published too, in a file NAME-network.csv.
-OF_NETWORKS = ["figure-14", "flow-curve"]
-NETWORK = ["viscosity", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
+OF_NETWORKS = ["figure-14", "flow-curve", "cause-of-thickening-bulk"]
+NETWORK = ["viscosity", "coordination", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
 # in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {

@@ -76,6 +76,7 @@ def rises():
     """The rise of every model that was run."""
     yield Question("rise", "rigid, roll-slip, stresslets alone", alone(Model(RIGID, False)), STRESSLETS)
     models = [Model(stiffness, sticks) for sticks in [False, True] for stiffness in NORMALS]
+    models.append(Model(1e6, True))
     for hydrodynamics in [LUBRICATION, FULL]:
         models += [Model(stiffness, sticks, hydrodynamics) for stiffness in [RIGID, 1e4] for sticks in [False, True]]
     for model in models:

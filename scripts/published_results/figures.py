@@ -9,7 +9,7 @@ import pandas as pd
 
 from . import jamming, lattices
 from .place import RESULTS
-from .thickening import EFFECTS
+from .thickening import LAYERS, SUSPENSIONS
 from .units import PublishedUnits
 
 matplotlib.use("svg")
@@ -24,13 +24,14 @@ STYLE = {
     "axes.spines.right": False,
     "legend.frameon": False,
 }
-COLOURS = ["#000000", "#e69f00", "#d55e00", "#0072b2", "#56b4e9", "#009e73"]
-MARKERS = ["o", "s", "^", "v", "D", "P"]
+COLOURS = ["#000000", "#e69f00", "#d55e00", "#cc79a7", "#0072b2", "#56b4e9", "#009e73"]
+MARKERS = ["o", "s", "^", "X", "v", "D", "P"]
 # From the paper's model to soft layers with sticking friction.
 MODELS = {
     "rigid, roll-slip, stresslets alone": "the paper: rigid, roll-slip, stresslets alone",
     "rigid, roll-slip": "contact stress included",
     "rigid, coulomb": "sticking friction: rigid",
+    "k = 1e6, stick-slide": "sticking friction: springs, k = 1e6",
     "k = 1e5, stick-slide": "sticking friction: springs, k = 1e5",
     "k = 1e4, stick-slide": "k = 1e4",
     "k = 1e3, stick-slide": "k = 1e3",
@@ -67,9 +68,9 @@ def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=T
         plt.close(figure)
 
 
-def thickening():
-    """Rises of the viscosity against c, a panel for each friction."""
-    effects = pd.read_csv(RESULTS / EFFECTS)
+def _thickening(design, x):
+    """Rises of the viscosity against a fraction, a panel for each friction."""
+    effects = pd.read_csv(RESULTS / design.effects)
     effects = effects[effects["kind"] == "rise"]
 
     def draw(ax, panel):
@@ -77,12 +78,23 @@ def thickening():
             points = panel[panel["choice"] == choice]
             if len(points):
                 style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 1, "capsize": 2, "label": label}
-                ax.errorbar(points["area_fraction"], points["factor"], points["factor_ci95"], **style)
-        ax.set_yticks([1, 2, 4, 8, 16], ["1", "2", "4", "8", "16"])
+                ax.errorbar(points[design.fraction], points["factor"], points["factor_ci95"], **style)
+        ticks = 2 ** np.arange(math.ceil(math.log2(effects["factor"].max())) + 1)
+        ax.set_yticks(ticks, ticks)
         ax.yaxis.minorticks_off()
 
     panels = {f"ν = {friction:g}": panel for friction, panel in effects.groupby("friction")}
-    _write("cause-of-thickening.svg", [EFFECTS], panels, draw, "area fraction c", "η above / η below the transition", "log", "linear")
+    _write(f"{design.name}.svg", [design.effects], panels, draw, x, "η above / η below the transition", "log", "linear")
+
+
+def thickening_of_layers():
+    """Against the area fraction."""
+    _thickening(LAYERS, "area fraction c")
+
+
+def thickening_of_suspensions():
+    """Against the volume fraction."""
+    _thickening(SUSPENSIONS, "volume fraction φ")
 
 
 def beside():
@@ -208,7 +220,8 @@ def network_of_figure_14():
 
 
 FIGURES = {
-    "cause-of-thickening.svg": (thickening, [EFFECTS]),
+    "cause-of-thickening.svg": (thickening_of_layers, [LAYERS.effects]),
+    "cause-of-thickening-bulk.svg": (thickening_of_suspensions, [SUSPENSIONS.effects]),
     "published-2d-beside.svg": (beside, ["published-2d.csv", "published-2d.reference.csv"]),
     "lattices.svg": (of_lattices, [lattices.FILE]),
     "suspension-plateaus.svg": (plateaus, [jamming.PLATEAUS, jamming.FITS]),

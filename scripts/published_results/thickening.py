@@ -1,5 +1,6 @@
-"""How much of the thickening of a layer each choice of its model causes: from the runs of
-`cause-of-thickening` and, with full Stokesian Dynamics, `cause-of-thickening-full`.
+"""How much of the thickening of a layer or suspension each choice of its model causes: from the runs
+of `cause-of-thickening` and, with full Stokesian Dynamics, `cause-of-thickening-full`, and from those
+of `cause-of-thickening-bulk`.
 
 The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, far above the
 friction transition, less that at Γ = 0.01, where hardly any contact is frictional, so that friction has
@@ -10,7 +11,7 @@ Intervals are of 95 %, of Student's distribution with the degrees of freedom of 
 (B. L. Welch, Biometrika 34, 28 (1947)).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -20,20 +21,46 @@ from .design import ALL, FULL, RATIO, STRESSLETS, questions
 from .place import RESULTS
 
 BELOW, ABOVE = 0.01, 10.0
-# From this area fraction on short peaks dominate means in time, and medians replace them.
-NEAR_JAMMING = 0.775
-RUNS = ["cause-of-thickening-runs.csv", "cause-of-thickening-full-runs.csv"]
-EFFECTS = "cause-of-thickening-effects.csv"
 
 
-def read(folder=RESULTS):
-    """The runs of both campaigns, with the logarithms of their viscosities."""
-    return with_logarithms(pd.concat([pd.read_csv(folder / name) for name in RUNS]))
+@dataclass(frozen=True)
+class Design:
+    """The campaigns of one kind of system."""
+
+    name: str
+    # The files with their runs.
+    runs: list
+    # The column of the fraction, and the fraction from which on short peaks dominate means in time, so
+    # that medians replace them.
+    fraction: str
+    near_jamming: float
+    # Spheres, and those of full Stokesian Dynamics.
+    spheres: int
+    spheres_full: int
+
+    @property
+    def effects(self):
+        """The file with its effects."""
+        return f"{self.name}-effects.csv"
+
+    def there(self, folder=RESULTS):
+        """Whether its runs are published."""
+        return all((folder / name).exists() for name in self.runs)
+
+    def read(self, folder=RESULTS):
+        """Its runs, with the logarithms of their viscosities."""
+        return with_logarithms(self, pd.concat([pd.read_csv(folder / name) for name in self.runs]))
 
 
-def with_logarithms(runs):
+LAYERS = Design(
+    "cause-of-thickening", ["cause-of-thickening-runs.csv", "cause-of-thickening-full-runs.csv"], "area_fraction", 0.775, 400, 200
+)
+SUSPENSIONS = Design("cause-of-thickening-bulk", ["cause-of-thickening-bulk-runs.csv"], "volume_fraction", 1.0, 200, 110)
+
+
+def with_logarithms(design, runs):
     """ln of each viscosity, of runs that reached their end without doubtful numbers."""
-    near = runs["area_fraction"] > NEAR_JAMMING
+    near = runs[design.fraction] > design.near_jamming
     counts = (runs["state"] == "done") & runs["doubts"].isna()
     viscosity, stresslet = (
         runs[f"{name}_median"].where(near, runs[name]).where(counts) for name in ["viscosity", "viscosity_stresslet"]
@@ -42,15 +69,15 @@ def with_logarithms(runs):
     return runs.assign(**{name: np.log(values) for name, values in logarithms.items()})
 
 
-def runs_of(runs, model, rate, c, friction):
-    """The runs of a model at c, ν and Γ, with the number of spheres of the design. Below the
+def runs_of(design, runs, model, rate, fraction, friction):
+    """The runs of a model at a fraction, ν and Γ, with the number of spheres of the design. Below the
     transition, where friction has no effect, it was not varied."""
     chosen = (
         (runs["hydrodynamics"] == model.hydrodynamics)
         & (runs["tangential"] == model.tangential)
-        & (runs["spheres"] == (200 if model.hydrodynamics == FULL else 400))
+        & (runs["spheres"] == (design.spheres_full if model.hydrodynamics == FULL else design.spheres))
         & (runs["stiffness"] == model.stiffness)
-        & (runs["area_fraction"] == c)
+        & (runs[design.fraction] == fraction)
         & (runs["shear_rate"] == rate)
     )
     return runs[chosen if rate == BELOW else chosen & (runs["friction"] == friction)]
@@ -66,8 +93,8 @@ def sum_of_means(terms):
     return total, student.ppf(0.975, freedom) * np.sqrt(sum(parts))
 
 
-def rise(runs, question, c, friction):
-    """The answer to a question at c and ν: a row of the table, or None."""
+def rise(design, runs, question, fraction, friction):
+    """The answer to a question at a fraction and ν: a row of the table, or None."""
     # Models may occur more than once in a sum, and may share their runs below.
     weights = {}
     for weight, model in question.sum:
@@ -76,7 +103,7 @@ def rise(runs, question, c, friction):
     terms, lost = [], 0
     for (model, rate), weight in weights.items():
         if abs(weight) > 1e-12:
-            found = runs_of(runs, model, rate, c, friction)
+            found = runs_of(design, runs, model, rate, fraction, friction)
             terms.append((weight, found[question.counted].dropna().to_numpy()))
             lost += found["state"].isin(["jammed", "failed"]).sum()
     known = sum_of_means(terms)
@@ -86,7 +113,7 @@ def rise(runs, question, c, friction):
         "kind": question.kind,
         "choice": question.choice,
         "friction": friction,
-        "area_fraction": c,
+        design.fraction: fraction,
         "rise": known[0],
         "rise_ci95": known[1],
         # The rise as a factor, with its interval to first order.
@@ -98,8 +125,9 @@ def rise(runs, question, c, friction):
     }
 
 
-def effects(runs):
+def effects(design, runs):
     """The answers to all questions, where there are runs."""
-    places = runs[["friction", "area_fraction"]].drop_duplicates().sort_values(["friction", "area_fraction"])
-    rows = [rise(runs, question, c, friction) for question in questions() for friction, c in places.itertuples(index=False)]
+    places = runs[["friction", design.fraction]].drop_duplicates().sort_values(["friction", design.fraction])
+    places = [*places.itertuples(index=False)]
+    rows = [rise(design, runs, question, fraction, friction) for question in questions() for friction, fraction in places]
     return pd.DataFrame([row for row in rows if row])

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from published_results.design import RIGID
-from published_results.thickening import ABOVE, BELOW, effects, sum_of_means, with_logarithms
+from published_results.thickening import ABOVE, BELOW, LAYERS, effects, sum_of_means, with_logarithms
 
 
 def run(stiffness, tangential, rate, viscosity, noise):
@@ -41,7 +41,7 @@ def known():
     # Runs that jammed, and those whose numbers are doubtful, are in no mean.
     runs.append(run(1e4, "roll-slip", ABOVE, 1e6, 1.0) | {"state": "jammed"})
     runs.append(run(1e4, "roll-slip", ABOVE, 1e6, 1.0) | {"doubts": "drift"})
-    table = effects(with_logarithms(pd.DataFrame(runs)))
+    table = effects(LAYERS, with_logarithms(LAYERS, pd.DataFrame(runs)))
     return table.drop_duplicates("choice", keep=False).set_index("choice")
 
 
