@@ -252,10 +252,14 @@ impl Frame<'_> {
     }
 
     fn bars(&self, curve: &Curve) -> Vec<Shape> {
-        if curve.has_band || !curve.has_intervals {
-            return Vec::new();
-        }
         let stroke = Stroke::solid(curve.colour, 0.8 * curve.width);
+        let across = curve.across.iter().filter_map(|&[from, to, y]| {
+            let y = self.y(y);
+            Shape::line([[self.x(from), y], [self.x(to), y]], stroke)
+        });
+        if curve.has_band || !curve.has_intervals {
+            return across.collect();
+        }
         let reaching = curve.points.iter().filter(|p| p.2 > 0.0 || p.3 > 0.0);
         reaching
             .flat_map(|point| {
