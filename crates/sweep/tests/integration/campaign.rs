@@ -248,7 +248,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
         let drawn = std::fs::read_to_string(at.join("f.svg")).unwrap();
         drawn.matches("<path").count()
     };
-    assert_eq!(strokes("bars"), strokes("none") + 2);
+    assert_eq!(strokes("bars"), strokes("none") + 2 * 3);
     let output = sweep(
         at,
         &["report", "small.toml", "--columns", "n2,particle_pressure"],
