@@ -77,6 +77,9 @@ def _draw_curve(ax, curve):
             "markerfacecolor": "white" if is_hollow else colour,
             "markeredgewidth": 0.8 * curve["width"],
         }
+    for start, end, height in curve["across"]:
+        middle, half = (start + end) / 2, (end - start) / 2
+        ax.errorbar(middle, height, xerr=half, fmt="none", ecolor=colour, capsize=1.8, elinewidth=0.8 * curve["width"])
     if marker is None:
         # A run in time, or the mean of several: one piece, unless a sample has no viscosity.
         for number, (first, last) in enumerate(curve["pieces"]):

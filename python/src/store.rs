@@ -10,9 +10,10 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use sweep::axes::{AXES, Axis};
 use sweep::campaign::Campaign;
+use sweep::data::DataColumn;
 use sweep::report::{
-    Drawing, Format, Kind, Look, Report, SegmentReport, Selection, SphereView, StructureReport,
-    draw_spheres, outline, point_table, sample_table, traces,
+    Drawing, FitReport, Format, Kind, Look, Report, SegmentReport, Selection, SphereView,
+    StructureReport, draw_spheres, outline, point_table, sample_table, traces,
 };
 use sweep::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
@@ -80,6 +81,25 @@ impl Store {
                 first.failed.error
             )
         }))
+    }
+
+    /// A table of the structure.
+    fn structure_of(
+        &self,
+        py: Python<'_>,
+        case: Option<&Bound<'_, PyAny>>,
+        r#where: Option<&Bound<'_, PyAny>>,
+        table: fn(&StructureReport) -> Vec<DataColumn>,
+    ) -> PyResult<Vec<DataColumn>> {
+        let selection = selection(r#where)?;
+        let case = case.map(name_of).transpose()?;
+        self.read(py, |store| {
+            Ok(table(&StructureReport::of(
+                store,
+                &selection,
+                case.as_deref(),
+            )?))
+        })
     }
 
     fn kept_frames(&self, py: Python<'_>, case: &str, every: usize) -> PyResult<Vec<StoredFrame>> {
@@ -193,21 +213,40 @@ impl Store {
     ///
     /// Returns
     /// -------
-    /// list of dict
-    ///     One entry per point, as in `points` of `sweep structure --json`.
+    /// Table
+    ///     One row per point: the table of `sweep structure --csv`. `structure_curves` has the
+    ///     curves.
     #[pyo3(signature = (case=None, *, r#where=None))]
-    fn structure<'py>(
+    fn structure(
         &self,
-        py: Python<'py>,
-        case: Option<&Bound<'py, PyAny>>,
-        r#where: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let selection = selection(r#where)?;
-        let case = case.map(name_of).transpose()?;
-        let found = self.read(py, |store| {
-            Ok(StructureReport::of(store, &selection, case.as_deref())?.json())
-        })?;
-        values::answer(py, &found["points"])
+        py: Python<'_>,
+        case: Option<&Bound<'_, PyAny>>,
+        r#where: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Table> {
+        Table::of(self.structure_of(py, case, r#where, StructureReport::table)?)
+    }
+
+    /// Curves of the structure: pair distributions, angles of contacts, forces, sizes of clusters.
+    ///
+    /// Parameters
+    /// ----------
+    /// case : str or int, optional
+    ///     A single run; by default all finished runs.
+    /// where : dict, optional
+    ///     Only these points, as in `points`.
+    ///
+    /// Returns
+    /// -------
+    /// Table
+    ///     One row per bin of each curve of each point: the table of `sweep structure --curves`.
+    #[pyo3(signature = (case=None, *, r#where=None))]
+    fn structure_curves(
+        &self,
+        py: Python<'_>,
+        case: Option<&Bound<'_, PyAny>>,
+        r#where: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Table> {
+        Table::of(self.structure_of(py, case, r#where, StructureReport::curves)?)
     }
 
     /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an
@@ -220,18 +259,46 @@ impl Store {
     ///
     /// Returns
     /// -------
-    /// list of dict
-    ///     One entry per point, as in `points` of `sweep segments --json`: its list ``segments``
-    ///     has one dict each.
+    /// Table
+    ///     One row per segment of each point: the table of `sweep segments --csv`.
     #[pyo3(signature = (*, r#where=None))]
-    fn segments<'py>(
+    fn segments(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
+        let selection = selection(r#where)?;
+        Table::of(self.read(py, |store| {
+            Ok(SegmentReport::of(store, &selection)?.table())
+        })?)
+    }
+
+    /// Fit the Wyart-Cates model to the viscosities, as `sweep fit` does.
+    ///
+    /// Parameters
+    /// ----------
+    /// where : dict, optional
+    ///     Only these points, as in `points`.
+    /// replicates : int
+    ///     Replicates of the bootstrap; 0 for no intervals.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     The object of `sweep fit --json`: each of ``parameters`` has ``value``, ``low`` and
+    ///     ``high``; ``rms`` is that of the residuals; ``points`` has a dict for each point.
+    #[pyo3(
+        signature = (*, r#where=None, replicates=200),
+        text_signature = "($self, *, where=None, replicates=200)"
+    )]
+    fn fit<'py>(
         &self,
         py: Python<'py>,
         r#where: Option<&Bound<'py, PyAny>>,
+        replicates: u32,
     ) -> PyResult<Bound<'py, PyAny>> {
         let selection = selection(r#where)?;
-        let found = self.read(py, |store| Ok(SegmentReport::of(store, &selection)?.json()))?;
-        values::answer(py, &found["points"])
+        let replicates = replicates.min(100_000) as usize;
+        let fit = self.read(py, |store| {
+            Ok(FitReport::of(store, &selection, replicates)?.json())
+        })?;
+        values::answer(py, &fit)
     }
 
     /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does.
@@ -294,6 +361,8 @@ impl Store {
     ///     Only these points, as in `points`.
     /// cases : list of str, optional
     ///     Of kind "trace": the runs, by the beginnings of their keys.
+    /// segment : int, optional
+    ///     The segment of the runs, from 1; by default the last.
     /// ax : matplotlib axes, optional
     ///     Axes for the figure; by default a new figure.
     ///
@@ -301,8 +370,8 @@ impl Store {
     /// -------
     /// matplotlib axes
     #[pyo3(
-        signature = (kind=None, *, quantity=None, along=None, r#where=None, cases=None, ax=None),
-        text_signature = "($self, kind='viscosity', *, quantity=None, along=None, where=None, cases=None, ax=None)"
+        signature = (kind=None, *, quantity=None, along=None, r#where=None, cases=None, segment=None, ax=None),
+        text_signature = "($self, kind='viscosity', *, quantity=None, along=None, where=None, cases=None, segment=None, ax=None)"
     )]
     #[expect(
         clippy::too_many_arguments,
@@ -316,6 +385,7 @@ impl Store {
         along: Option<&Bound<'py, PyAny>>,
         r#where: Option<&Bound<'py, PyAny>>,
         cases: Option<&Bound<'py, PyAny>>,
+        segment: Option<usize>,
         ax: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let drawing = Drawing {
@@ -330,14 +400,23 @@ impl Store {
             Some(cases) => values::texts("cases", cases)?,
             None => Vec::new(),
         };
-        let outline = self.read(py, |store| {
+        let source = &self.0;
+        let draw = |store: &OpenStore| {
             let report = Report::of(store, &selection)?;
             let traces = match drawing.kind {
                 Kind::Trace => traces(store, &selection, &cases)?,
                 _ => Vec::new(),
             };
             Ok(outline(std::slice::from_ref(&report), &traces, &drawing)?)
-        })?;
+        };
+        let outline = match segment {
+            None => self.read(py, draw)?,
+            Some(number) => py
+                .detach(|| Ok(source.open_segment(number)?.map(|store| draw(&store))))
+                .map_err(|error: sweep::Error| raise(error))?
+                .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
+                .map_err(raise)?,
+        };
         py.import("sheared_layers._plot")?
             .call_method1("draw", (values::answer(py, &outline)?, ax))
     }

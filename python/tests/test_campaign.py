@@ -328,13 +328,18 @@ def test_segments_of_a_protocol(tmp_path):
         grid=[{**PARAMS, "shear_rate": 1.0, "seeds": 2}],
     )
     store = campaign.run(tmp_path / "reversal.sqlite", progress=False)
-    (point,) = store.segments()
-    start_up, back, oscillation = point["segments"]
-    assert (start_up["end"], back["direction"], oscillation["amplitude"]) == (0.2, -1.0, 0.1)
-    assert start_up["hydrodynamic_share"] is None
-    assert 0.0 < back["hydrodynamic_share"] < 1.5
-    assert len(oscillation["cycles"]) == 2
-    assert oscillation["eta_prime"] > 1.0
+    table = store.segments()
+    assert table["segment"].tolist() == [1, 2, 3]
+    assert table["end"][0] == 0.2 and table["segment_direction"][1] == -1.0 and table["amplitude"][2] == 0.1
+    share = table["hydrodynamic_share"]
+    assert np.isnan(share[0]) and 0.0 < share[1] < 1.5 and table["eta_prime"][2] > 1.0
+    import matplotlib
+
+    matplotlib.use("Agg")
+    ends = [store.plot("trace", segment=number).get_xlim()[1] for number in [2, 3]]
+    assert ends[0] < 0.2 + 1e-9 < ends[1]
+    with pytest.raises(ValueError, match="segment: .*the campaign has segments 1 to 3"):
+        store.plot("trace", segment=4)
     with pytest.raises(ValueError, match="`strain` = 0.0 is out of range"):
         sl.Campaign("bad", protocol={"segment": [{"strain": 0.0}]}, grid=[{**PARAMS, "shear_rate": 1.0, "seeds": 1}])
 
@@ -347,3 +352,34 @@ def test_errors_about_a_store_name_no_argument(store):
         store.points(where={"shear_rat": 1.0})
     assert "did you mean shear_rate?" in str(refused.value)
     assert refused.value.key == "where"
+
+
+def test_a_fit_is_that_of_the_command(tmp_path):
+    axes = {**PARAMS, "area_fraction": [0.45, 0.55], "shear_rate": [0.1, 1.0, 10.0], "seeds": 2}
+    store = sl.Campaign("fit", protocol=PROTOCOL, grid=[axes]).run(tmp_path / "fit.sqlite", progress=False)
+    fit = store.fit(replicates=20)
+    there = command("fit", store.path, "--replicates", "20")
+    assert fit == there and len(fit["points"]) == 6 and fit["parameters"]["c_0"]["value"] > 0.55
+    with pytest.raises(ValueError, match="at least 6 points"):
+        store.fit(where={"shear_rate": 1.0})
+
+
+def test_notebooks_can_be_converted():
+    from importlib.metadata import requires
+
+    extra = [line for line in requires("sheared-layers") if "notebook" in line]
+    assert any(line.startswith("nbconvert") for line in extra), extra
+
+
+def test_flow_curves_at_imposed_stress_have_the_intervals_of_rates(tmp_path):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    axes = {name: value for name, value in PARAMS.items() if name != "shear_rate"}
+    grid = [{**axes, "shear_stress": [0.3, 3.0], "seeds": 2}]
+    store = sl.Campaign("flow", protocol=PROTOCOL, grid=grid).run(tmp_path / "flow.sqlite", progress=False)
+    bars = store.plot("flow-curve").collections
+    assert len(bars) == 2
+    for bar, stress in zip(bars, [0.3, 3.0]):
+        ((start, low), (end, high)) = bar.get_segments()[0]
+        assert start < end and low == high == pytest.approx(stress)

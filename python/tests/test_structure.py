@@ -22,7 +22,8 @@ def frames(store):
 
 
 def test_clusters_and_core_are_those_of_networkx(store, frames):
-    found = store.structure(CASE)[0]
+    table = store.structure(CASE)
+    found = {name: table[name][0] for name in table.columns}
     assert found["frames"] == len(frames) > 5
     clusters, cores, degrees = [], [], []
     for _, contacts in frames:
@@ -42,12 +43,15 @@ def test_clusters_and_core_are_those_of_networkx(store, frames):
 
 def test_fabric_is_the_mean_of_normals(store, frames):
     normals = np.concatenate([contacts[["normal_x", "normal_y"]].to_numpy() for _, contacts in frames])
-    np.testing.assert_allclose(store.structure(CASE)[0]["fabric"], normals.T @ normals / len(normals), atol=1e-5)
+    fabric = store.structure(CASE)
+    xx, xy, yy = [fabric[f"fabric_{name}"][0] for name in ["xx", "xy", "yy"]]
+    np.testing.assert_allclose([[xx, xy], [xy, yy]], normals.T @ normals / len(normals), atol=1e-5)
 
 
 def test_pair_distribution_is_that_of_freud(store, frames):
-    found = store.structure(CASE)[0]["g_r"]
-    r, g = np.array(found["r"]), np.array(found["g"])
+    found = store.structure_curves(CASE)
+    of_distance = found["quantity"] == "g_r"
+    r, g = found["x"][of_distance], found["value"][of_distance]
     # Up to half the distance of the planes of the sheared cell, the limit of freud.
     outer = (r > 2.1) & (r < 0.44 * SIDE)
     width = r[outer][1] - r[outer][0]

@@ -40,16 +40,17 @@ def test_notebooks_show_them(store):
     assert "…" in many if len(store.samples(1)) > 30 else many.count("<tr>") == len(store.samples(1)) + 1
 
 
-def test_structure_is_that_of_the_command(store):
-    from conftest import command
+def test_structure_is_that_of_the_command(store, tmp_path):
+    files = [tmp_path / "numbers.parquet", tmp_path / "curves.parquet"]
+    subprocess.run([SWEEP, "structure", store.path, "--parquet", files[0], "--curves", files[1]], check=True)
+    import pyarrow.parquet
 
-    there = command("structure", store.path)["points"]
-    here = store.structure()
-    assert here == there
-    assert [point["runs"] for point in here] == [2, 2]
-    assert len(here[0]["g_r"]["r"]) == len(here[0]["g_r"]["g"])
+    for table, file in zip([store.structure(), store.structure_curves()], files):
+        there = pyarrow.parquet.read_table(file)
+        assert pyarrow.table(table).to_pylist() == there.to_pylist() and len(table) > 1
+    assert store.structure()["runs"].tolist() == [2, 2]
     one = store.structure(1, where={"shear_rate": 0.1})
-    assert len(one) == 1 and one[0]["coordination_ci95"] is None
+    assert len(one) == 1 and math.isnan(one["coordination_ci95"][0])
     with pytest.raises(ValueError, match="no frames"):
         store.structure(1, where={"shear_rate": math.inf})
 

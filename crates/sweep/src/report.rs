@@ -36,6 +36,7 @@ pub use fit::FitReport;
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use points::{Point, Report};
+pub(crate) use runs::about;
 pub use runs::{TableFormat, sample_table};
 pub use segments::SegmentReport;
 pub use selection::{Excerpt, Selection};

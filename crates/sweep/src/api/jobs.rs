@@ -5,7 +5,7 @@ use crate::cluster::{ActiveTask, Scheduler, shard};
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 /// Interval between checks of tasks that are ending.
 const LOOK: Duration = Duration::from_secs(1);
@@ -71,6 +71,11 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
             let at_work = active
                 .iter()
                 .find(|task| task.task == Some(number) || task.task.is_none());
+            // A task publishes as soon as it begins. Some file systems cut times to a second.
+            let since_1970 = last.and_then(|shard| shard.at?.duration_since(UNIX_EPOCH).ok());
+            let has_begun = since_1970.is_some_and(|at| {
+                at.as_millis() + 1000 >= submission.submitted_at.unsigned_abs().into()
+            });
             // Published results count, merged or not.
             let slice = last
                 .and_then(|shard| Store::slice_of_shard(&shard.path).ok())
@@ -81,7 +86,7 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
                 });
             Task {
                 number,
-                state: state(at_work, trouble.is_some(), slice),
+                state: state(at_work, trouble.is_some(), slice, has_begun),
                 node: at_work
                     .map(|task| task.node.clone())
                     .filter(|node| !node.is_empty())
@@ -103,9 +108,16 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
 }
 
 /// The state of a task in a word.
-fn state(at_work: Option<&ActiveTask>, unknown: bool, slice: SliceState) -> String {
+fn state(
+    at_work: Option<&ActiveTask>,
+    unknown: bool,
+    slice: SliceState,
+    has_begun: bool,
+) -> String {
     match at_work {
         _ if slice.ended == slice.cases => "done".into(),
+        // The local scheduler knows its tasks only together.
+        Some(task) if task.task.is_none() && !has_begun => "pending".into(),
         Some(task) => task.state.to_lowercase(),
         None if unknown => "unknown".into(),
         None => "ended".into(),

@@ -93,7 +93,7 @@ fn confirmed(runs: u64, size: &str, path: &std::path::Path) -> Result<bool, Erro
     let mut to = crate::text::visible::stderr();
     write!(
         to,
-        "Remove {runs} runs, about {size}, from {}? They are no longer in the campaign and would have to be recomputed. [y/N] ",
+        "Remove {runs} runs, about {size}, from {}? They belong to other versions of the campaign and would have to be recomputed. [y/N] ",
         path.display()
     )?;
     to.flush()?;

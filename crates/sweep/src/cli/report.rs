@@ -11,8 +11,8 @@ use crate::data::{self, DataColumn, write_parquet};
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
-    write_csv, write_json, write_latex, write_markdown, write_text, write_units,
+    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, about, page,
+    point_table, write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
 use crate::system::files::write_whole;
@@ -223,10 +223,18 @@ pub(in crate::cli) fn save(
     write_whole(path, |file| file.write_all(bytes)).map_err(|source| Error::Write {
         path: path.to_owned(),
         source,
-    })
+    })?;
+    note_written(path, output);
+    Ok(())
 }
 
-/// Writes a table into its file, as CSV or Parquet; `names`: of the table and of its campaign.
+/// Notes that a file was written.
+fn note_written(path: &Path, output: &Output<'_>) {
+    output.note(&format!("wrote {}", path.display()));
+}
+
+/// Writes a table into its file, as CSV with its units beside it or as Parquet; `names`: of the
+/// table and of its campaign.
 pub(in crate::cli) fn save_table(
     table: &[DataColumn],
     names: [&str; 2],
@@ -240,7 +248,13 @@ pub(in crate::cli) fn save_table(
     } else {
         data::write_csv(table, &mut bytes)?;
     }
-    save(path, &bytes, output)
+    save(path, &bytes, output)?;
+    if !is_parquet && path.as_os_str() != "-" {
+        bytes.clear();
+        about(table, &mut bytes)?;
+        save(&path.with_extension("units.csv"), &bytes, output)?;
+    }
+    Ok(())
 }
 
 /// Writes the report of an open store.

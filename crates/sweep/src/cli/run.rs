@@ -4,12 +4,13 @@ mod task;
 
 use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
+use crate::api::jobs::jobs;
 use crate::api::task::Part;
 use crate::api::{Error, StartOptions, StartedCampaign, begin, complete};
 use crate::campaign::{Campaign, Priority};
 use crate::disk::network_file_system;
 use crate::exit;
-use crate::format::{bytes, parse_duration, parse_positive_duration};
+use crate::format::{bytes, counted, parse_duration, parse_positive_duration};
 use crate::runner::{Options, Progress, Reason, RunObserver, Stop, Style};
 use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
 use std::io::IsTerminal;
@@ -223,6 +224,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     print_damage(&damaged, style);
     print_inventory(&campaign, &path, adoption, style);
     print_reused(taken, style);
+    print_tasks(&store, &campaign, style)?;
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
@@ -263,12 +265,31 @@ fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: 
     }
     if orphans > 0 {
         style.note(&format!(
-            "{orphans} runs in {} (about {}) are no longer in the campaign; they are kept, and `sweep prune {}` removes them",
+            "{orphans} runs in {} (about {}) belong to other versions of the campaign; they are kept, and `sweep prune {}` removes them",
             path.display(),
             bytes(orphan_bytes),
             campaign.file.display()
         ));
     }
+}
+
+/// Notes the open cases of tasks that have not ended, which are computed twice.
+fn print_tasks(store: &Store, campaign: &Campaign, style: Style) -> Result<(), Error> {
+    let jobs = jobs(store)?;
+    let tasks = jobs.iter().flat_map(|job| &job.tasks);
+    let open: u64 = tasks
+        .filter(|task| !matches!(task.state.as_str(), "done" | "ended" | "unknown"))
+        .map(|task| task.slice.cases - task.slice.ended)
+        .sum();
+    if open > 0 {
+        style.note(&format!(
+            "{} of submitted tasks that have not ended: this run computes them a second time, unless you stop it or \
+             `sweep cancel {}`",
+            counted(open, "open case"),
+            campaign.file.display()
+        ));
+    }
+    Ok(())
 }
 
 /// Notes the damaged runs, which are computed again.

@@ -96,7 +96,7 @@ fn write_text(
     if status.orphans > 0 {
         writeln!(
             out,
-            "{} runs in the store are no longer in the campaign: sweep prune {file} removes them",
+            "{} runs in the store belong to other versions of the campaign: sweep prune {file} removes them",
             status.orphans
         )?;
     }

@@ -234,7 +234,7 @@ pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, Report
 }
 
 /// Writes name, unit and meaning of each column.
-pub(super) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
+pub(crate) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
     let rows = table
         .iter()
         .map(|column| [column.name.as_ref(), column.unit, column.meaning]);

@@ -35,6 +35,8 @@ type Row = (usize, usize, PointSegment);
 #[derive(Debug)]
 struct PointSegment {
     runs: u64,
+    /// Of these, runs that have recovered after a reversal.
+    recovered: Option<u64>,
     /// In the order of [`NUMBERS`].
     numbers: Vec<Option<Estimate>>,
     /// Cycle by cycle of an oscillation, in the order of [`OF_CYCLES`].
@@ -93,9 +95,9 @@ const NUMBERS: [Number; 10] = [
     Number {
         name: "recovery_strain",
         heading: "strain of\nrecovery",
-        meaning: "strain after which half of the drop at a reversal has recovered; none where some run does not recover it",
+        meaning: "strain after which half of the drop at a reversal has recovered; mean over the runs that have recovered it",
         rank: 1,
-        of: |s, _| s.reversal?.recovery_strain,
+        of: recovery,
     },
     Number {
         name: "eta_prime",
@@ -127,6 +129,11 @@ const NUMBERS: [Number; 10] = [
     },
 ];
 
+/// The recovery strain, the only number that averages leave out where a run does not have it.
+fn recovery(segment: &RunSegment, _: &Params) -> Option<f64> {
+    segment.reversal?.recovery_strain
+}
+
 /// A number of one cycle.
 type OfCycle = fn(&Cycle) -> Option<f64>;
 
@@ -154,12 +161,25 @@ impl PointSegment {
         let of_cycle = |cycle: usize| {
             OF_CYCLES.map(|(_, of)| over_runs(runs, |run| of(run.cycles.get(cycle)?)))
         };
+        let recovered: Vec<RunSegment> = runs
+            .iter()
+            .filter(|run| recovery(run, params).is_some())
+            .cloned()
+            .collect();
+        let number = |number: &Number| {
+            let known = match number.name {
+                "recovery_strain" => &recovered,
+                _ => runs,
+            };
+            over_runs(known, |run| (number.of)(run, params))
+        };
         Self {
             runs: runs.len() as u64,
-            numbers: NUMBERS
+            recovered: runs
                 .iter()
-                .map(|number| over_runs(runs, |run| (number.of)(run, params)))
-                .collect(),
+                .any(|run| run.reversal.is_some())
+                .then_some(recovered.len() as u64),
+            numbers: NUMBERS.iter().map(number).collect(),
             cycles: (0..cycles).map(of_cycle).collect(),
             trace: mean_trace(runs.iter().map(|run| run.trace.clone())),
         }
@@ -252,6 +272,11 @@ impl SegmentReport {
                 let estimate = of.numbers[k]?;
                 Some(Uncertain::measured(estimate.mean, estimate.ci95))
             });
+            if number.name == "recovery_strain" {
+                add("recovered", "runs\nrecovered", 1, &|(.., of)| {
+                    of.recovered.map(Uncertain::Count)
+                });
+            }
         }
         let sheet = Sheet::new(axes.len() + 1, columns, NumberFormat::Plain);
         sheet.shaped(shape, width)
@@ -308,6 +333,7 @@ impl SegmentReport {
         put("shear_stress", value(imposed.shear_stress));
         put("amplitude", value(imposed.amplitude));
         put("runs", json!(of.runs));
+        put("recovered", json!(of.recovered));
         for (number, estimate) in NUMBERS.iter().zip(&of.numbers) {
             put(number.name, value(estimate.map(|e| e.mean)));
             put(
@@ -347,13 +373,13 @@ impl SegmentReport {
             let cells = cells.map(|number| number.map(Value::Number));
             DataColumn::of(name, Kind::Number, meaning, cells)
         };
-        let count = |name: &'static str, meaning, of: &dyn Fn(&Row) -> u64| {
-            let cells = self.rows.iter().map(|row| Some(Value::Count(of(row))));
+        let count = |name: &'static str, meaning, of: &dyn Fn(&Row) -> Option<u64>| {
+            let cells = self.rows.iter().map(|row| of(row).map(Value::Count));
             DataColumn::of(name, Kind::Count, meaning, cells)
         };
         table.extend([
             count("segment", "number of the segment, from 1", &|row| {
-                row.1 as u64 + 1
+                Some(row.1 as u64 + 1)
             }),
             // `start` is the name of an axis.
             number("segment_start", "strain of the run at its start", &|s| {
@@ -383,7 +409,12 @@ impl SegmentReport {
             number("amplitude", "amplitude of its oscillation", &|s| {
                 s.imposed.amplitude
             }),
-            count("runs", "runs averaged", &|row| row.2.runs),
+            count("runs", "runs averaged", &|row| Some(row.2.runs)),
+            count(
+                "recovered",
+                "of these, runs that have recovered half of the drop at a reversal",
+                &|row| row.2.recovered,
+            ),
         ]);
         for (k, number) in NUMBERS.iter().enumerate() {
             let mut add = |name: String, meaning, of: fn(Estimate) -> Option<f64>| {
@@ -455,6 +486,48 @@ impl SegmentReport {
             .map(|(label, spots)| (label.as_str(), spots.clone()))
             .collect();
         let origin = Origin::of(std::slice::from_ref(&self.report));
-        draw_graphs_of(&graphs, ["amplitude γ0", "η′, η″ (mu)"], format, &origin)
+        draw_graphs_of(
+            &graphs,
+            ["amplitude γ0", "η′, η″ (mu)"],
+            false,
+            format,
+            &origin,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::Averages;
+    use crate::statistics::segments::Reversal;
+
+    #[test]
+    fn the_recovery_strain_is_that_of_the_runs_that_have_recovered() {
+        let run = |reversal: Option<Option<f64>>| RunSegment {
+            averages: Averages::of(&[], 0),
+            trace: Vec::new(),
+            reversal: reversal.map(|recovery_strain| Reversal {
+                hydrodynamic_share: 0.4,
+                recovery_strain,
+            }),
+            cycles: Vec::new(),
+            averaged_cycles: 0,
+        };
+        let number = |of: &PointSegment, name: &str| {
+            let place = NUMBERS.iter().position(|number| number.name == name);
+            of.numbers[place.unwrap()].map(|estimate| estimate.mean)
+        };
+        let params = crate::test_support::params();
+        let runs = [Some(Some(1.0)), Some(None), Some(Some(2.0))].map(run);
+        let of = PointSegment::of(&runs, &params);
+        assert_eq!((of.runs, of.recovered), (3, Some(2)));
+        assert_eq!(number(&of, "recovery_strain"), Some(1.5));
+        assert!((number(&of, "hydrodynamic_share").unwrap() - 0.4).abs() < 1e-12);
+        let none = PointSegment::of(&[run(Some(None))], &params);
+        assert_eq!(none.recovered, Some(0));
+        assert_eq!(number(&none, "recovery_strain"), None);
+        // Without a reversal there is nothing to recover from.
+        assert_eq!(PointSegment::of(&[run(None)], &params).recovered, None);
     }
 }

@@ -212,7 +212,12 @@ impl StructureReport {
             graphs.push((label.words.as_str(), places));
         }
         let origin = Origin::of(std::slice::from_ref(&self.report));
-        draw_graphs_of(&graphs, axes, format, &origin)
+        // Shares by angle differ by their shape, not by their decades.
+        let is_linear = matches!(
+            kind,
+            StructureKind::ContactAngle | StructureKind::ForceAngle
+        );
+        draw_graphs_of(&graphs, axes, is_linear, format, &origin)
     }
 
     /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite

@@ -237,6 +237,18 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
                 .contains("<svg")
         );
     }
+    // The rates that follow from the stresses have intervals.
+    let strokes = |intervals: &str| {
+        let flow = ["--figure", "f.svg", "--kind", "flow-curve", "--intervals"];
+        sweep(
+            at,
+            &[&["report", "small.toml"], &flow[..], &[intervals]].concat(),
+        )
+        .success();
+        let drawn = std::fs::read_to_string(at.join("f.svg")).unwrap();
+        drawn.matches("<path").count()
+    };
+    assert_eq!(strokes("bars"), strokes("none") + 2 * 3);
     let output = sweep(
         at,
         &["report", "small.toml", "--columns", "n2,particle_pressure"],

@@ -1,6 +1,6 @@
 //! Runs in segments: output of `sweep segments`, and of `sweep report` for one.
 
-use crate::harness::{Computed, folder, json, refused, sweep};
+use crate::harness::{Computed, folder, json, refused, run, sweep, words};
 
 const CAMPAIGN: &str = r#"name = "segments"
 [protocol]
@@ -89,19 +89,22 @@ fn tables_and_figures_are_written() {
     ] {
         assert!(text.contains(words), "{text}");
     }
-    sweep(
-        at,
-        &[
-            "segments",
-            "s.sqlite",
-            "--csv",
-            "s.csv",
-            "--parquet",
-            "s.parquet",
-            "--figure",
-            "s.svg",
-        ],
-    );
+    let files = [
+        "segments",
+        "s.sqlite",
+        "--csv",
+        "s.csv",
+        "--parquet",
+        "s.parquet",
+        "--figure",
+        "s.svg",
+    ];
+    let notes = words(&run(at, &files).stderr);
+    for file in ["s.csv", "s.units.csv", "s.parquet", "s.svg"] {
+        assert!(notes.contains(&format!("wrote {file}")), "{notes}");
+    }
+    let units = std::fs::read_to_string(at.join("s.units.csv")).unwrap();
+    assert!(units.starts_with("column,unit,meaning\n") && units.contains("\nrecovered,1,"));
     let csv = std::fs::read_to_string(at.join("s.csv")).unwrap();
     assert_eq!(csv.lines().count(), 1 + 2 * 4);
     let mut names: Vec<&str> = csv.lines().next().unwrap().split(',').collect();

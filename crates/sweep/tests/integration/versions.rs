@@ -107,7 +107,7 @@ fn report_and_status_show_the_request_of_the_file_and_name_the_last_run_version(
         "copy.toml",
         "copy.toml differs from the last campaign in small.sqlite: 4 new runs, 2 reused, 0 extended",
         "2 runs in",
-        "no longer in the campaign",
+        "belong to other versions of the campaign",
         "sweep prune",
     ] {
         assert!(err.contains(part), "{part} not in {err}");

@@ -1,6 +1,6 @@
 //! Tables with a row for every run, or for every sample.
 
-use super::save;
+use super::{note_written, save};
 use crate::api::Error;
 use crate::cli::Output;
 use crate::report::{Excerpt, ReportError, TableFormat};
@@ -87,6 +87,7 @@ pub(super) fn write(
         path: path.to_owned(),
         source,
     })?;
+    note_written(path, output);
     if format == TableFormat::Csv {
         let mut units = Vec::new();
         match rows {

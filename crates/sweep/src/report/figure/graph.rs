@@ -23,19 +23,21 @@ pub fn draw_graphs(
     format: Format,
     title: &str,
 ) -> Result<Vec<u8>, ReportError> {
-    draw_graphs_of(graphs, axes, format, &Origin::of_lines(title, &[]))
+    draw_graphs_of(graphs, axes, false, format, &Origin::of_lines(title, &[]))
 }
 
-/// The same for a campaign.
+/// The same for a campaign; `is_linear`: the vertical axis is linear whatever its values.
 pub(in crate::report) fn draw_graphs_of(
     graphs: &[Graph<'_>],
     [x, y]: [&str; 2],
+    is_linear: bool,
     format: Format,
     origin: &Origin,
 ) -> Result<Vec<u8>, ReportError> {
     let spot = |&[x, y]: &[f64; 2]| Spot {
         x,
         y: Some(Height::bare(y)),
+        across: None,
     };
     let line = |(place, (label, places)): (usize, &Graph<'_>)| Line {
         place,
@@ -51,6 +53,7 @@ pub(in crate::report) fn draw_graphs_of(
         panels: vec![Field::default()],
         x: x.into(),
         y: y.into(),
+        is_linear,
         ..Sketch::default()
     };
     drawn(&sketch, &Look::default(), origin, format)
@@ -91,6 +94,7 @@ pub(in crate::report) fn draw_fit(
         let spot = |&[x, y]: &[f64; 2]| Spot {
             x: log.place(x),
             y: y.is_finite().then(|| Height::bare(y)),
+            across: None,
         };
         places.iter().map(spot).collect()
     };
@@ -121,6 +125,28 @@ pub(in crate::report) fn draw_fit(
         x: x.into(),
         y: y.into(),
         log: Some(log),
+        is_linear: false,
     };
     drawn(&sketch, &Look::default(), origin, format)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How often the axes of a path from 1.9 to 6 with heights of two decades have the labels 0,
+    /// 0.00 and 0.001.
+    fn labels(is_linear: bool) -> [usize; 3] {
+        let graph = [("", vec![[1.9, 0.001], [4.0, 0.1], [6.0, 0.02]])];
+        let origin = Origin::of_lines("a path", &[]);
+        let svg = draw_graphs_of(&graph, ["r", "g"], is_linear, Format::Svg, &origin).unwrap();
+        let svg = String::from_utf8(svg).unwrap();
+        ["0", "0.00", "0.001"].map(|label| svg.matches(&format!(">{label}<")).count())
+    }
+
+    #[test]
+    fn an_axis_of_distances_begins_at_contact_and_shares_are_linear() {
+        assert_eq!(labels(false), [0, 0, 1]);
+        assert_eq!(labels(true), [0, 1, 0]);
+    }
 }

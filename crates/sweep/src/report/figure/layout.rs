@@ -252,21 +252,23 @@ impl Frame<'_> {
     }
 
     fn bars(&self, curve: &Curve) -> Vec<Shape> {
-        if curve.has_band || !curve.has_intervals {
-            return Vec::new();
-        }
         let stroke = Stroke::solid(curve.colour, 0.8 * curve.width);
+        let across = curve.across.iter().map(|&[from, to, y]| {
+            let (from, to, y) = (self.x(from), self.x(to), self.y(y));
+            let cap = |x: f64| [[x, y - CAP], [x, y + CAP]];
+            [[[from, y], [to, y]], cap(from), cap(to)]
+        });
         let reaching = curve.points.iter().filter(|p| p.2 > 0.0 || p.3 > 0.0);
         reaching
-            .flat_map(|point| {
+            .filter(|_| curve.has_intervals && !curve.has_band)
+            .map(|point| {
                 let x = self.x(point.0);
                 let [up, down] = [self.y(point.1 + point.3), self.y(point.1 - point.2)];
-                [
-                    [[x, up], [x, down]],
-                    [[x - CAP, up], [x + CAP, up]],
-                    [[x - CAP, down], [x + CAP, down]],
-                ]
+                let cap = |y: f64| [[x - CAP, y], [x + CAP, y]];
+                [[[x, up], [x, down]], cap(up), cap(down)]
             })
+            .chain(across)
+            .flatten()
             .filter_map(|ends| Shape::line(ends, stroke))
             .collect()
     }

@@ -78,6 +78,8 @@ pub(super) struct Curve {
     /// First and last point of each connected piece: lines stop at breaks of the axis and at points
     /// without a result.
     pub(super) pieces: Vec<(usize, usize)>,
+    /// Intervals along the horizontal axis: their ends, and the value of the point.
+    pub(super) across: Vec<[f64; 3]>,
     /// Whether any point has an interval.
     pub(super) has_intervals: bool,
     /// Whether intervals are drawn as a band.
@@ -234,7 +236,7 @@ fn vertical(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
         ));
     }
     // All positive, and more than a decade.
-    let logarithmic = look.log_y || (low > 0.0 && high > 10.0 * low);
+    let logarithmic = look.log_y || (!sketch.is_linear && low > 0.0 && high > 10.0 * low);
     if let Some(Range { low, high }) = look.y_range {
         if logarithmic && low <= 0.0 {
             return Err(ReportError::argument(
@@ -278,7 +280,9 @@ fn horizontal(sketch: &Sketch, look: &Look) -> Result<Scale, ReportError> {
     }
     let spots = sketch.lines.iter().flat_map(|line| &line.points);
     let [low, high] = extent(spots.map(|spot| spot.x));
-    if sketch.lines.iter().all(|line| line.form == Form::Trace) && low >= 0.0 {
+    // Distances of spheres begin at contact.
+    let is_near_zero = low >= 0.0 && low < 0.2 * high;
+    if sketch.lines.iter().all(|line| line.form == Form::Trace) && is_near_zero {
         return Ok(Scale::linear(label, 0.0, high));
     }
     let span = if high > low {
@@ -323,6 +327,7 @@ impl Curve {
         let mut points: Vec<(f64, f64, f64, f64)> = Vec::new();
         let mut pieces: Vec<(usize, usize)> = Vec::new();
         let mut missing = Vec::new();
+        let mut across = Vec::new();
         let mut before: Option<f64> = None;
         for spot in &line.points {
             let Some(height) = spot.y.filter(|h| !y.logarithmic || h.value > 0.0) else {
@@ -339,6 +344,9 @@ impl Curve {
             if y.logarithmic {
                 // An interval that reaches below zero has no lower end there.
                 down = down.min(0.999 * height.value);
+            }
+            if let Some([from, to]) = spot.across.filter(|_| style.intervals != Intervals::None) {
+                across.push([from + shift, to + shift, height.value]);
             }
             let place = points.len();
             points.push((spot.x + shift, height.value, down, up));
@@ -379,6 +387,7 @@ impl Curve {
             },
             points,
             pieces,
+            across,
             has_intervals,
             has_band: has_intervals && is_band,
             missing,

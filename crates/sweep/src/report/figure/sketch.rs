@@ -24,6 +24,8 @@ pub(super) struct Spot {
     pub(super) x: f64,
     /// Its value; `None` for a point of the campaign without a result.
     pub(super) y: Option<Height>,
+    /// Ends of the interval of its position.
+    pub(super) across: Option<[f64; 2]>,
 }
 
 /// A value and its interval.
@@ -103,6 +105,8 @@ pub(super) struct Sketch {
     pub(super) y: String,
     /// Its horizontal axis, if that is logarithmic.
     pub(super) log: Option<LogAxis>,
+    /// Whether the vertical axis is linear whatever its values.
+    pub(super) is_linear: bool,
 }
 
 /// A quantity of every point.

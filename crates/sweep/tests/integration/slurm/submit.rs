@@ -233,6 +233,28 @@ fn cases_of_tasks_at_work_are_left_to_them() {
 }
 
 #[test]
+fn background_tasks_wait_for_their_turn_and_a_run_beside_them_is_noted() {
+    let cluster = Cluster::new(&long().replace(LONG, "strain = 400.0"));
+    let local = ["submit", "small.toml", "--engine", "local", "--quiet"];
+    cluster.ok(&[&local[..], &["--tasks", "2", "--throttle", "1"]].concat());
+    let states = || {
+        let status = cluster.json(&["status", "small.toml", "--json"]);
+        let tasks = status["jobs"][0]["tasks"].as_array().unwrap();
+        [0, 1].map(|task| tasks[task]["state"].as_str().unwrap().to_owned())
+    };
+    until("the first task", || {
+        (states()[0] == "running").then_some(())
+    });
+    assert_eq!(states(), ["running", "pending"]);
+    let run = ["run", "small.toml", "--time-limit", "1s"];
+    contains(
+        &cluster.not_ok(4, &run),
+        &["2 open cases of submitted tasks", "`sweep cancel"],
+    );
+    cluster.ok(&["cancel", "small.toml"]);
+}
+
+#[test]
 fn background_of_this_machine_is_an_engine_too() {
     let cluster = Cluster::new(QUICK);
     let submit = [

@@ -144,6 +144,7 @@ impl Draft<'_> {
                     lines[place].points.push(Spot {
                         x: self.place(self.value(point)),
                         y: Some(Height::bare(height)),
+                        across: None,
                     });
                 }
             }
@@ -164,6 +165,7 @@ impl Draft<'_> {
                     Spot {
                         x: self.place(self.value(first)),
                         y: height.map(Height::bare),
+                        across: None,
                     }
                 };
                 let spots: Vec<Spot> = curves.iter().map(spot).collect();

@@ -16,6 +16,7 @@ use crate::report::units::Units;
 use crate::spaces::dilute_viscosity;
 use crate::statistics::Estimate;
 use sd_core::Params;
+use std::f64::consts::PI;
 
 /// Settings of the lines of reports.
 pub(super) struct Draft<'r> {
@@ -199,7 +200,7 @@ impl<'r> Draft<'r> {
             x: self.units.label_of(self.along),
             y,
             log: self.log,
-            ordered: 0,
+            ..Sketch::default()
         }
     }
 
@@ -224,11 +225,29 @@ impl<'r> Draft<'r> {
         let spot = |point: &&Point| {
             let y = height(point).filter(|height| height.value.is_finite());
             let x = self.place(self.value(point));
-            x.is_finite().then_some(Spot { x, y })
+            // One error has one bar: that of a viscosity is drawn along the vertical axis.
+            let is_alone = y.is_some_and(|height| height.interval.is_none());
+            let across = self.rates(point).filter(|_| is_alone);
+            x.is_finite().then_some(Spot { x, y, across })
         };
         let panel = self.panel(&curve.points[0].params);
         let spots = curve.points.iter().filter_map(spot).collect();
         Line::new(label, spots, Form::Curve, panel)
+    }
+
+    /// Ends of the interval of the rate that follows from an imposed stress, on the axis.
+    fn rates(&self, point: &Point) -> Option<[f64; 2]> {
+        let along = self.along;
+        let (_, stress) = point.params.last_shear();
+        let (stress, eta) = stress
+            .filter(|_| along.is_shear_rate())
+            .zip(point.viscosity)?;
+        let half = eta.ci95?;
+        Some([half, -half].map(|reach| {
+            // An interval that reaches a viscosity of 0 has no upper end.
+            let rate = 6.0 * PI * stress / (eta.mean + reach).max(0.0);
+            self.place(self.units.along(along, point.at(), rate))
+        }))
     }
 
     /// One line per curve of one quantity.
@@ -332,6 +351,7 @@ impl<'r> Draft<'r> {
                     value: factor * estimate.mean,
                     interval: estimate.ci95.map(|half| [factor * half; 2]),
                 }),
+                across: None,
             };
             let panel = self.panel(&trace.params);
             let spots = trace.points.iter().map(spot).collect();
@@ -418,6 +438,7 @@ impl<'r> Draft<'r> {
             let spot = Spot {
                 x: self.place(x),
                 y: Some(Height::bare(height)),
+                across: None,
             };
             let panel = self.panel(&point.params);
             if let Some(line) = lines.iter_mut().find(|line| line.panel == panel) {
