@@ -135,7 +135,7 @@ fn curves(page: &mut Page<'_>) {
 
 /// The other seed's layer: chosen, played, scrubbed, coloured.
 fn movie(page: &mut Page<'_>) {
-    tab_to(page, "[aria-label='watch the layer of seed 2']");
+    tab_to(page, "[aria-label='play the movie of seed 2']");
     page.press("Enter");
     until(
         page,
