@@ -7,9 +7,9 @@
 //! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
 //! ```
 //!
-//! CPU times of one thread. The parts: minimum times of many interleaved rounds, so that their ratios
-//! hold on a busy machine as well, each contact problem started from its own solution. A step:
-//! median time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
+//! CPU times of one thread. The parts: minimum times of many interleaved rounds, so that their
+//! ratios hold on a busy machine as well, each contact problem started from its own solution. A
+//! step: median time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
 //! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller
 //! layer.
 
