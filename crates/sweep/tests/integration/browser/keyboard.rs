@@ -156,7 +156,7 @@ fn movie(page: &mut Page<'_>) {
     assert!(page.value(cursor).as_f64().unwrap() > before);
     tab_to(page, "#paint");
     page.press("ArrowDown");
-    assert!(text(page, "meaning").starts_with("force"));
+    assert!(text(page, "meaning").starts_with("contact forces"));
 }
 
 /// The table scrolls, and has the columns that are chosen.

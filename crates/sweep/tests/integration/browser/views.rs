@@ -240,7 +240,7 @@ fn check_views(seen: &Value, report: &Value, window: Window) {
     assert_eq!(seen["cursor_moves"], true);
     check_saved(&seen["saved"], all);
     assert_eq!(seen["pictures"], 4);
-    assert!(seen["meaning"].as_str().unwrap().starts_with("turning"));
+    assert!(seen["meaning"].as_str().unwrap().starts_with("rotation"));
 }
 
 /// What is saved of the runs, the layer and the points.
