@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _Numbers: TypeAlias = NDArray[np.float64]
 _File: TypeAlias = str | PathLike[str]
-_Hydrodynamics: TypeAlias = str
+_Hydrodynamics: TypeAlias = Literal["stokesian-dynamics", "ball-melrose", "lubrication"]
 
 __version__: str
 __all__ = [
@@ -246,7 +246,7 @@ class Store:
         path: _File,
         *,
         strain: float | None = None,
-        colour: str = "pressure",
+        colour: Literal["pressure", "contacts", "spin", "cluster"] = "pressure",
         slab: tuple[float, float] | None = None,
     ) -> None: ...
     def plot(

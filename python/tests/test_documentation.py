@@ -63,6 +63,22 @@ def test_stubs_are_those_of_the_package():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_stubs_and_a_typed_script_pass_strict_mypy():
+    pytest.importorskip("mypy")
+    files = ROOT / "python/sheared_layers/__init__.pyi", ROOT / "python/tests/typed_script.py"
+    for file in files:
+        command = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", file]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT / "python/tests")
+        assert done.returncode == 0, done.stdout + done.stderr
+    spoilt = files[1].read_text().replace("seed=1", 'seed="one"').replace('"contacts"', '"softness"')
+    done = subprocess.run([*command[:-1], "-c", spoilt], capture_output=True, text=True, check=False, cwd=ROOT / "python/tests")
+    assert done.stdout.count("[arg-type]") == 2, done.stdout + done.stderr
+
+
+def test_the_typed_script_runs(tmp_path):
+    subprocess.run([sys.executable, ROOT / "python/tests/typed_script.py", tmp_path], check=True)
+
+
 def test_everything_has_a_docstring_with_its_arguments():
     for name in sl.__all__:
         thing = getattr(sl, name)

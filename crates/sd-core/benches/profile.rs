@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by
-//! steps of 0.005, put together here from the library's own parts, in computing time of its thread.
+//! steps of 0.005, composed here from parts of the library. Times are CPU times of the thread.
 //! Library calls are split by repeating their pieces outside the measured time, so the library
 //! needs no instrumentation.
 
@@ -205,26 +205,26 @@ fn rows(parts: &Parts, whole: f64) -> Vec<(&'static str, f64)> {
         ("far field: sums in real space", of("real")),
         ("far field: sums in wave space", of("wave")),
         (
-            "far field: mobility put together",
+            "far field: mobility assembly",
             of("mobility") - of("real") - of("wave"),
         ),
         (
-            "far field: factor of the mobility, block of its inverse",
+            "far field: mobility factorization, block of its inverse",
             of("mobility factor"),
         ),
         (
-            "pair terms, and the resistance put together",
+            "pair terms, resistance assembly",
             of("assembly") - of("neighbours") - far,
         ),
-        ("factor of the resistance", of("factorization")),
-        ("forces of the background", of("background")),
-        ("columns of the contacts and their products", of("columns")),
+        ("resistance factorization", of("factorization")),
+        ("forces of the background flow", of("background")),
+        ("contact columns and their products", of("columns")),
         (
             "contact and friction forces, velocities",
             of("solution") - of("factorization") - of("background") - of("columns"),
         ),
         ("stress", of("stress")),
-        ("the rest", whole - known),
+        ("other", whole - known),
     ]
 }
 
@@ -238,7 +238,7 @@ fn main() {
         );
         let (full, full_whole) = profile(spheres, Hydrodynamics::StokesianDynamics);
         let (near, near_whole) = profile(spheres, Hydrodynamics::BallMelrose);
-        println!("| share of the time of a run, N = {spheres} | full | Ball-Melrose |");
+        println!("| share of the CPU time of a run, N = {spheres} | full | Ball-Melrose |");
         println!("| --- | ---: | ---: |");
         for ((name, full), (_, near)) in rows(&full, full_whole)
             .into_iter()
@@ -256,7 +256,7 @@ fn main() {
         }
         let each = |whole: f64| 1e3 * whole / f64::from(4 * STEPS);
         println!(
-            "| a right-hand side, ms | {:.3} | {:.3} |",
+            "| right-hand side, ms | {:.3} | {:.3} |",
             each(full_whole),
             each(near_whole)
         );

@@ -7,7 +7,7 @@
 //! cargo bench -p sd-core --bench runs -- sequence [full] [LAW] N...   right-hand sides one after the other
 //! ```
 //!
-//! Computing times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
+//! CPU times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
 //! nothing else is said. A LAW is one of `roll-slip`, `coulomb`, `stick-slide`; the last one has
 //! springs of 1e4 `F_crit`/a, the others are rigid.
 
@@ -61,10 +61,14 @@ const LAWS: [Law; 3] = [
     },
 ];
 
-/// Spheres, and the computing time in seconds that the public code `LF_DEM` (commit 00fa7cc0) took
+/// Spheres, and the CPU time in seconds that the public code `LF_DEM` (commit 00fa7cc0) took
 /// for the same five strains of soft ones, measured once on the kind of machine that the page
 /// names.
 const LF_DEM: [(usize, f64); 3] = [(90, 7.3), (400, 62.0), (1000, 208.0)];
+
+/// Spheres, and the CPU time in seconds of one right-hand side of full Stokesian Dynamics in the
+/// code that Townsend has published, measured like that of `LF_DEM`.
+const TOWNSEND: [(usize, f64); 2] = [(90, 9.3), (400, 255.0)];
 
 impl Law {
     fn is_soft(self) -> bool {
@@ -130,7 +134,7 @@ impl Run {
                 break format!("jammed at strain {:.2}", layer.strain());
             }
             if start.seconds() > LIMIT {
-                break format!("left at strain {:.2}", layer.strain());
+                break format!("stopped at strain {:.2}", layer.strain());
             }
             let sampled = layer.steps().is_multiple_of(stride);
             match layer.step() {
@@ -174,7 +178,7 @@ impl Run {
 /// Runs of five strains under every law.
 fn whole(all: &[usize]) {
     println!(
-        "| contacts | N | time step | right-hand sides | one of them, ms | run of {} strains | mean viscosity | LF_DEM | ratio |",
+        "| contacts | N | time step | right-hand sides | each, ms | run of {} strains | mean viscosity | LF_DEM | ratio |",
         RUN.0
     );
     println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
@@ -204,10 +208,10 @@ fn whole(all: &[usize]) {
     }
 }
 
-/// Runs of three strains of 200 spheres of two sizes with much friction: near where they jam.
+/// Runs of three strains of 200 spheres of two sizes with much friction: close to jamming.
 fn dense() {
     println!(
-        "| contacts | N | time step | right-hand sides | one of them, ms | run of 3 strains | mean viscosity |"
+        "| contacts | N | time step | right-hand sides | each, ms | run of 3 strains | mean viscosity |"
     );
     println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: |");
     for law in LAWS {
@@ -268,11 +272,13 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     }
     let each = 1e3 * start.seconds() / (layer.counters().stages - stages) as f64;
     let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
+    let peer = TOWNSEND.iter().find(|(n, _)| full && *n == spheres);
     println!(
-        "| {} | {} | {spheres} | {steps} | {each:.2} | {} |",
+        "| {} | {} | {spheres} | {steps} | {each:.2} | {} | {} |",
         if full { "full" } else { "Ball-Melrose" },
         law.words(),
-        most_memory().map_or_else(String::new, |memory| format!("{memory:.0} MB"))
+        most_memory().map_or_else(String::new, |memory| format!("{memory:.0} MB")),
+        peer.map_or_else(String::new, |(_, time)| format!("{time} s"))
     );
 }
 

@@ -7,9 +7,9 @@
 //! cargo bench -p sd-core --bench scaling -- tables                  of two spheres
 //! ```
 //!
-//! Computing times of one thread. The parts: least times of many interleaved rounds, so that their
+//! CPU times of one thread. The parts: minimum times of many interleaved rounds, so that their
 //! ratios hold on a busy machine as well, each contact problem started from its own solution. A
-//! step: middle time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
+//! step: median time of steps in sequence, as in a run. h = 0.01, ν = 0.3, Γ = 100, rigid contacts,
 //! layers sheared by 0.8, time step 0.005; an N from 400 on is made of k × k copies of a smaller
 //! layer.
 
@@ -53,7 +53,7 @@ fn rounds<const K: usize>(mut measure: impl FnMut() -> [f64; K]) -> Vec<[f64; K]
     all
 }
 
-/// Least times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and
+/// Minimum times in ms: assembly, factorization, contact solve, bare Cholesky if there is one; and
 /// whether all contact problems were solved.
 fn parts(
     snapshot: &Snapshot,
@@ -159,12 +159,12 @@ fn tables() {
         })]
     });
     let least = evaluated.iter().map(|t| t[0]).fold(f64::INFINITY, f64::min);
-    println!("| table of two spheres | time |");
+    println!("| two-sphere functions | CPU time |");
     println!("| --- | ---: |");
-    println!("| made, size ratio 1.4 | {:.2} s |", 1e-3 * made);
-    println!("| equal spheres, kept in the program | {known:.2} ms |");
+    println!("| table for size ratio 1.4 | {:.2} s |", 1e-3 * made);
+    println!("| table for equal spheres, stored in the program | {known:.2} ms |");
     println!(
-        "| one pair evaluated | {:.0} ns |",
+        "| evaluation of one pair | {:.0} ns |",
         1e6 * least / f64::from(pairs)
     );
 }

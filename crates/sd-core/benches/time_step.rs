@@ -46,33 +46,22 @@ enum Steps {
     Adaptive(f64),
 }
 
-/// All that is compared: right-hand sides as they come.
+/// Methods compared over a short strain: the midpoint rule with gaps held and RK4 at several steps,
+/// the others at one step or tolerance of similar cost.
 fn trials() -> Vec<(&'static Method, Steps)> {
-    let mut all = Vec::new();
-    for dt in [0.1, 0.05, 0.025, 0.0125, 0.005, 0.0025, 0.00125] {
-        all.push((&RK4, Steps::Fixed(dt)));
-    }
-    for method in [&HELD, &MIDPOINT] {
-        for dt in [0.025, 0.0125, 0.00625, 0.0025, 0.00125, 0.000625] {
-            all.push((method, Steps::Fixed(dt)));
-        }
-    }
-    for dt in [0.0125, 0.00625, 0.0025, 0.00125, 0.0005] {
-        all.push((&EULER, Steps::Fixed(dt)));
-    }
-    for dt in [0.05, 0.025, 0.0125, 0.005, 0.0025] {
-        all.push((&BOGACKI_SHAMPINE, Steps::Fixed(dt)));
-    }
-    for tolerance in [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5] {
-        all.push((&BOGACKI_SHAMPINE, Steps::Adaptive(tolerance)));
-    }
-    for tolerance in [3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5] {
-        all.push((&HEUN, Steps::Adaptive(tolerance)));
-    }
-    for tolerance in [3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6] {
-        all.push((&RK4, Steps::Adaptive(tolerance)));
-    }
-    all
+    vec![
+        (&HELD, Steps::Fixed(0.025)),
+        (&HELD, Steps::Fixed(0.0125)),
+        (&HELD, Steps::Fixed(0.00625)),
+        (&RK4, Steps::Fixed(0.025)),
+        (&RK4, Steps::Fixed(0.0125)),
+        (&MIDPOINT, Steps::Fixed(0.0125)),
+        (&EULER, Steps::Fixed(0.00625)),
+        (&BOGACKI_SHAMPINE, Steps::Fixed(0.0125)),
+        (&BOGACKI_SHAMPINE, Steps::Adaptive(1e-3)),
+        (&HEUN, Steps::Adaptive(1e-3)),
+        (&RK4, Steps::Adaptive(1e-3)),
+    ]
 }
 
 /// Mean viscosity over a strain, right-hand sides, steps refused; `None` if the layer overlapped.
@@ -136,7 +125,7 @@ fn short(seeds: u64) {
         })
         .collect();
     println!(
-        "| method | step or tolerance | right-hand sides per strain | refused | position, rms | position, largest | viscosity, as the method has it | of where the step begins, looking ahead by 0.001 |"
+        "| method | step or tolerance | right-hand sides per strain | rejected steps | position error, rms | position error, maximum | viscosity error, within the steps | viscosity error, at their starts |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     for (method, steps) in trials() {
@@ -199,28 +188,22 @@ fn long(seeds: u64) {
         (means, evaluations as f64 / (5.0 * seeds as f64))
     };
     println!(
-        "| method | step or tolerance | right-hand sides per strain | runs | viscosity, as the method has it | of where the step begins, looking ahead by 0.001 |"
+        "| method | step or tolerance | right-hand sides per strain | runs | viscosity error, within the steps | viscosity error, at their starts |"
     );
     println!("| --- | --- | --- | --- | --- | --- |");
     let (reference, _) = all(&RK4, &Steps::Fixed(0.005));
-    let mut chosen: Vec<(&Method, Steps)> = Vec::new();
-    for dt in [0.005, 0.0125, 0.025, 0.05] {
-        chosen.push((&RK4, Steps::Fixed(dt)));
-    }
-    for dt in [0.005, 0.0125, 0.025, 0.05] {
-        chosen.push((&HELD, Steps::Fixed(dt)));
-    }
-    for dt in [0.0125, 0.025] {
-        chosen.push((&MIDPOINT, Steps::Fixed(dt)));
-    }
-    chosen.push((&EULER, Steps::Fixed(0.005)));
-    for tolerance in [1e-2, 1e-3] {
-        chosen.push((&BOGACKI_SHAMPINE, Steps::Adaptive(tolerance)));
-    }
-    for tolerance in [3e-3, 1e-3] {
-        chosen.push((&HEUN, Steps::Adaptive(tolerance)));
-    }
-    chosen.push((&RK4, Steps::Adaptive(1e-3)));
+    let chosen: [(&Method, Steps); 10] = [
+        (&HELD, Steps::Fixed(0.025)),
+        (&HELD, Steps::Fixed(0.0125)),
+        (&HELD, Steps::Fixed(0.005)),
+        (&RK4, Steps::Fixed(0.025)),
+        (&RK4, Steps::Fixed(0.0125)),
+        (&MIDPOINT, Steps::Fixed(0.0125)),
+        (&EULER, Steps::Fixed(0.005)),
+        (&BOGACKI_SHAMPINE, Steps::Adaptive(1e-3)),
+        (&HEUN, Steps::Adaptive(1e-3)),
+        (&RK4, Steps::Adaptive(1e-3)),
+    ];
     for (method, steps) in chosen {
         let (means, evaluations) = all(method, &steps);
         let pairs: Vec<(Viscosities, Viscosities)> = means

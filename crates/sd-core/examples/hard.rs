@@ -88,7 +88,7 @@ impl fmt::Display for Law {
 
 /// The selected runs. Lists are separated by commas.
 #[derive(Debug, Clone, Parser)]
-#[command(about = "Runs every contact law in dense layers and counts what becomes of the runs")]
+#[command(about = "Runs every contact law in dense layers and counts the outcomes")]
 pub(crate) struct Part {
     /// Laws, such as rigid+coulomb; all of them unless given
     #[arg(long, value_delimiter = ',', value_parser = Law::of_name, default_values_t = LAWS)]
@@ -436,7 +436,7 @@ pub(crate) fn tables(part: &Part) -> Result<String, rayon::ThreadPoolBuildError>
         .zip(&ran)
         .filter(|(_, ran)| ran.is_bad())
         .collect();
-    text.push_str("## Runs to look at\n\n");
+    text.push_str("## Runs to inspect\n\n");
     if bad.is_empty() {
         text.push_str("None failed, took too long or had a stage that did not converge.\n");
         return Ok(text);

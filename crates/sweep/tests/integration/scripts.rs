@@ -90,6 +90,25 @@ fn the_python_package_is_compiled_as_the_program_is() {
     }
 }
 
+/// The workspace has the version; what cannot read it there repeats it.
+#[test]
+fn every_file_names_the_version_of_the_workspace() {
+    let version = env!("CARGO_PKG_VERSION");
+    for (file, line) in [
+        ("python/Cargo.toml", format!("version = \"{version}\"\n")),
+        ("CITATION.cff", format!("version: {version}\n")),
+        ("CHANGELOG.md", format!("\n## {version}")),
+        (
+            "docs/install.md",
+            format!("sweep-{version}-x86_64-linux.tar.gz"),
+        ),
+        ("docs/install.md", format!("# sweep {version} (")),
+    ] {
+        let text = std::fs::read_to_string(root().join(file)).unwrap();
+        assert!(text.contains(&line), "{file} lacks {line:?}");
+    }
+}
+
 #[test]
 fn every_campaign_can_be_read_and_has_its_published_results() {
     let sweeps = scripts().join("../sweeps");

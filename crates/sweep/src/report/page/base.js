@@ -1,4 +1,4 @@
-/* What all parts of the page use: the data, elements, colours and markers, axes. */
+/* Shared by all parts of the page: data, elements, colours and markers, axes. */
 const $ = id => document.getElementById(id);
 const NS = 'http://www.w3.org/2000/svg';
 let data = JSON.parse($('data').textContent);
@@ -12,7 +12,7 @@ let chosen = null;
 
 const num = v => v === 'inf' ? Infinity : v;
 const show = v => v === 'inf' || v === Infinity ? '∞' : v === null || v === undefined ? '–' : typeof v === 'number' ? String(+v.toPrecision(4)) : String(v);
-/* A value and half its interval, both to the same decimals: two digits of the half. */
+/* A value and the half-width of its interval with the same decimals: two digits of the half-width. */
 const with_half = (v, half) => {
   const decimals = half > 0 ? Math.max(0, 1 - Math.floor(Math.log10(+half.toPrecision(2)))) : 9;
   return typeof v !== 'number' || decimals > 6 ? show(v) + (half > 0 ? ` ± ${show(+half.toPrecision(2))}` : '') : `${v.toFixed(decimals)} ± ${half.toFixed(decimals)}`;
@@ -24,11 +24,11 @@ const build = (element, attributes, text) => {
 };
 const make = (tag, attributes = {}, text) => build(document.createElement(tag), attributes, text);
 const draw = (tag, attributes = {}, text) => build(document.createElementNS(NS, tag), attributes, text);
-/* Where the stress is imposed the rate is a result, and no axis tells points apart by it. */
+/* At imposed stress the rate is a result, so it does not distinguish points. */
 const on = (point, axis) => axis === 'shear_rate' && point.shear_stress != null ? null : point[axis];
 const values = axis => [...new Set(data.points.map(p => on(p, axis)))];
 const varying = () => AXES.filter(axis => values(axis).length > 1);
-/* The share of the space that spheres fill: of an area or of a volume. */
+/* The area fraction or the volume fraction. */
 const is_fraction = axis => axis === 'area_fraction' || axis === 'volume_fraction';
 const fraction = () => data.points.some(p => p.volume_fraction) ? 'volume_fraction' : 'area_fraction';
 const dilute = point => point.volume_fraction ? 1 + 5 * point.volume_fraction / 2 : 1 + 5 * point.area_fraction / 3;
@@ -36,7 +36,7 @@ const dark = window.matchMedia('(prefers-color-scheme: dark)');
 const narrow = () => window.matchMedia('(max-width: 40rem)').matches;
 const ink = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-/* A colour along a map of rising lightness, from 0 to 1. */
+/* The colour at a position from 0 to 1 of a map of increasing lightness. */
 function along_map(map, part) {
   const at = Math.min(1, Math.max(0, part)) * (map.length - 1), below = Math.min(Math.floor(at), map.length - 2);
   const channels = hex => [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16));
@@ -44,7 +44,7 @@ function along_map(map, part) {
   return '#' + a.map((v, i) => Math.round(v + (at - below) * (b[i] - v)).toString(16).padStart(2, '0')).join('');
 }
 const heat = part => along_map(data.look.heat, part);
-/* The colour of one of several curves: as many as there are colours, or else by their order. */
+/* The colour of one of several curves: a fixed colour, or one of the map if there are too few. */
 const colour = (n, number) => number > data.look.markers.length
   ? along_map(dark.matches ? data.look.heat.slice(2) : data.look.heat.slice(0, -1), n / (number - 1)) : `var(--c${n % data.look.markers.length})`;
 const SHAPES = {
@@ -57,7 +57,7 @@ function marker(n, x, y, size, paint) {
   return draw('path', { class: 'marker', d: SHAPES[name.replace('hollow-', '')], transform: `translate(${x} ${y}) scale(${size})`,
     style: `stroke:${paint};stroke-width:${1.4 / size};fill:${hollow ? 'var(--panel)' : paint}` });
 }
-/* A piece of a curve for a legend. */
+/* The legend symbol of a curve. */
 function swatch(n, paint, plain) {
   const svg = draw('svg', { class: 'swatch', viewBox: '0 0 28 14', 'aria-hidden': 'true' });
   svg.append(draw('line', { x1: 1, x2: 27, y1: 7, y2: 7, style: `stroke:${paint};stroke-width:2` }));
@@ -79,17 +79,17 @@ function ticks(low, high, log) {
   for (let t = Math.ceil(low / step - 1e-9) * step; t <= high + 1e-9 * step; t += step) all.push(+t.toPrecision(12));
   return all;
 }
-/* Words for the ticks of an even axis, all with the same decimals. */
+/* Labels of the ticks of a linear axis, all with the same decimals. */
 const evenly = list => {
   const words = list.map(t => String(+t.toPrecision(4))), decimals = Math.max(...words.map(word => word.includes('e') ? 9 : (word.split('.')[1] ?? '').length));
   return decimals > 6 ? words : list.map(t => t.toFixed(decimals));
 };
 const named = (list, log) => { const words = log ? list.map(t => String(+t.toPrecision(4))) : evenly(list); return list.map((at, n) => ({ at, name: words[n] })); };
 const linear = (low, high) => ({ low, high, place: v => v, edges: [], ticks: named(ticks(low, high, false), false) });
-/* One style for the ticks of an axis: all as numbers, or all as powers. */
+/* Labels of decades: all as numbers, or all as powers. */
 const decades = list => list.every(e => e > -4 && e < 5) ? list.map(e => String(+(10 ** e).toPrecision(3))) : list.map(e => `10${[...String(e)].map(c => c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[c]).join('')}`);
 
-/* A frame with axes; returns the maps from values to places. */
+/* A frame with axes; returns the maps from values to coordinates. */
 function frame(svg, width, height, x, y, labels) {
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
   svg.replaceChildren();
@@ -116,7 +116,7 @@ function nothing(svg, text) {
   svg.setAttribute('viewBox', '0 0 720 120');
   svg.replaceChildren(draw('text', { x: 360, y: 60, 'text-anchor': 'middle' }, text));
 }
-/* Marks that can be walked through with arrow keys and chosen with Enter; each tells what it is. */
+/* Marks with a description, which arrow keys step through and Enter selects. */
 function walkable(svg, group, text, at, width, choose_it) {
   const hint = () => {
     const tip = $('tip'), box = svg.getBoundingClientRect(), scale = box.width / width;
@@ -138,9 +138,9 @@ function walkable(svg, group, text, at, width, choose_it) {
   };
   svg.append(group);
 }
-/* The runs of a point in a few words. */
+/* Summary of the runs of a point. */
 const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}`;
-/* A value on an axis: to as few digits as tell it from the others, with its unit if it has been given one. */
+/* A value on an axis with as few digits as distinguish it from the others, and with its unit if converted. */
 const value_of = (axis, v) => AXIS[axis].names[v] ?? (typeof v === 'number' ? String(+v.toPrecision(AXIS[axis].digits)) : show(v));
 const value_in = (axis, v) => value_of(axis, v) + (AXIS[axis].unit && typeof v === 'number' && v !== 0 ? ' ' + AXIS[axis].unit : '');
 const heading_of = axis => AXIS[axis].symbol + (AXIS[axis].unit ? ` (${AXIS[axis].unit})` : '');

@@ -1,6 +1,6 @@
 /* Views of the points as curves: a quantity against an axis, the flow curve, the contacts. */
 
-/* What a view draws of a point: its name, its value and half its interval. */
+/* The series of a view: name, value at a point, half-width of its interval. */
 const SERIES = {
   curve: () => { const q = $('quantity').value; return [['', p => p[q], p => p[q + '_ci95'] ?? null]]; },
   flow: () => [['', p => p.stress, p => p.stress_ci95]],
@@ -14,7 +14,7 @@ const SERIES = {
 const activated = p => p.contacts_per_sphere == null ? null : p.contacts_per_sphere * (p.activated_fraction ?? 0);
 const along_of = view => view === 'flow' ? 'shear_rate' : $('along').value;
 const label_of = view => ({ curve: QUANTITIES[$('quantity').value], flow: data.stress_label, contacts: 'pairs per sphere' })[view];
-/* Whether the filters leave a point. */
+/* Whether a point passes the filters. */
 const meets = (point, axes) => !axes.some(a => chosenFilters[a] && String(on(point, a)) !== chosenFilters[a]);
 
 function curves(view) {
@@ -80,10 +80,10 @@ function plot_curves(view) {
   const shown = list.filter(curve => !hidden.has(curve.key) && curve.points.some(is_number));
   const all = shown.flatMap(curve => curve.points).filter(is_number);
   const points = all.filter(p => !log || p.y > 0);
-  shown_table = { head: ['curve', AXIS[along].key, label, 'half 95 % interval'], rows: shown.flatMap(c => c.points.filter(is_number).map(p => [c.label, p.x, p.y, p.half])) };
-  if (log && points.length < all.length) $('remark').textContent = `${all.length - points.length} of ${all.length} values are 0 or negative: they have no place on a logarithmic axis.`;
+  shown_table = { head: ['curve', AXIS[along].key, label, 'half-width of 95 % interval'], rows: shown.flatMap(c => c.points.filter(is_number).map(p => [c.label, p.x, p.y, p.half])) };
+  if (log && points.length < all.length) $('remark').textContent = `${all.length - points.length} of ${all.length} values are 0 or negative and cannot be shown on a logarithmic axis.`;
   if (!points.length) {
-    nothing(svg, all.length ? 'no value is above 0: switch the logarithm off' : data.points.length ? 'no results to draw yet' : 'this campaign has no points');
+    nothing(svg, all.length ? 'no positive values: switch off the logarithmic axis' : data.points.length ? 'no results yet' : 'this campaign has no points');
     return;
   }
   const ends = points.flatMap(p => [p.y - (p.half ?? 0), p.y + (p.half ?? 0), p.y]);
@@ -103,7 +103,7 @@ function plot_curves(view) {
   });
   for (const e of x.edges) svg.append(draw('line', { class: 'edge', x1: X(e), x2: X(e), y1: top, y2: bottom }));
   const bands = $('bands').checked;
-  /* Bars of several curves at one place stand beside each other. */
+  /* Error bars of several curves at the same value are drawn side by side. */
   const barred = bands ? [] : shown.filter(c => c.points.some(p => p.half));
   const behind = draw('g', { class: 'bands' });
   svg.append(behind);
@@ -111,7 +111,7 @@ function plot_curves(view) {
   for (const curve of shown) {
     const dodge = barred.length > 1 ? (barred.indexOf(curve) - (barred.length - 1) / 2) * Math.min(6, 30 / barred.length) : 0;
     const group = draw('g', { class: 'curve' });
-    /* Pieces that a line may join: not over a break of the axis, nor over a point without a result. */
+    /* Pieces of the line: it is interrupted at a break of the axis and at a point without a result. */
     const pieces = [[]];
     let before = null;
     for (const p of curve.points) {
@@ -148,5 +148,5 @@ function plot_curves(view) {
       walkable(svg, group, text, [cx, cy], width, () => choose(p.index));
     }
   }
-  $('note').textContent = `Means over runs with 95 % intervals. Γ = 0 and Γ = ∞ stand at the edges.${lost ? ' A cross on the axis is a point without a result.' : ''} Choose a point for its runs.`;
+  $('note').textContent = `Means over runs with 95 % intervals. Γ = 0 and Γ = ∞ are drawn at the edges.${lost ? ' A cross on the axis marks a point without a result.' : ''} Select a point to see its runs.`;
 }

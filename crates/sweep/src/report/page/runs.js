@@ -1,4 +1,4 @@
-/* The runs of a point: their traces, and their layers in motion. */
+/* The runs of a point: traces and movies. */
 let cursor_place = null;
 
 function choose(index, quietly) {
@@ -28,7 +28,7 @@ function choose(index, quietly) {
     if (place >= 0) first.append(swatch(place, colour(place, traced.length), true));
     const cell = make('td');
     if (data.movies[run.key]) {
-      const button = make('button', { type: 'button', 'aria-label': `watch the layer of seed ${run.seed}` }, 'watch');
+      const button = make('button', { type: 'button', 'aria-label': `play the movie of seed ${run.seed}` }, 'play');
       button.onclick = async () => { await watch(run); $('movie').scrollIntoView({ block: 'nearest' }); };
       cell.append(button);
     } else cell.textContent = '–';
@@ -55,7 +55,7 @@ async function watch(run) {
     const answer = await fetch('movie/' + encodeURIComponent(run.key)).catch(() => null);
     if (!answer?.ok) return;
     film = await answer.json();
-    /* Another was asked for meanwhile. */
+    /* Another movie was requested in the meantime. */
     if (asked !== run.key) return;
   }
   movie = film; at = 0;
@@ -64,7 +64,7 @@ async function watch(run) {
   $('scrub').max = movie.frames.length - 1;
   picture();
 }
-/* The cursor of the trace stands at the strain of the picture. */
+/* The cursor of the trace marks the strain of the frame. */
 function cursor() {
   if (!cursor_place) return;
   const strain = movie?.frames[at]?.strain, line = cursor_place.line;
@@ -72,13 +72,13 @@ function cursor() {
   if (strain === undefined) return;
   line.setAttribute('x1', cursor_place.X(strain)); line.setAttribute('x2', cursor_place.X(strain));
 }
-/* What a sphere is coloured by: its name, and the number of each sphere. */
+/* The quantity that spheres are coloured by, for each sphere. */
 function measure(kind, n, radius) {
   const f = movie.frames[at], numbers = new Float64Array(n);
   if (kind === 'spin') {
-    /* Turning per strain until the next picture, from the one before at the end. */
+    /* Rotation per strain from this frame to the next, at the last frame from the one before. */
     const [a, b] = at + 1 < movie.frames.length ? [f, movie.frames[at + 1]] : [movie.frames[at - 1] ?? f, f], time = b.strain - a.strain || 1;
-    /* Of a suspension only the direction of a mark is known, not how often it went round. */
+    /* In a suspension the angle is known only up to full turns. */
     const turned = angle => f.z ? angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI)) : angle;
     for (let i = 0; i < n; i++) numbers[i] = turned(b.x[3 * i + 2] - a.x[3 * i + 2]) / time;
   } else for (const [i, j, , , , force] of f.contacts) {
@@ -87,8 +87,8 @@ function measure(kind, n, radius) {
   }
   return numbers;
 }
-const MEASURES = { pressure: 'force of contacts over the surface of a sphere, in μ rate', contacts: 'contacts of a sphere', spin: 'turning per strain' };
-/* The ends of the colours: the same for all pictures, so that they can be compared. */
+const MEASURES = { pressure: 'contact forces over the surface of a sphere, in μ × shear rate', contacts: 'contacts per sphere', spin: 'rotation per strain' };
+/* The limits of the colour scale: the same for all frames, so that they can be compared. */
 function ends_of(kind, n, radius) {
   movie.ends ??= {};
   if (!movie.ends[kind]) {
@@ -117,10 +117,10 @@ function picture() {
     }
   };
   const kind = $('paint').value, numbers = kind ? measure(kind, n, radius) : null, [low, high] = kind ? ends_of(kind, n, radius) : [0, 1];
-  $('meaning').textContent = kind ? `${MEASURES[kind]}: ${show(+low.toPrecision(2))} dark to ${show(+high.toPrecision(2))} light` : '';
+  $('meaning').textContent = kind ? `${MEASURES[kind]}: ${show(+low.toPrecision(2))} (dark) to ${show(+high.toPrecision(2))} (light)` : '';
   const paper = ink('--paper'), soft = ink('--soft');
   pen.lineWidth = .06;
-  /* A suspension is seen along the vorticity: the nearest spheres last. */
+  /* A suspension is viewed along the vorticity: the nearest spheres are drawn last. */
   const order = Array.from({ length: n }, (_, i) => i);
   if (f.z) order.sort((i, j) => f.z[i] - f.z[j]);
   for (const i of order) {
@@ -141,7 +141,7 @@ function picture() {
   $('scrub').value = at;
   $('scrub').setAttribute('aria-valuetext', `strain ${f.strain.toFixed(2)}`);
   const of_state = number => f.contacts.filter(contact => contact[2] === number).length;
-  canvas.setAttribute('aria-label', `the ${f.z ? 'suspension, seen along the vorticity,' : 'layer'} at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
+  canvas.setAttribute('aria-label', `the ${f.z ? 'suspension, viewed along the vorticity,' : 'layer'} at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
   $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
   cursor();
 }

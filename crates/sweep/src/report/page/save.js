@@ -1,4 +1,4 @@
-/* What is shown, as a file: CSV, SVG, PNG. */
+/* Downloads of what is shown: CSV, SVG, PNG. */
 let shown_table = { head: [], rows: [] }, traced_table = { head: [], rows: [] };
 
 function save(name, address) {
@@ -12,7 +12,7 @@ const cell_text = v => v === null || v === undefined ? '' : v === Infinity || v 
 const as_csv = table => [table.head, ...table.rows].map(row => row.map(cell_text).join(',')).join('\n') + '\n';
 const coded = (type, text) => `data:${type};charset=utf-8,${encodeURIComponent(text)}`;
 
-/* The drawing by itself: with the colours of the page instead of their names. */
+/* A drawing as a file of its own, with the values of the colours instead of their names. */
 function alone(id) {
   const svg = $(id).cloneNode(true), [, , width, height] = svg.getAttribute('viewBox').split(' ').map(Number);
   build(svg, { xmlns: NS, width, height });
@@ -28,7 +28,7 @@ async function as_png(text) {
   pen.drawImage(image, 0, 0, canvas.width, canvas.height);
   return canvas.toDataURL('image/png');
 }
-/* The drawing and the numbers of the results, and those of the runs of a point. */
+/* Buttons for the drawing and the data of the results, and for those of the runs of a point. */
 for (const [id, name, numbers, of = ''] of [['plot', 'view', () => shown_table], ['trace', 'runs', () => traced_table, 'trace-']]) {
   $(`save-${of}csv`).onclick = () => save(name + '.csv', coded('text/csv', as_csv(numbers())));
   $(`save-${of}svg`).onclick = () => save(name + '.svg', coded('image/svg+xml', alone(id)));

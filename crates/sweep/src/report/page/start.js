@@ -1,6 +1,6 @@
-/* Controls, and news from a server. */
+/* Controls, and updates from a server. */
 const VIEWS = { curve: plot_curves, flow: plot_curves, contacts: plot_curves, histogram: plot_histogram, map: plot_map, versus: plot_versus };
-/* Which controls a view has. */
+/* The views that have each control. */
 const HAS = { quantity: ['curve', 'map'], along: ['curve', 'contacts'], log: ['curve', 'flow', 'contacts'], bands: ['curve', 'flow'], 'map-x': ['map'], 'map-y': ['map'], 'run-a': ['versus'], 'run-b': ['versus'] };
 
 function plot() {
@@ -23,7 +23,7 @@ function controls() {
   };
   keep($('quantity'), Object.entries(QUANTITIES), 'viscosity');
   const axes = varying(), numeric = axes.filter(a => AXIS[a].numeric), name = a => [a, AXIS[a].symbol];
-  /* What is imposed, where it varies. */
+  /* The imposed rate or stress, if it varies. */
   const shear = ['shear_rate', 'shear_stress'].find(a => axes.includes(a));
   keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(name), shear);
   keep($('map-x'), axes.map(name), shear ?? axes[0]);
@@ -44,17 +44,17 @@ function filters() {
     return label;
   }));
 }
-/* Filters of an axis that is drawn along make no sense. */
-const anew = () => { for (const key in chosenFilters) delete chosenFilters[key]; filters(); plot(); };
+/* An axis that is plotted has no filter. */
+const reset = () => { for (const key in chosenFilters) delete chosenFilters[key]; filters(); plot(); };
 for (const id of ['quantity', 'log', 'bands', 'run-a', 'run-b']) $(id).onchange = plot;
-for (const id of ['view', 'along', 'map-x', 'map-y']) $(id).onchange = anew;
+for (const id of ['view', 'along', 'map-x', 'map-y']) $(id).onchange = reset;
 const redraw = () => { plot(); if (chosen !== null) choose(chosen, true); picture(); cue(); };
 window.matchMedia('(max-width: 40rem)').addEventListener('change', redraw);
 dark.addEventListener('change', redraw);
 const spread = data.points.map(p => p.viscosity).filter(v => v > 0);
 $('log').checked = spread.length > 1 && Math.max(...spread) > 10 * Math.min(...spread);
 words(); controls(); plot();
-/* Where there is room beside the curves, the runs of a point are there from the start. */
+/* On a wide screen the runs of a point are shown from the start, beside the curves. */
 if (window.matchMedia('(min-width: 80rem)').matches) {
   const first = data.runs.find(run => data.movies[run.key]) ?? data.runs.find(run => run.trace.length > 1);
   if (first) { choose(first.point, true); if (data.movies[first.key]) watch(first); plot(); }
@@ -72,7 +72,7 @@ if (live) {
       if (!document.activeElement?.closest?.('#legend, #filters')) plot();
       if (chosen !== null) choose(chosen, true);
     } catch {
-      $('summary').textContent = 'The server no longer answers; what is shown is the last state it told.';
+      $('summary').textContent = 'The server does not respond. This is the last state received.';
     }
     setTimeout(again, 3000);
   };

@@ -1,6 +1,6 @@
-/* The points as a table, and everything that is said in words. */
+/* The table of points, and the texts. */
 
-/* Columns by name: heading, cell. What differs and matters comes first. */
+/* Columns by name: heading, cell. Axes that vary and main results come first. */
 function columns() {
   const axes = varying(), c = data.cases;
   const of_axis = a => [a, heading_of(a), p => value_of(a, on(p, a))];
@@ -37,7 +37,7 @@ function table() {
   }));
   cue();
 }
-/* The numbers of a drawing as a table, for those who do not see it; made once it is opened. */
+/* The data of a drawing as a table, for screen readers; built when opened. */
 function numbers(id, { head, rows }) {
   const box = $(id), row = (cells, tag) => { const line = make('tr'); line.append(...cells.map(v => make(tag, tag === 'th' ? { scope: 'col' } : {}, show(v)))); return line; };
   const fill = () => {
@@ -49,7 +49,7 @@ function numbers(id, { head, rows }) {
   box.ontoggle = fill;
   fill();
 }
-/* Says that there is more to the right, as long as there is. */
+/* Shows whether there are more columns to the right. */
 function cue() {
   const box = $('points-box'), more = box.scrollWidth - box.clientWidth - box.scrollLeft > 2;
   box.classList.toggle('more', more);
@@ -61,12 +61,12 @@ function words() {
   document.title = `${data.campaign} · sweep`;
   $('name').textContent = data.campaign;
   const eta = data.eta_s !== null && data.eta_s !== undefined ? `, about ${data.eta_s < 90 ? Math.round(data.eta_s) + ' s' : data.eta_s < 5400 ? Math.round(data.eta_s / 60) + ' min' : (data.eta_s / 3600).toFixed(1) + ' h'} left` : '';
-  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Strain discarded: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}${data.doubtful ? ` ${data.doubtful} finished runs have doubtful numbers${data.with_doubtful ? ', averaged with the others' : ', not averaged'}.` : ''}`;
+  $('summary').textContent = `${c.done} of ${total} runs done, ${c.jammed} jammed, ${c.failed} failed, ${c.running} running, ${c.pending} pending${eta}. Discarded strain: ${data.discard}.${data.selection ? ` Only where ${data.selection}.` : ''}${data.doubtful ? ` ${data.doubtful} finished runs are doubtful: ${data.with_doubtful ? 'included in' : 'excluded from'} all means.` : ''}`;
   $('progress').value = data.work_done;
   table();
   $('failures-section').hidden = !data.failures.length;
   $('failures').replaceChildren(...data.failures.map(f => make('li', {}, `${f.key.slice(0, 10)}, seed ${f.seed}, strain ${f.strain.toFixed(3)}: ${f.error}`)));
-  $('provenance').replaceChildren(...data.provenance.map(p => make('li', {}, `sweep ${p.version}, physics ${p.physics_version}, build ${p.build.slice(0, 12)} on ${p.host}, ${p.threads} threads, ${p.results} results, begun ${new Date(p.started_at).toISOString().slice(0, 16).replace('T', ' ')} UTC`)));
+  $('provenance').replaceChildren(...data.provenance.map(p => make('li', {}, `sweep ${p.version}, physics ${p.physics_version}, build ${p.build.slice(0, 12)} on ${p.host}, ${p.threads} threads, ${p.results} results, started ${new Date(p.started_at).toISOString().slice(0, 16).replace('T', ' ')} UTC`)));
   $('text').textContent = data.text;
 }
 $('points-box').addEventListener('scroll', cue);

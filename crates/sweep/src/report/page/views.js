@@ -1,11 +1,11 @@
-/* Views that are no curves of points: viscosity in time as a histogram, the phase map, a run against another. */
+/* Other views: histograms of the viscosity over time, the phase map, two runs compared. */
 
-/* Which points the filters leave. */
+/* The points that pass the filters. */
 const left_over = () => data.points.map((point, index) => ({ point, index })).filter(({ point }) => meets(point, varying()));
 
 const CLEAR = 6;
 let histograms = '';
-/* How often each viscosity occurs in time, over the runs of the points that the filters leave. */
+/* Histograms of the viscosity over time, of all runs of the points that pass the filters. */
 function plot_histogram() {
   const svg = $('plot');
   const list = left_over().map(({ point, index }, n, all) => {
@@ -17,17 +17,17 @@ function plot_histogram() {
     });
     return { key: 'h' + index, n, label: name_of(point, varying()) || 'all runs', colour: colour(n, all.length), plain: true, counts, number, index };
   }).filter(curve => curve.number);
-  /* At first no more than can be told apart: the last ones, which are neighbours on the axis that changes first. */
+  /* Initially only as many as can be distinguished: the last ones, which are neighbours on the axis that varies fastest. */
   const keys = list.map(curve => curve.key).join();
   if (keys !== histograms) list.forEach((curve, n) => { n < list.length - CLEAR ? hidden.add(curve.key) : hidden.delete(curve.key); });
   histograms = keys;
   legend(list, plot);
   const shown = list.filter(curve => !hidden.has(curve.key));
-  if (shown.length < list.length) $('remark').textContent = `${shown.length} of ${list.length} histograms are shown: the others can be switched on below.`;
+  if (shown.length < list.length) $('remark').textContent = `${shown.length} of ${list.length} histograms are shown: switch on the others below.`;
   const bins = shown.flatMap(curve => [...curve.counts.keys()]);
   const wide = data.histogram_bin;
   shown_table = { head: ['point', 'viscosity from', 'viscosity to', 'share of samples'], rows: shown.flatMap(c => [...c.counts].sort((a, b) => a[0] - b[0]).map(([bin, count]) => [c.label, 10 ** (bin * wide), 10 ** ((bin + 1) * wide), count / c.number])) };
-  if (!bins.length) { nothing(svg, 'no samples after the strain discarded'); return; }
+  if (!bins.length) { nothing(svg, 'no samples after the discarded strain'); return; }
   const low = Math.min(...bins), high = Math.max(...bins) + 1, most = Math.max(...shown.flatMap(c => [...c.counts.values()].map(v => v / c.number)));
   const width = narrow() ? 400 : 820, height = narrow() ? 340 : 440;
   const x = { low: low * wide, high: high * wide, ticks: ticks(10 ** (low * wide), 10 ** (high * wide), true).map(t => ({ at: Math.log10(t), name: String(+t.toPrecision(3)) })) };
@@ -42,10 +42,10 @@ function plot_histogram() {
     }
     svg.append(draw('path', { class: 'curve bars', d: path, style: `stroke:${curve.colour};fill:${shown.length < 5 ? curve.colour : 'none'}` }));
   }
-  $('note').textContent = 'How often a viscosity occurs in time, over all runs of a point, after the strain discarded; bins are even in its logarithm.';
+  $('note').textContent = 'Distribution of the viscosity over time and over all runs of a point, without the discarded strain; all bins have the same width in the logarithm.';
 }
 
-/* Two axes of the grid as a map: one for each of the values that the filters leave on the other axes. */
+/* Maps over two axes of the grid, one for each combination of values on the other axes that passes the filters. */
 const MAPS = 12;
 function plot_map() {
   const svg = $('plot'), ax = $('map-x').value, ay = $('map-y').value, quantity = $('quantity').value;
@@ -60,7 +60,7 @@ function plot_map() {
     (maps.get(name) ?? maps.set(name, []).get(name)).push({ point, index, place, value: typeof value === 'number' && isFinite(value) ? value : null });
   }
   const shown = [...maps].slice(0, MAPS), all = shown.flatMap(([, cells]) => cells).map(cell => cell.value).filter(v => v !== null);
-  if (shown.length < maps.size) $('remark').textContent = `${shown.length} of ${maps.size} maps are shown: choose values above for the others.`;
+  if (shown.length < maps.size) $('remark').textContent = `${shown.length} of ${maps.size} maps are shown: select values above to see the others.`;
   const low = Math.min(...all), high = Math.max(...all), log = low > 0 && high > 10 * low;
   const part = v => high > low ? (log ? Math.log(v / low) / Math.log(high / low) : (v - low) / (high - low)) : .5;
   const columns = narrow() || shown.length < 2 ? 1 : shown.length < 5 ? 2 : 3, head = shown.length > 1 ? 20 : 0;
@@ -91,17 +91,17 @@ function plot_map() {
       walkable(svg, group, text, [cx, cy], width, () => choose(index));
     }
   });
-  /* What the colours mean. */
+  /* The colour scale. */
   const bar = 200, right = width - 14, from = right - bar, at = height - 30;
   if (all.length) {
     for (let k = 0; k < 40; k++) svg.append(draw('rect', { x: from + k * bar / 40, y: at, width: bar / 40 + .5, height: 12, style: `fill:${heat((k + .5) / 40)}` }));
     for (const [place, v, anchor] of [[from, low, 'start'], [right, high, 'end']]) svg.append(draw('text', { x: place, y: at + 25, 'text-anchor': anchor }, show(v)));
     svg.append(draw('text', { x: from - 8, y: at + 10, 'text-anchor': 'end' }, QUANTITIES[quantity] + (log ? ', logarithmic' : '')));
   }
-  $('note').textContent = 'Colour: mean over runs. × some runs jammed; ! some runs failed; D discontinuous thickening, d ln η/d ln σ ≥ 1; no colour: no result. Choose a cell for its runs.';
+  $('note').textContent = 'Colour: mean over runs. × some runs jammed; ! some runs failed; D discontinuous thickening, d ln η/d ln σ ≥ 1; no colour: no result. Select a cell to see its runs.';
 }
 
-/* A run against another, in time. */
+/* Two runs compared. */
 function plot_versus() {
   const svg = $('plot'), pair = [$('run-a').value, $('run-b').value].map(key => data.runs.find(run => run.key === key)).filter(run => run);
   const list = pair.map((run, n) => ({ key: 'r' + n, n: n, label: run_name(run), colour: colour(n, 2), plain: true, run }));
@@ -110,11 +110,11 @@ function plot_versus() {
   shown_table = { head: ['run', 'strain', data.viscosity_label], rows: shown.flatMap(c => c.run.trace.map(p => [c.run.key, ...p])) };
   if (!shown.some(c => c.run.trace.length > 1)) { nothing(svg, 'no samples yet'); return; }
   in_time(svg, shown.map(c => ({ trace: c.run.trace, colour: c.colour })), narrow() ? 340 : 440, Math.max(...pair.map(run => run.discard ?? 0)));
-  $('note').textContent = 'Two runs in time; the strain discarded is shaded.';
+  $('note').textContent = 'Two runs against strain; the discarded strain is shaded.';
 }
 const run_name = run => [name_of(data.points[run.point], varying()), `seed ${run.seed}`].filter(w => w).join(', ');
 
-/* Viscosity in time. */
+/* Viscosity against strain. */
 function in_time(svg, runs, height, discard) {
   const all = runs.flatMap(run => run.trace), ys = all.map(p => p[1]), xs = all.map(p => p[0]);
   const lowest = Math.min(...ys), highest = Math.max(...ys), log = lowest > 0 && highest > 10 * lowest;

@@ -135,7 +135,7 @@ fn curves(page: &mut Page<'_>) {
 
 /// The other seed's layer: chosen, played, scrubbed, coloured.
 fn movie(page: &mut Page<'_>) {
-    tab_to(page, "[aria-label='watch the layer of seed 2']");
+    tab_to(page, "[aria-label='play the movie of seed 2']");
     page.press("Enter");
     until(
         page,
@@ -156,7 +156,7 @@ fn movie(page: &mut Page<'_>) {
     assert!(page.value(cursor).as_f64().unwrap() > before);
     tab_to(page, "#paint");
     page.press("ArrowDown");
-    assert!(text(page, "meaning").starts_with("force"));
+    assert!(text(page, "meaning").starts_with("contact forces"));
 }
 
 /// The table scrolls, and has the columns that are chosen.

@@ -240,7 +240,7 @@ fn check_views(seen: &Value, report: &Value, window: Window) {
     assert_eq!(seen["cursor_moves"], true);
     check_saved(&seen["saved"], all);
     assert_eq!(seen["pictures"], 4);
-    assert!(seen["meaning"].as_str().unwrap().starts_with("turning"));
+    assert!(seen["meaning"].as_str().unwrap().starts_with("rotation"));
 }
 
 /// What is saved of the runs, the layer and the points.
@@ -349,7 +349,7 @@ fn hostile_text_is_shown_and_not_obeyed() {
     let text = text.as_str().unwrap();
     assert!(text.contains("</script><script>document.title = 1"));
     let drawn = page.value("document.getElementById('plot').textContent");
-    assert!(drawn.as_str().unwrap().contains("no results to draw yet"));
+    assert!(drawn.as_str().unwrap().contains("no results yet"));
     assert_eq!(page.trouble(), [""; 0]);
 }
 
