@@ -84,9 +84,9 @@ impl Quality {
 use crate::space::Space;
 
 /// Most spheres for which room is made in advance for all contacts there can be.
-const MOST_RESERVED: usize = 1000;
+const MAX_RESERVED_SPHERES: usize = 1000;
 
 /// Contacts for which room is made in advance.
-pub(crate) fn most_contacts<S: Space>(spheres: usize) -> usize {
-    S::MOST_CONTACTS / 2 * spheres.min(MOST_RESERVED)
+pub(crate) fn reserved_contacts<S: Space>(spheres: usize) -> usize {
+    S::RESERVED_CONTACTS / 2 * spheres.min(MAX_RESERVED_SPHERES)
 }

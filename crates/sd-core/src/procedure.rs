@@ -17,7 +17,7 @@
 
 use crate::contact::solve::dense::DenseSystem;
 use crate::contact::solve::problem::{self, Forces, Problem, States, System};
-use crate::contact::{Contact, ContactState, Quality, most_contacts};
+use crate::contact::{Contact, ContactState, Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
@@ -91,7 +91,7 @@ pub struct ProcedureSolver<S: Fluid = Layer> {
 impl<S: Fluid> ProcedureSolver<S> {
     /// Workspace for all contacts of that many spheres.
     pub fn new(spheres: usize) -> Self {
-        let contacts = most_contacts::<S>(spheres);
+        let contacts = reserved_contacts::<S>(spheres);
         let mut solver = Self {
             problem: Problem::default(),
             states: States::default(),

@@ -101,9 +101,9 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Components of slip.
     const TANGENTS: usize;
     /// Reserved number of neighbours of a sphere within the lubrication range.
-    const MOST_NEIGHBOURS: usize;
+    const RESERVED_NEIGHBOURS: usize;
     /// Reserved number of contacts of a sphere.
-    const MOST_CONTACTS: usize;
+    const RESERVED_CONTACTS: usize;
     /// Orientation at strain 0.
     const UPRIGHT: Self::Orientation;
     /// Positions, velocities, forces.

@@ -8,7 +8,9 @@ use crate::contact::adhesion::Adhering;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::repulsion::Repelled;
 use crate::contact::solver::{AppliedForces, StageInput};
-use crate::contact::{ContactMemory, ContactSolver, Pass, Quality, Status, Surface, most_contacts};
+use crate::contact::{
+    ContactMemory, ContactSolver, Pass, Quality, Status, Surface, reserved_contacts,
+};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
@@ -26,7 +28,7 @@ const FIRST: f64 = 1e-2;
 /// How much smaller than at the last decision the residual must be for another one on which contacts friction acts.
 const CLOSER: f64 = 0.1;
 /// Changes of these contacts in one solve after which they are held.
-const MOST_CHANGES: u32 = 8;
+const MAX_CHANGES: u32 = 8;
 
 /// What keeps the spheres apart, with what it remembers from stage to stage.
 pub enum Contact<'a, S: Fluid = Layer> {
@@ -78,7 +80,7 @@ impl<S: Fluid> StageSolver<S> {
         let spheres = resistance.radii().len();
         let n = S::MODES * spheres;
         let mut adhering = Adhering::default();
-        adhering.pairs.reserve(most_contacts::<S>(spheres));
+        adhering.pairs.reserve(reserved_contacts::<S>(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
@@ -328,7 +330,7 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
         let closer = progress.residual < CLOSER * self.decided;
-        let deciding = self.changes < MOST_CHANGES && (first || closer);
+        let deciding = self.changes < MAX_CHANGES && (first || closer);
         if closer {
             self.decided = progress.residual;
         }

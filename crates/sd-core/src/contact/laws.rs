@@ -24,7 +24,7 @@ pub const COMPLIANCE: f64 = 1e-10;
 /// Overlap at which an unloaded contact is first linearised, in a.
 const FIRST_OVERLAP: f64 = 1e-6;
 /// Smallest overlap at which one is linearised: nothing to the forces, but more than nothing to the slope.
-const LEAST_OVERLAP: f64 = 1e-13;
+const MIN_OVERLAP: f64 = 1e-13;
 
 /// Chosen laws, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -248,7 +248,7 @@ impl NormalForce {
         }
         let before = self.law.slope(overlap.reference, self.stiffness);
         // A dashpot has a slope of its own, beside which the least one is not nothing.
-        let least = if damping > 0.0 { 0.0 } else { LEAST_OVERLAP };
+        let least = if damping > 0.0 { 0.0 } else { MIN_OVERLAP };
         overlap.reference = ahead.max(least);
         let slope = self.law.slope(overlap.reference, self.stiffness);
         (slope != before).then(|| self.entry(overlap, time, false))

@@ -12,7 +12,7 @@ use super::solve::newton::FrictionActivation;
 use super::solve::problem::{Forces, Problem};
 use super::solve::sparse::{OnNetwork, SparseSystem};
 use super::solve::{Outcome, ProblemSolver};
-use super::{Quality, most_contacts};
+use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
@@ -69,7 +69,7 @@ impl<S: Fluid> ContactSolver<S> {
     /// Workspace with room for all contacts of the spheres. Pages never written to cost no memory.
     pub fn new(resistance: &Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
-        let most = most_contacts::<S>(spheres);
+        let most = reserved_contacts::<S>(spheres);
         let backend = if resistance.pairwise().is_some() {
             Backend::Sparse(Box::default())
         } else {

@@ -12,7 +12,7 @@ use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
 /// Maximum number of steps for the spheres to pass.
-const MOST_STEPS: u64 = 10_000_000;
+const MAX_STEPS: u64 = 10_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
 /// load 0.
@@ -97,7 +97,7 @@ pub fn pass_while(
     let mut time = 0.0;
     let mut path = vec![row(time, &state, contact)];
     let mut minimum_gap = state.centres[1].x.exp();
-    for step in 0..MOST_STEPS {
+    for step in 0..MAX_STEPS {
         if !go_on() {
             return Ok(None);
         }

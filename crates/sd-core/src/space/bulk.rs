@@ -148,9 +148,9 @@ impl Space for Bulk {
     const STRAINS: usize = 5;
     const TANGENTS: usize = 2;
     /// Equal spheres on a face-centred lattice have 42 before the next shell.
-    const MOST_NEIGHBOURS: usize = 54;
+    const RESERVED_NEIGHBOURS: usize = 54;
     /// Equal spheres have twelve at most.
-    const MOST_CONTACTS: usize = 12;
+    const RESERVED_CONTACTS: usize = 12;
     const UPRIGHT: Quaternion = [1.0, 0.0, 0.0, 0.0];
     type Vector = Vector3<f64>;
     type Point = [f64; 3];

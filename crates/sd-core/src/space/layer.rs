@@ -14,9 +14,9 @@ impl Space for Layer {
     const STRAINS: usize = 3;
     const TANGENTS: usize = 1;
     /// Equal spheres have 18 at most.
-    const MOST_NEIGHBOURS: usize = 20;
+    const RESERVED_NEIGHBOURS: usize = 20;
     /// Equal spheres have six at most. Unequal ones hardly have more.
-    const MOST_CONTACTS: usize = 6;
+    const RESERVED_CONTACTS: usize = 6;
     const UPRIGHT: f64 = 0.0;
     type Vector = Vector2<f64>;
     type Point = [f64; 2];

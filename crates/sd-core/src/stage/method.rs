@@ -12,18 +12,18 @@ use std::f64::consts::PI;
 
 /// Spheres from which on contacts are solved pair by pair. At 90 spheres that takes 0.7 to 1.0 of the time of dense matrices, at 60 as long
 /// under most laws.
-const LEAST_PAIRWISE: usize = 60;
+const MIN_PAIRWISE: usize = 60;
 /// Spheres from which on Stokesian Dynamics costs less with the far field iterated: at 150 spheres 0.65 to 0.9 of the time of dense
 /// matrices, at 90 it is 1.2 of it.
-const LEAST_ITERATED: usize = 120;
+const MIN_ITERATED: usize = 120;
 /// The same of rigid contacts above an area fraction: a contact problem then costs more than the far field, and every evaluation of the
 /// iteration solves one.
-const LEAST_ITERATED_NEAR_JAMMING: usize = 300;
+const MIN_ITERATED_NEAR_JAMMING: usize = 300;
 /// That area fraction.
 const NEAR_JAMMING: f64 = 0.72;
 
 /// Spheres from which on an instant of a suspension costs less pair by pair.
-const LEAST_SPARSE: usize = 100;
+const MIN_SPARSE: usize = 100;
 
 /// How a stage is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Method {
     pub const fn most_spheres(self, hydrodynamics: Hydrodynamics) -> usize {
         match (self, hydrodynamics) {
             (Self::Dense, Hydrodynamics::StokesianDynamics) => 2_000,
-            _ => Params::MOST_SPHERES,
+            _ => Params::MAX_SPHERES,
         }
     }
 
@@ -76,7 +76,7 @@ impl Method {
     ) -> Self {
         if S::DIMENSIONS == 3 {
             let is_full = hydrodynamics == Hydrodynamics::StokesianDynamics;
-            let is_sparse = radii.len() >= LEAST_SPARSE && (cell.content().is_some() || !is_full);
+            let is_sparse = radii.len() >= MIN_SPARSE && (cell.content().is_some() || !is_full);
             return if is_sparse {
                 Self::of_suspension(hydrodynamics)
             } else {
@@ -97,11 +97,11 @@ impl Method {
         is_soft: bool,
     ) -> Self {
         let least_iterated = if is_soft || area_fraction <= NEAR_JAMMING {
-            LEAST_ITERATED
+            MIN_ITERATED
         } else {
-            LEAST_ITERATED_NEAR_JAMMING
+            MIN_ITERATED_NEAR_JAMMING
         };
-        let (iterates, is_pairwise) = (spheres >= least_iterated, spheres >= LEAST_PAIRWISE);
+        let (iterates, is_pairwise) = (spheres >= least_iterated, spheres >= MIN_PAIRWISE);
         match hydrodynamics {
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) if is_pairwise => {
                 Self::Pairwise

@@ -176,7 +176,7 @@ fn solves_allocate_nothing_and_stop_at_the_limit() {
         stopped,
         Err(Error::NotConverged { iterations: 3, .. })
     ));
-    far.limit_iterations(IterativeFarField::MOST_ITERATIONS);
+    far.limit_iterations(IterativeFarField::MAX_ITERATIONS);
     let mut found = Ok(Convergence::default());
     let counted = allocation_counter::measure(|| {
         far.update(&cell, &centres).unwrap();

@@ -8,7 +8,7 @@ pub(crate) const PARTS: usize = 4;
 /// Significance level of a difference, two-sided 1 %.
 const BEYOND_CHANCE: f64 = 0.995;
 /// Minimum number of runs for a test.
-const LEAST_RUNS: usize = 3;
+const MIN_RUNS: usize = 3;
 /// Window of the sum of correlations, in correlation times.
 const WINDOW: f64 = 5.0;
 /// Samples of a batch.
@@ -150,7 +150,7 @@ impl Drift {
             .standard_error
             .zip(student(self.runs as f64 - 1.0, BEYOND_CHANCE))
             .map(|(error, student)| error * student);
-        self.runs >= LEAST_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
+        self.runs >= MIN_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
     }
 }
 

@@ -31,7 +31,7 @@ const PATIENCE: u32 = 4;
 /// spheres at φ = 0.54 take 16 % more linear systems.
 const PROGRESS: f64 = 0.9;
 /// The least share of a step: smaller ones hardly lower the violation.
-const LEAST_SHARE: f64 = 1.0 / 64.0;
+const MIN_SHARE: f64 = 1.0 / 64.0;
 
 /// Angle by which a slip may turn once more: as the error of the next system goes with its square.
 const TURNED: f64 = 1e-7;
@@ -125,7 +125,7 @@ impl<S: Space> ProblemSolver<S> {
         }
         let mut violation = self.forces.square_violation(problem, system);
         let mut share = 1.0;
-        while least.is_some_and(|least| violation >= least) && share > LEAST_SHARE {
+        while least.is_some_and(|least| violation >= least) && share > MIN_SHARE {
             share *= 0.5;
             self.forces.halve_step(&self.previous);
             violation = self.forces.square_violation(problem, system);

@@ -34,9 +34,9 @@ use crate::space::Layer;
 use std::f64::consts::PI;
 
 /// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
-const LEAST_COMPLIANCE: f64 = 1e-6;
+const MIN_COMPLIANCE: f64 = 1e-6;
 /// Largest stiffness in the preconditioner, that of rigid contacts.
-const STIFF: f64 = 1.0 / LEAST_COMPLIANCE;
+const STIFF: f64 = 1.0 / MIN_COMPLIANCE;
 /// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
 const WEIGHT: f64 = 30.0;
 /// By how much one call lowers the residual. With 1e-3 layers of 1000 take a fifth more linear systems, with 1e-5 an eighth more iterations.
@@ -46,13 +46,13 @@ const ROUNDING: f64 = 1e-11;
 /// Velocity, in a·rate, below which it is small enough however large the forces are, unless it is lost in rounding.
 const SLOW: f64 = 1e-9;
 /// Residual that is rounding, over the norm of all forces.
-const LEAST_ROUNDING: f64 = 1e-14;
+const MIN_ROUNDING: f64 = 1e-14;
 /// Most iterations of one call.
-const MOST_ITERATIONS: usize = 40;
+const MAX_ITERATIONS: usize = 40;
 /// Calls for the motion under given forces, whose residual is measured by it.
-const MOST_CALLS: u32 = 8;
+const MAX_CALLS: u32 = 8;
 /// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
-const LEAST_FORCE: f64 = 6.0 * PI;
+const MIN_FORCE: f64 = 6.0 * PI;
 /// Mobility of a contact, about, in 1/(mu·a).
 const MOBILITY: f64 = 0.02;
 
@@ -307,7 +307,7 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         };
         exchange(self.system);
         let mut none = std::mem::take(&mut self.system.none);
-        for _ in 0..MOST_CALLS {
+        for _ in 0..MAX_CALLS {
             let roundoff = self.solve(problem, &open, true, &mut none);
             if roundoff.is_none_or(|roundoff| roundoff.exact) {
                 break;
@@ -401,13 +401,13 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         let size = square(&system.applied[0])
             + square(&forces.normal)
             + square(&forces.tangential)
-            + LEAST_FORCE * LEAST_FORCE;
+            + MIN_FORCE * MIN_FORCE;
         // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
-        let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
+        let driven = square(&system.applied[0]).sqrt() + MIN_FORCE;
         let size = size.sqrt();
         let floor = (ROUNDING * size)
             .min(WEIGHT * SLOW)
-            .max(LEAST_ROUNDING * size)
+            .max(MIN_ROUNDING * size)
             .max(self.enough * driven);
         let before = square(&system.residual).sqrt();
         let goal = if last {
@@ -430,7 +430,7 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
             let reached = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
-                Until::new(goal, MOST_ITERATIONS),
+                Until::new(goal, MAX_ITERATIONS),
                 |x, y| linear.apply(x, y, &mut system.both),
                 |r, z| linear.precondition(&mut preconditioner, r, z),
             );

@@ -21,9 +21,9 @@ use std::f64::consts::PI;
 const FIRST_VISCOSITY: f64 = 10.0;
 /// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of
 /// the law, no load may balance the stress.
-const MOST_DECISIONS: u32 = 6;
+const MAX_DECISIONS: u32 = 6;
 /// Number of solves of a stage after which it counts as unconverged.
-const MOST_SOLVES: u32 = 60;
+const MAX_SOLVES: u32 = 60;
 
 /// Control of the shear.
 #[derive(Debug, Clone, Copy)]
@@ -166,7 +166,7 @@ impl<S: Started> Simulation<S> {
                     quality.status = Status::NoAdmissibleMotion;
                     true
                 }
-                Next::Try(_) => count >= MOST_SOLVES,
+                Next::Try(_) => count >= MAX_SOLVES,
             };
             if done {
                 if next != Next::AtRest {
@@ -183,7 +183,7 @@ impl<S: Started> Simulation<S> {
                 dependence,
                 Dependence::Set | Dependence::Forces { jumps: true }
             );
-            if jumps && pass != Pass::Held && count >= MOST_DECISIONS {
+            if jumps && pass != Pass::Held && count >= MAX_DECISIONS {
                 if quality.jammed()
                     && let Some(flowing) = flowing
                 {

@@ -1,7 +1,7 @@
 //! The linear system of given states, as products with it and with its preconditioner.
 
 use super::active::Active;
-use super::{LEAST_COMPLIANCE, WEIGHT};
+use super::{MIN_COMPLIANCE, WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{
@@ -156,7 +156,7 @@ impl<S: Fluid> Linear<'_, S> {
 
     /// Stiffness of each candidate, then of each row, in the preconditioner.
     pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
-        let of = |compliance: f64| compliance.max(LEAST_COMPLIANCE).recip();
+        let of = |compliance: f64| compliance.max(MIN_COMPLIANCE).recip();
         let (contacts, rows) = (self.problem.normal.len(), self.problem.tangential.len());
         stiffness.clear();
         stiffness.resize(contacts + rows, 0.0);
