@@ -13,7 +13,7 @@
 
 use super::pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
+use crate::law::{FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{ImposedFlow as _, Space};
 
@@ -136,7 +136,7 @@ impl Laws {
 
     /// Whether tangential rows read the motion that normal forces alone leave.
     pub(super) fn reads_isolated_motion(&self) -> bool {
-        self.tangential.halts() == Halt::IsolatedSlip
+        self.tangential.constraint() == FrictionConstraint::IsolatedSlip
     }
 
     /// Coefficient and intercept of the bound `ρ(f) = max(0, coefficient f + intercept)` of friction; the coefficient is infinite where
@@ -300,7 +300,7 @@ impl Span<'_> {
                 let first = S::by_sphere(self.first);
                 let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
                 let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
-                let start = background.carried_back(&drifted, half);
+                let start = background.advect_backward(&drifted, half);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
             Phase::Second => pair.gap - self.time * self.taken_back(contact),
@@ -316,7 +316,7 @@ impl Span<'_> {
     }
 
     /// Whether rigid contacts that overlap are taken back at once, as those are whose forces depend on gaps.
-    pub(super) fn takes_back_at_once(&self) -> bool {
+    pub(super) fn corrects_overlap_immediately(&self) -> bool {
         matches!(self.phase, Phase::First | Phase::Second)
     }
 }

@@ -47,7 +47,7 @@ pub struct Contact<S: Space = Layer> {
     /// Rolling velocity u_r in the final motion.
     pub rolling_velocity: S::Tangent,
     /// Whether rolling friction halts it: whether F_r is within its bound.
-    pub(crate) rolling_halted: bool,
+    pub(crate) rolling_sticks: bool,
     /// Whether friction acts on it: its load was above the critical one when that was decided.
     pub(crate) friction_acts: bool,
 }
@@ -80,7 +80,7 @@ impl<S: Space> Contact<S> {
             state: ContactState::Frictionless,
             rolling_force: S::Tangent::default(),
             rolling_velocity: S::Tangent::default(),
-            rolling_halted: false,
+            rolling_sticks: false,
             friction_acts: false,
         }
     }

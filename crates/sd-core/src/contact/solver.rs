@@ -10,7 +10,7 @@ use super::pair::Contact;
 use super::solve::dense::DenseSystem;
 use super::solve::newton::FrictionActivation;
 use super::solve::problem::{Forces, Problem};
-use super::solve::sparse::{OnNetwork, SparseSystem};
+use super::solve::sparse::{SparseSystem, SparseSystemView};
 use super::solve::{Outcome, ProblemSolver};
 use super::{Quality, reserved_contacts};
 use crate::error::Error;
@@ -192,7 +192,8 @@ impl<S: Fluid> ContactSolver<S> {
                 solved
             }
             Backend::Sparse(system) => {
-                let mut on_network = OnNetwork::begin(input.resistance, system, problem, applied)?;
+                let mut on_network =
+                    SparseSystemView::begin(input.resistance, system, problem, applied)?;
                 let solved = solver.solve(problem, &mut on_network, activation, refine);
                 velocities.copy_from_slice(system.velocities()[0]);
                 solved

@@ -80,7 +80,7 @@ impl<S: Space> Springs<S> {
             |_| TangentialSpring::default(),
             |at| {
                 let (_, normal, spring) = &self.stretched[at];
-                spring.map(|force| S::carried(&force, normal, &contact.pair.normal))
+                spring.map(|force| S::transported(&force, normal, &contact.pair.normal))
             },
         )
     }

@@ -53,7 +53,7 @@ crate::law::words! {
     Distribution {
         Lognormal = "lognormal", "the logarithm of the radius is normal";
         Schulz = "schulz", "the radius has a gamma distribution";
-        Uniform = "uniform", "the radius is anywhere between two";
+        Uniform = "uniform", "the radius is uniform between two values";
     }
 }
 

@@ -154,7 +154,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let motions = match params.contact {
         ContactScheme::Laws(laws) => {
-            laws.tangential.halts().motions() + usize::from(laws.rolling_friction > 0.0)
+            laws.tangential.constraint().motions() + usize::from(laws.rolling_friction > 0.0)
         }
         ContactScheme::Rigid | ContactScheme::Procedure => 1,
     };
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn contacts_that_halt_two_motions_take_larger_matrices() {
+    fn contacts_with_two_constrained_motions_take_larger_matrices() {
         let memory = |spheres, tangential| {
             memory_bytes(&Params {
                 spheres,

@@ -239,8 +239,8 @@ fn reflections_and_rotations_that_keep_the_shear_keep_the_motion_and_the_contact
             }
             // Contacts with three constraints have non-unique forces, and an iteration converges to
             // some of them.
-            let halts_all = !choice.is_soft() && choice.rolling_friction > 0.0;
-            if halts_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
+            let constrains_all = !choice.is_soft() && choice.rolling_friction > 0.0;
+            if constrains_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
                 continue;
             }
             // Stretched springs belong to the law under which the suspension was sheared.

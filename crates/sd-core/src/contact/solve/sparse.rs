@@ -58,7 +58,7 @@ const MOBILITY: f64 = 0.02;
 
 /// What is at hand of the near part of R.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-enum HasNear {
+enum NearFieldStatus {
     #[default]
     Nothing,
     Matrix,
@@ -93,7 +93,7 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     active: Active<S>,
     /// The near part of R, and what of it is that of the stage.
     near: NearMatrix<S>,
-    has_near: HasNear,
+    has_near: NearFieldStatus,
     /// Solver of the system.
     gmres: Gmres,
     /// Residual and correction: of v, of v_N, of f, of t.
@@ -111,7 +111,7 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
 impl<S: Fluid> SparseSystem<S> {
     /// Begins a stage at new positions.
     pub(crate) fn start(&mut self) {
-        self.has_near = HasNear::Nothing;
+        self.has_near = NearFieldStatus::Nothing;
         self.is_factored = false;
     }
 
@@ -251,7 +251,7 @@ impl<S: Fluid> SparseSystem<S> {
 }
 
 /// A [`SparseSystem`] with the network it belongs to.
-pub(crate) struct OnNetwork<'a, S: Fluid> {
+pub(crate) struct SparseSystemView<'a, S: Fluid> {
     /// R pair by pair.
     pub(crate) network: &'a PairwiseResistance<S>,
     /// Its pattern.
@@ -262,7 +262,7 @@ pub(crate) struct OnNetwork<'a, S: Fluid> {
     pub(crate) enough: f64,
 }
 
-impl<S: Fluid> System<S> for OnNetwork<'_, S> {
+impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
     fn solve(
         &mut self,
         problem: &Problem<S>,
@@ -330,7 +330,7 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     }
 }
 
-impl<'a, S: Fluid> OnNetwork<'a, S> {
+impl<'a, S: Fluid> SparseSystemView<'a, S> {
     /// Takes the candidates of a stage and what drives the spheres.
     ///
     /// # Errors
@@ -366,18 +366,18 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         system.numbers.extend(numbers);
         system.is_same = false;
         let pattern = network.pattern();
-        if system.has_near == HasNear::Nothing {
+        if system.has_near == NearFieldStatus::Nothing {
             network.fill(pattern, &mut system.near);
-            system.has_near = HasNear::Matrix;
+            system.has_near = NearFieldStatus::Matrix;
         }
-        if problem.uses_frictionless_slip && system.has_near < HasNear::Factor {
+        if problem.uses_frictionless_slip && system.has_near < NearFieldStatus::Factor {
             let factored = system.near.factor(pattern);
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
                 sphere: bad.pivot / S::MODES,
             })?;
-            system.has_near = HasNear::Factor;
+            system.has_near = NearFieldStatus::Factor;
         }
         Ok(Self {
             pattern,

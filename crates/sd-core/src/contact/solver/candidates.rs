@@ -88,7 +88,10 @@ pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<
 
 /// The normal velocity above which a pair bears no force.
 fn parting_velocity<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
-    let (overlap, held) = (overlap_of(input, contact), input.span.takes_back_at_once());
+    let (overlap, held) = (
+        overlap_of(input, contact),
+        input.span.corrects_overlap_immediately(),
+    );
     let normal = &input.laws.normal;
     normal.parting_velocity(&overlap, input.span.time, held)
 }

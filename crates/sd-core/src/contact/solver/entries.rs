@@ -8,7 +8,7 @@ use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
 use super::{ContactSolver, Pass, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
-use crate::law::Halt;
+use crate::law::FrictionConstraint;
 
 /// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
 const LINEARISED: f64 = 1e-9;
@@ -22,7 +22,7 @@ impl<S: Fluid> ContactSolver<S> {
         pass: Pass,
     ) {
         let laws = input.laws;
-        let held = input.span.takes_back_at_once();
+        let held = input.span.corrects_overlap_immediately();
         let has_friction = laws.surface.has_friction();
         self.problem.uses_frictionless_slip = laws.reads_isolated_motion() && has_friction;
         self.problem.tangential.clear();
@@ -71,18 +71,18 @@ impl<S: Fluid> ContactSolver<S> {
         let phase = input.span.phase;
         let mut compliance = COMPLIANCE;
         let mut shift = contact.background_slip;
-        match laws.tangential.halts() {
-            Halt::IsolatedSlip => {
+        match laws.tangential.constraint() {
+            FrictionConstraint::IsolatedSlip => {
                 if contact.slip_resistance == 0.0 {
                     contact.slip_resistance = input.resistance.slip_resistance(&contact.pair);
                 }
                 compliance = contact.slip_resistance.recip();
             }
-            Halt::SpringSlip => {
+            FrictionConstraint::SpringSlip => {
                 compliance += ahead.recip();
                 shift += memory.springs.base(contact, phase) / ahead;
             }
-            Halt::Slip | Halt::SlipAndRotation => {}
+            FrictionConstraint::Slip | FrictionConstraint::SlipAndRotation => {}
         }
         let contact = &self.list[k];
         let directions = contact.directions();
@@ -110,7 +110,7 @@ impl<S: Fluid> ContactSolver<S> {
         let slip = |d: &S::Vector| contact.slip_row(d);
         add(&slip, [shift, contact.tangential_force], compliance, bound);
         let nothing = S::Tangent::default();
-        if laws.tangential.halts() == Halt::SlipAndRotation {
+        if laws.tangential.constraint() == FrictionConstraint::SlipAndRotation {
             // The background turns both spheres alike.
             let spin = |d: &S::Vector| contact.spin_row(d);
             add(&spin, [nothing; 2], compliance, bound);
@@ -148,7 +148,7 @@ impl<S: Fluid> ContactSolver<S> {
             contact.normal_force = f;
             contact.tangential_force = S::Tangent::default();
             contact.state = ContactState::Frictionless;
-            (contact.rolling_force, contact.rolling_halted) = (S::Tangent::default(), false);
+            (contact.rolling_force, contact.rolling_sticks) = (S::Tangent::default(), false);
         }
         let mut before = None;
         let slips = S::by_slip(&self.solver.forces.tangential);
@@ -171,7 +171,7 @@ impl<S: Fluid> ContactSolver<S> {
                 };
             } else if laws.rolling_friction > 0.0 {
                 contact.rolling_force = force;
-                contact.rolling_halted = state == FrictionState::Stick;
+                contact.rolling_sticks = state == FrictionState::Stick;
             }
         }
     }
