@@ -145,7 +145,7 @@ impl<S: Fluid> ProcedureSolver<S> {
             compliance: CONSTRAINT_COMPLIANCE,
         });
         self.problem.normal.extend(normal);
-        self.system.begin(resistance, &self.problem, forces);
+        self.system.set_up(resistance, &self.problem, forces);
         let residual = self.stop_normal_motion();
         listed.pairs.clear();
         for (contact, f) in contacts.iter_mut().zip(&mut self.forces.normal) {
@@ -210,7 +210,7 @@ impl<S: Fluid> ProcedureSolver<S> {
                 }
             }
         }
-        self.system.begin_rows(resistance, &self.problem);
+        self.system.set_up_friction(resistance, &self.problem);
         let count = self.problem.tangential.len();
         self.forces.tangential.clear();
         self.forces.tangential.resize(count, 0.0);

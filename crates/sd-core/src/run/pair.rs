@@ -1,7 +1,7 @@
 //! Two spheres moving past each other in unbounded fluid: the paper's Fig. 8.
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::{ContactMemory, Pass, Surface};
+use crate::contact::{ContactMemory, SolvePass, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
@@ -109,13 +109,18 @@ pub fn pass_while(
                     None => Contact::None,
                     Some(laws) => Contact::Laws {
                         laws,
-                        span: Span::alone(stage.span),
+                        span: Span::single(stage.span),
                         memory: &mut memory_after,
                     },
                 };
                 let positions = centres(coordinates, contact);
                 motion.assemble(&cell, &positions)?;
-                motion.solve(&Background::QUIESCENT, &external, contact_law, Pass::First)?;
+                motion.solve(
+                    &Background::QUIESCENT,
+                    &external,
+                    contact_law,
+                    SolvePass::First,
+                )?;
                 let v = motion.velocities();
                 let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
                 let gap = coordinates[1].x.exp();

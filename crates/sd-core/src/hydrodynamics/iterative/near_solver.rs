@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, Resistance};
-use crate::linalg::Until;
+use crate::linalg::StopCriteria;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
 /// Relative tolerance of conjugate gradients: largest residual force over the largest force.
@@ -59,7 +59,7 @@ impl<S: Fluid> NearSolver<S> {
         self.gradients.solve(
             &self.forces,
             x,
-            Until::new(RESIDUAL_TOLERANCE * largest, MAX_ITERATIONS as usize),
+            StopCriteria::new(RESIDUAL_TOLERANCE * largest, MAX_ITERATIONS as usize),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );

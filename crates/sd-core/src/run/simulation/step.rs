@@ -2,7 +2,7 @@
 
 use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::started::Started;
@@ -334,7 +334,7 @@ impl<S: Started> Simulation<S> {
             }
             self.begin_sample(quality.jammed(), record);
             let has_contact_forces = self.has_contact_forces();
-            if !has_contact_forces || stage.phase == Phase::Middle {
+            if !has_contact_forces || stage.kind == StageKind::Midpoint {
                 self.take_sample(&stage, centres, record);
             }
             Ok(has_contact_forces)
