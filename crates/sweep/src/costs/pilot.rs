@@ -109,10 +109,10 @@ impl ShortRun {
     /// Waits until it has ended or time is up.
     fn wait(&self, deadline: Instant) {
         let time = deadline.saturating_duration_since(Instant::now());
-        let under_way = |progress: &mut Progress| progress.ended.is_none();
+        let is_running = |progress: &mut Progress| progress.ended.is_none();
         let waited = self
             .has_ended
-            .wait_timeout_while(self.progress(), time, under_way);
+            .wait_timeout_while(self.progress(), time, is_running);
         drop(waited);
     }
 
@@ -123,12 +123,12 @@ impl ShortRun {
     /// Its result so far.
     fn trial(&self) -> Trial {
         let progress = self.progress();
-        let under_way = progress.step_begun.map(|begun| begun.elapsed());
-        let steps = progress.steps + u32::from(under_way.is_some());
+        let current_step = progress.step_begun.map(|begun| begun.elapsed());
+        let steps = progress.steps + u32::from(current_step.is_some());
         let record = Record {
             params: self.case.params.clone(),
             steps: steps.into(),
-            cpu_s: progress.cpu_s + under_way.unwrap_or_default().as_secs_f64(),
+            cpu_s: progress.cpu_s + current_step.unwrap_or_default().as_secs_f64(),
         };
         let outcome = match &progress.ended {
             Some(Err(reason)) => Err(reason.clone()),

@@ -202,9 +202,12 @@ mod tests {
             let s = Steadiness::of(run).unwrap();
             s.variance * s.correlation / 400.0
         };
-        let told = mean(&runs.iter().map(of_run).collect::<Vec<_>>()).unwrap();
+        let estimated = mean(&runs.iter().map(of_run).collect::<Vec<_>>()).unwrap();
         // Correlations within a run are relative to its own mean, which reduces them slightly.
-        assert!((0.8..1.1).contains(&(told / scatter)), "{told} {scatter}");
+        assert!(
+            (0.8..1.1).contains(&(estimated / scatter)),
+            "{estimated} {scatter}"
+        );
     }
 
     #[test]

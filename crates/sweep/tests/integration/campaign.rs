@@ -305,10 +305,10 @@ fn runs_begin_where_those_of_another_store_ended() {
         assert!(second.contains(from), "{from}: {second}");
         std::fs::write(at.join("third.toml"), second.replace(from, to)).unwrap();
         let refused = sweep(at, &["run", "third.toml"]).code(2);
-        let told = String::from_utf8_lossy(&refused.get_output().stderr).replace("\n  │ ", " ");
+        let message = String::from_utf8_lossy(&refused.get_output().stderr).replace("\n  │ ", " ");
         assert!(
-            told.contains(said) && told.contains("third.toml:"),
-            "{told}"
+            message.contains(said) && message.contains("third.toml:"),
+            "{message}"
         );
         assert!(!at.join("results/third.sqlite").exists());
     }
@@ -327,7 +327,7 @@ fn faults_of_a_file_follow_each_other_without_a_heading() {
 }
 
 #[test]
-fn overlaps_beyond_the_roughness_height_are_told() {
+fn overlaps_beyond_the_roughness_height_are_reported() {
     let springs = CAMPAIGN
         .replace(
             "shear_rate = [0.1, inf]",
