@@ -139,13 +139,13 @@ fn runs_of_another_campaign_are_taken_over() {
     std::fs::write(at.join("other.toml"), other).unwrap();
     sweep(at, &["run", "other.toml", "--quiet"]).code(0);
     // A part of the first campaign from the second one's store; the rest is computed.
-    let anew = directory();
+    let fresh = directory();
     let store = at.join("results/other.sqlite");
     let run = ["run", "small.toml", "--reuse", store.to_str().unwrap()];
-    let ran = sweep(anew.path(), &run).code(0);
+    let ran = sweep(fresh.path(), &run).code(0);
     let said = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
     assert!(said.contains("reused: 2 runs"), "{said}");
-    assert_eq!(results(anew.path()), results(at));
+    assert_eq!(results(fresh.path()), results(at));
     let nowhere = directory();
     sweep(
         nowhere.path(),

@@ -98,7 +98,7 @@ impl<S: Space> ProblemSolver<S> {
             // cannot be compared.
             comparable = (refined + activated == 0).then_some(violation);
             if contradicted == 0 && activated > 0 {
-                // A changed activation defines a different problem: progress is counted anew.
+                // A changed activation defines a different problem: progress is reset.
                 (fewest, stalled, smallest_rotation) = (usize::MAX, 0, f64::INFINITY);
             } else if changes > 0 || rotation > 0.0 || !is_full_step {
                 let fewer = changes < fewest

@@ -275,7 +275,7 @@ proptest! {
     }
 
     #[test]
-    fn friction_is_active_where_loads_say(
+    fn friction_is_active_above_the_critical_load(
         columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
@@ -326,7 +326,7 @@ proptest! {
 }
 
 #[test]
-fn an_isolated_contact_is_solved_by_hand() {
+fn isolated_contact_has_the_solution_by_hand() {
     // One contact with G = 1 in both directions, compressed at the rate 2 and sheared at the rate
     // 1.
     let columns = vec![

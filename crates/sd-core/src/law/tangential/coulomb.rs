@@ -13,7 +13,7 @@ use crate::law::Quantity;
 /// Keyword in campaign files.
 pub const KEYWORD: &str = "coulomb";
 /// Description.
-pub const MEANING: &str = "Coulomb's law: no slip while `|F_t| < ν f`, and `|F_t| = ν f` in slip.";
+pub const MEANING: &str = "Coulomb's law: `|F_t| ≤ ν f`, without slip inside the bound.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// The slip of the pair in its layer.
