@@ -166,8 +166,8 @@ impl<S: Fluid> ProcedureSolver<S> {
         })
     }
 
-    /// Step 2: forces of either sign that stop the normal motion of all pairs, without friction; returns
-    /// the largest remaining velocity.
+    /// Step 2: forces of either sign that stop the normal motion of all pairs, without friction;
+    /// returns the largest remaining velocity.
     fn stop_normal_motion(&mut self) -> f64 {
         self.states.closed.clear();
         self.states.closed.resize(self.problem.normal.len(), true);
