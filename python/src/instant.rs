@@ -17,7 +17,7 @@ use std::time::Instant;
 use sweep::api::{Components, InputError, InstantInput, Written, configuration};
 
 /// Maximum number of size ratios with cached tables.
-const MOST_TABLES: usize = 100;
+const MAX_TABLES: usize = 100;
 
 /// Tables of unequal spheres that were needed so far, and their size ratios.
 static TABLES: Mutex<(Vec<f64>, Option<NearFields>)> = Mutex::new((Vec::new(), None));
@@ -36,7 +36,7 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
         if ratios.iter().all(|ratio| made.contains(*ratio)) {
             return Ok(made.clone());
         }
-        if made_for.len() > MOST_TABLES {
+        if made_for.len() > MAX_TABLES {
             made_for.clear();
         }
         made_for.extend(ratios);

@@ -1,4 +1,4 @@
-//! Contact between rough spheres: which pairs touch, with what forces.
+//! Contacts between rough spheres: which pairs touch, and with what forces.
 //!
 //! ```text
 //! normal force f ≥ 0:  −f n on i, +f n on j             v_n = n·(U_j − U_i)
@@ -7,14 +7,17 @@
 //! rolling friction:    torques +a_ij F_r on i, −a_ij F_r on j,        u_r = a_ij (Ω_j − Ω_i)
 //! ```
 //!
-//! In a suspension slip, friction and rolling are vectors across the line of centres, with d any direction there:
+//! In a suspension, slip, friction and rolling are vectors perpendicular to the line of centres.
+//! Along any direction d perpendicular to n:
 //!
 //! ```text
-//! u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j)          u_r,d = a_ij (n × d)·(Ω_j − Ω_i);  twist about n is free
+//! u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j)
 //! ```
 //!
-//! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
-//! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
+//! Every law supplies the coefficients of one problem, which is stated at the top of
+//! `contact/solve.rs`. [`laws`] evaluates the laws at a stage; [`solver`] chooses the pairs that
+//! take part, sets up the problem and stores its solution. [`crate::procedure`] is separate because
+//! it is a time-stepping procedure and not a law.
 
 pub mod adhesion;
 pub mod laws;
@@ -29,45 +32,48 @@ pub mod springs;
 pub use crate::model::Surface;
 pub use memory::ContactMemory;
 pub use pair::{Contact, ContactState, tangent};
-pub use solver::{ContactSolver, Pass};
+pub use solver::{ContactSolver, SolvePass};
 
-/// What became of a contact problem. The same for every law and for dense, sparse and iterated
+/// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Status {
     /// All conditions hold.
     #[default]
     Solved,
-    /// Gaps hold, but the bound of friction is not that of the present load everywhere; by how
-    /// much is [`Quality::friction_error`].
+    /// The normal conditions hold, but some friction bounds do not belong to the current loads;
+    /// [`Quality::friction_error`] measures by how much.
     InexactFriction,
-    /// No motion keeps the gaps: forces grow without bound, and the layer is jammed at this instant.
+    /// No motion satisfies the gap conditions: forces grow without bound, and the spheres are
+    /// jammed at this instant.
     NoAdmissibleMotion,
-    /// The solver failed: a linear system had no solution, curved springs or the far field did not converge.
+    /// The solver failed: a linear system had no solution, or the linearisation of curved springs
+    /// or the far field did not converge.
     Failed,
 }
 
 /// How well a stage's contact problem was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Quality {
-    /// What became of it.
+    /// Outcome.
     pub status: Status,
-    /// Largest violation of the conditions on normal forces and gaps, in a·rate: `max |min(G f, w)|`, G the mobility of
-    /// a contact.
+    /// Largest violation of the conditions on normal forces and gaps, in a·rate:
+    /// `max |min(G f, w)|`, where G is the mobility of a contact.
     pub residual: f64,
-    /// Largest distance between a friction force and what the law gives, over the largest force.
+    /// Largest difference between a friction force and the force required by the law, over the
+    /// largest normal force.
     pub friction_error: f64,
-    /// Linear systems solved.
+    /// Number of linear systems solved.
     pub systems: u32,
 }
 
 impl Quality {
-    /// Residual up to which gaps hold, in a·rate: 5e-9 a in a step of 0.005.
+    /// Largest residual at which gaps are considered to hold, in a·rate: 5e-9 a in a step of 0.005.
     pub const RESIDUAL_LIMIT: f64 = 1e-6;
-    /// Friction error up to which friction is exact.
+    /// Largest friction error at which friction is considered exact.
     pub const FRICTION_LIMIT: f64 = 1e-6;
-    /// Normal force, in mu·a²·rate, that counts as unbounded: its stress is some thousand times that above which a layer counts as
-    /// jammed.
+    /// Normal force, in mu·a²·rate, that is considered unbounded: its stress is some thousand times
+    /// the stress above which a layer is considered jammed.
     pub(crate) const UNBOUNDED: f64 = 1e7;
 
     /// Whether all conditions hold.
@@ -83,10 +89,10 @@ impl Quality {
 
 use crate::space::Space;
 
-/// Most spheres for which room is made in advance for all contacts there can be.
-const MOST_RESERVED: usize = 1000;
+/// Maximum number of spheres for whose contacts memory is reserved in advance.
+const MAX_RESERVED_SPHERES: usize = 1000;
 
-/// Contacts for which room is made in advance.
-pub(crate) fn most_contacts<S: Space>(spheres: usize) -> usize {
-    S::MOST_CONTACTS / 2 * spheres.min(MOST_RESERVED)
+/// Number of contacts for which memory is reserved in advance.
+pub(crate) fn reserved_contacts<S: Space>(spheres: usize) -> usize {
+    S::RESERVED_CONTACTS / 2 * spheres.min(MAX_RESERVED_SPHERES)
 }

@@ -22,6 +22,6 @@ pub use normal::NormalLaw;
 pub use onset::FrictionOnset;
 pub use quantity::{Quantity, Range};
 pub use stiffness_unit::StiffnessUnit;
-pub use tangential::{Halt, TangentialLaw};
+pub use tangential::{FrictionConstraint, TangentialLaw};
 pub(crate) use words::words;
 pub use words::{Word, Words};

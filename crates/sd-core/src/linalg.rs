@@ -18,14 +18,14 @@ mod vector;
 
 /// Stopping criteria of an iteration; the first one met ends it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Until {
+pub(crate) struct StopCriteria {
     /// Residual to reach.
     pub(crate) residual: f64,
     /// Maximum number of iterations.
     pub(crate) iterations: usize,
 }
 
-impl Until {
+impl StopCriteria {
     pub(crate) fn new(residual: f64, iterations: usize) -> Self {
         Self {
             residual,

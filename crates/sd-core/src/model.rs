@@ -129,7 +129,7 @@ fn half() -> f64 {
 
 impl Params {
     /// Most spheres of a layer or configuration.
-    pub const MOST_SPHERES: usize = parameters::MOST_SPHERES;
+    pub const MAX_SPHERES: usize = parameters::MAX_SPHERES;
     /// Layers with more spheres than this are large: their active sets are updated after less exact
     /// linear solves, and start layers are numbered row by row.
     pub const LARGE_ABOVE: usize = 1000;

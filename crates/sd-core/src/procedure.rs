@@ -17,7 +17,7 @@
 
 use crate::contact::solve::dense::DenseSystem;
 use crate::contact::solve::problem::{self, Forces, Problem, States, System};
-use crate::contact::{Contact, ContactState, Quality, most_contacts};
+use crate::contact::{Contact, ContactState, Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
@@ -26,7 +26,7 @@ use crate::space::Layer;
 use crate::space::pair::PairKey;
 
 /// Compliance of the simultaneous solve: just enough to factor a hyperstatic network.
-const HALT_COMPLIANCE: f64 = 1e-13;
+const CONSTRAINT_COMPLIANCE: f64 = 1e-13;
 
 /// Listed pairs, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -91,7 +91,7 @@ pub struct ProcedureSolver<S: Fluid = Layer> {
 impl<S: Fluid> ProcedureSolver<S> {
     /// Workspace for all contacts of that many spheres.
     pub fn new(spheres: usize) -> Self {
-        let contacts = most_contacts::<S>(spheres);
+        let contacts = reserved_contacts::<S>(spheres);
         let mut solver = Self {
             problem: Problem::default(),
             states: States::default(),
@@ -142,11 +142,11 @@ impl<S: Fluid> ProcedureSolver<S> {
         let normal = contacts.iter().map(|contact| problem::Normal {
             row: contact.normal_row(),
             bias: contact.background_approach,
-            compliance: HALT_COMPLIANCE,
+            compliance: CONSTRAINT_COMPLIANCE,
         });
         self.problem.normal.extend(normal);
-        self.system.begin(resistance, &self.problem, forces);
-        let residual = self.halt_all();
+        self.system.set_up(resistance, &self.problem, forces);
+        let residual = self.stop_normal_motion();
         listed.pairs.clear();
         for (contact, f) in contacts.iter_mut().zip(&mut self.forces.normal) {
             *f = f.max(0.0);
@@ -166,9 +166,9 @@ impl<S: Fluid> ProcedureSolver<S> {
         })
     }
 
-    /// Step 2: forces of either sign that stop all pairs, without friction; returns the largest
-    /// remaining velocity.
-    fn halt_all(&mut self) -> f64 {
+    /// Step 2: forces of either sign that stop the normal motion of all pairs, without friction;
+    /// returns the largest remaining velocity.
+    fn stop_normal_motion(&mut self) -> f64 {
         self.states.closed.clear();
         self.states.closed.resize(self.problem.normal.len(), true);
         self.states.friction.clear();
@@ -210,7 +210,7 @@ impl<S: Fluid> ProcedureSolver<S> {
                 }
             }
         }
-        self.system.begin_rows(resistance, &self.problem);
+        self.system.set_up_friction(resistance, &self.problem);
         let count = self.problem.tangential.len();
         self.forces.tangential.clear();
         self.forces.tangential.resize(count, 0.0);

@@ -83,7 +83,7 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
 
     /// Earlier position of a point advected to `x` over `time` at its initial velocity:
     /// `x = (1 + time ∇u∞) x₀`.
-    fn carried_back(&self, x: &S::Vector, time: f64) -> S::Vector;
+    fn advect_backward(&self, x: &S::Vector, time: f64) -> S::Vector;
 }
 
 /// A layer or a suspension.
@@ -101,9 +101,9 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Components of slip.
     const TANGENTS: usize;
     /// Reserved number of neighbours of a sphere within the lubrication range.
-    const MOST_NEIGHBOURS: usize;
+    const RESERVED_NEIGHBOURS: usize;
     /// Reserved number of contacts of a sphere.
-    const MOST_CONTACTS: usize;
+    const RESERVED_CONTACTS: usize;
     /// Orientation at strain 0.
     const UPRIGHT: Self::Orientation;
     /// Positions, velocities, forces.
@@ -216,7 +216,11 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn is_finite(tangent: &Self::Tangent) -> bool;
 
     /// A vector perpendicular to the line of centres n, transported to the new one.
-    fn carried(tangent: &Self::Tangent, from: &Self::Vector, to: &Self::Vector) -> Self::Tangent;
+    fn transported(
+        tangent: &Self::Tangent,
+        from: &Self::Vector,
+        to: &Self::Vector,
+    ) -> Self::Tangent;
 
     /// A vector projected to a slightly rotated tangent plane, with its length preserved.
     fn projected(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;

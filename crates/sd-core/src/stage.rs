@@ -1,14 +1,17 @@
-//! One stage: from positions to velocities, contact forces included. The only place where contact and far field meet.
+//! One stage: velocities from positions, including contact forces. Only here do contacts and the
+//! far field meet.
 
 mod method;
 
 pub use method::{Method, memory_bytes};
 
-use crate::contact::adhesion::Adhering;
+use crate::contact::adhesion::AdhesivePairs;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::repulsion::Repelled;
+use crate::contact::repulsion::RepulsivePairs;
 use crate::contact::solver::{AppliedForces, StageInput};
-use crate::contact::{ContactMemory, ContactSolver, Pass, Quality, Status, Surface, most_contacts};
+use crate::contact::{
+    ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface, reserved_contacts,
+};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
@@ -18,30 +21,32 @@ use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Layer};
 
-/// What a far-field iteration asks of the contact problem, over its own relative residual: the differences of its steps, from which it
-/// learns, are that much more exact.
-const STRICT: f64 = 2e-3;
-/// Relative residual that the first evaluation is made for.
-const FIRST: f64 = 1e-2;
-/// How much smaller than at the last decision the residual must be for another one on which contacts friction acts.
-const CLOSER: f64 = 0.1;
-/// Changes of these contacts in one solve after which they are held.
-const MOST_CHANGES: u32 = 8;
+/// Tolerance of the contact problem in a far-field iteration, over the iteration's relative
+/// residual: the differences between iterates, which the acceleration uses, must be that much more
+/// accurate.
+const CONTACT_TOLERANCE: f64 = 2e-3;
+/// Relative residual assumed for the tolerance of the first evaluation.
+const INITIAL_RESIDUAL: f64 = 1e-2;
+/// Factor by which the residual must have decreased since the last update of friction activation
+/// before the next one.
+const ACTIVATION_REDUCTION: f64 = 0.1;
+/// Number of changes of friction activation in one solve after which it stays fixed.
+const MAX_ACTIVATION_CHANGES: u32 = 8;
 
-/// What keeps the spheres apart, with what it remembers from stage to stage.
+/// The contact model, with its state between stages.
 pub enum Contact<'a, S: Fluid = Layer> {
-    /// Nothing but the fluid.
+    /// No contacts: hydrodynamics only.
     None,
-    /// Laws: entries of the one contact problem, see [`crate::contact::laws`].
+    /// Contact laws, which define one contact problem: see [`crate::contact::laws`].
     Laws {
         /// The laws.
         laws: &'a Laws,
-        /// How far contact forces look ahead.
+        /// Time span over which contact forces are implicit.
         span: Span<'a>,
-        /// What contacts remember.
+        /// State of the contacts.
         memory: &'a mut ContactMemory<S>,
     },
-    /// The paper's steps, see [`crate::procedure`].
+    /// The paper's steps: see [`crate::procedure`].
     Procedure {
         /// Roughness and friction.
         surface: Surface,
@@ -50,40 +55,40 @@ pub enum Contact<'a, S: Fluid = Layer> {
     },
 }
 
-/// Solver of the motion of one set of spheres, with its workspace.
+/// Solver for the motion of a set of spheres, with its workspace.
 pub struct StageSolver<S: Fluid = Layer> {
-    /// Hydrodynamics.
+    /// Hydrodynamic resistance.
     pub resistance: Resistance<S>,
-    /// Contact problem of the last solve; its list is empty without contact.
+    /// Contact solver with the last solution; its list is empty without contact.
     pub contacts: ContactSolver<S>,
-    /// Pairs that a repulsion keeps apart, besides.
-    pub repelled: Repelled<S>,
-    /// Pairs that adhesion holds together, besides; their normal force is the attraction, below 0.
-    pub adhering: Adhering<S>,
+    /// Pairs with an additional repulsion.
+    pub repulsive: RepulsivePairs<S>,
+    /// Adhesive pairs; their normal force is the attraction and negative.
+    pub adhesive: AdhesivePairs<S>,
     /// External and background forces.
     forces: Vec<f64>,
     /// Disturbance velocities of the last solve.
     velocities: Vec<f64>,
-    /// Forces that drive the spheres in one evaluation of the iteration,.
+    /// Total applied forces in one evaluation of the far-field iteration.
     applied: Vec<f64>,
-    /// Far field iterated on top of a pairwise Ball-Melrose resistance.
+    /// Iterative far field in addition to a pairwise Ball-Melrose resistance.
     far: Option<Box<IterativeFarField<S>>>,
-    /// Solver of the paper's steps, from their first stage on.
+    /// Solver of the paper's steps, created at their first stage.
     procedure: Option<Box<ProcedureSolver<S>>>,
 }
 
 impl<S: Fluid> StageSolver<S> {
-    /// Workspace for the spheres the resistance was made for.
+    /// A solver for the spheres of the resistance.
     pub fn new(resistance: Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
         let n = S::MODES * spheres;
-        let mut adhering = Adhering::default();
-        adhering.pairs.reserve(most_contacts::<S>(spheres));
+        let mut adhesive = AdhesivePairs::default();
+        adhesive.pairs.reserve(reserved_contacts::<S>(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
-            repelled: Repelled::default(),
-            adhering,
+            repulsive: RepulsivePairs::default(),
+            adhesive,
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
             applied: Vec::with_capacity(n),
@@ -92,7 +97,8 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// Full Stokesian Dynamics of many spheres: the far field iterated on top of a pairwise Ball-Melrose resistance.
+    /// Full Stokesian Dynamics of many spheres: an iterative far field in addition to a pairwise
+    /// Ball-Melrose resistance.
     pub fn with_far_field(pairwise: Resistance<S>, far: IterativeFarField<S>) -> Self {
         Self {
             far: Some(Box::new(far)),
@@ -100,8 +106,9 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// Begins a step: what is known from stages before is forgotten, but for what [`ContactMemory`] holds and what
-    /// [`StageSolver::far_field`] tells. Results then depend on positions and these alone, so that a run that is resumed has the same bits.
+    /// Starts a step: discards the results of earlier stages except [`ContactMemory`] and
+    /// [`StageSolver::far_field`]. Results then depend only on these and on positions, so that a
+    /// resumed run has the same bits.
     pub fn begin_step(&mut self) {
         self.contacts.begin_step();
         if let Some(far) = &mut self.far {
@@ -109,19 +116,21 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// From what the next solve starts its far field, where one is iterated: see [`crate::Snapshot::far_field`].
+    /// Initial far field of the next solve, if it is iterated: see [`crate::Snapshot::far_field`].
     pub fn far_field(&self) -> Vec<f32> {
         self.far.as_ref().map_or_else(Vec::new, |far| far.found())
     }
 
-    /// Lets the next solve start its far field from what [`StageSolver::far_field`] told; from nothing, if that is empty.
-    pub fn start_far_field_from(&mut self, found: &[f32]) {
+    /// Sets the initial far field of the next solve to the value of [`StageSolver::far_field`];
+    /// zero if that is empty.
+    pub fn start_far_field_from(&mut self, far_field: &[f32]) {
         if let Some(far) = &mut self.far {
-            far.start_from(found);
+            far.start_from(far_field);
         }
     }
 
-    /// Counterforces and stresslets of the last solve, as [`Resistance::apply`]; `work` is scratch.
+    /// Forces and stresslets of the fluid in the last solve, as in [`Resistance::apply`]; `work` is
+    /// workspace.
     pub fn counterforces(
         &self,
         strain: &S::Strain,
@@ -136,18 +145,19 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve,.
+    /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve.
     pub fn velocities(&self) -> &[f64] {
         &self.velocities
     }
 
-    /// The pair with the smallest gap, if any is in lubrication range.
+    /// The pair with the smallest gap, if any pair is in lubrication range.
     pub fn closest(&self) -> Option<&Neighbours<S>> {
         let pairs = self.resistance.neighbours().iter();
         pairs.min_by(|a, b| a.gap.total_cmp(&b.gap))
     }
 
-    /// Takes positions: pairs and hydrodynamics, without the factor, to which a repulsion still adds.
+    /// Sets positions: finds pairs and assembles the resistance. It is not factored, since a
+    /// repulsion is added to it later.
     ///
     /// # Errors
     /// Overlaps, an indefinite mobility, memory.
@@ -159,10 +169,12 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// Solves for the velocities at the positions taken under external forces and torques (empty: none).
+    /// Solves for the velocities at the current positions under external forces and torques (empty:
+    /// none).
     ///
-    /// `pass`: [`Pass::First`] once for every [`StageSolver::assemble`]; the others solve again under the same external forces, with
-    /// another contact law, which must neither repel nor adhere.
+    /// `pass`: [`SolvePass::First`] once after every [`StageSolver::assemble`]; later passes solve
+    /// again under the same external forces, possibly with another contact law without repulsion or
+    /// adhesion.
     ///
     /// # Errors
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
@@ -171,19 +183,19 @@ impl<S: Fluid> StageSolver<S> {
         background: &S::Background,
         external: &[f64],
         contact: Contact<'_, S>,
-        pass: Pass,
+        pass: SolvePass,
     ) -> Result<Quality, Error> {
-        if pass == Pass::First {
+        if pass == SolvePass::First {
             self.begin(background, external, &contact)?;
         }
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        let (strain, mut nothing) = (background.strain_components(), ContactMemory::default());
+        let (strain, mut no_memory) = (background.strain_components(), ContactMemory::default());
         let contact = match contact {
             Contact::None if self.far.is_none() => Contact::Laws {
                 laws: &Laws::NONE,
-                span: Span::alone(1.0),
-                memory: &mut nothing,
+                span: Span::single(1.0),
+                memory: &mut no_memory,
             },
             other => other,
         };
@@ -211,14 +223,14 @@ impl<S: Fluid> StageSolver<S> {
                         pass,
                         quality: Quality::default(),
                         changes: 0,
-                        decided: f64::INFINITY,
+                        residual_at_update: f64::INFINITY,
                     };
-                    let found =
+                    let solution =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
                     let mut quality = map.quality;
-                    if !found.converged {
-                        // A flow that the spheres are subjected to besides the background.
-                        quality.residual = quality.residual.max(found.residual);
+                    if !solution.converged {
+                        // The residual is a spurious flow in addition to the background.
+                        quality.residual = quality.residual.max(solution.residual);
                         if !quality.jammed() {
                             quality.status = Status::Failed;
                         }
@@ -242,14 +254,14 @@ impl<S: Fluid> StageSolver<S> {
                     .solve(&input, listed, &mut contacts.list, velocities)?
             }
         };
-        self.repelled.finish(&self.velocities);
+        self.repulsive.finish(&self.velocities);
         for contact in self
             .contacts
             .list
             .iter_mut()
-            .chain(&mut self.adhering.pairs)
+            .chain(&mut self.adhesive.pairs)
         {
-            contact.take_velocities(&self.velocities);
+            contact.set_velocities(&self.velocities);
         }
         match self.velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
@@ -260,7 +272,8 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
-    /// The forces on the spheres besides those of contact, and the factor of the resistance, to which a repulsion adds.
+    /// Computes the forces on the spheres other than contact forces, and factors the resistance,
+    /// including a repulsion.
     fn begin(
         &mut self,
         background: &S::Background,
@@ -272,15 +285,15 @@ impl<S: Fluid> StageSolver<S> {
         for (force, x) in forces.iter_mut().zip(external) {
             *force += x;
         }
-        self.repelled.pairs.clear();
-        self.adhering.pairs.clear();
+        self.repulsive.pairs.clear();
+        self.adhesive.pairs.clear();
         if let Contact::Laws { laws, span, .. } = contact {
             if let Some(repulsion) = &laws.repulsion {
-                self.repelled
+                self.repulsive
                     .add(repulsion, resistance, background, span, forces);
             }
             if laws.adhesion > 0.0 {
-                self.adhering
+                self.adhesive
                     .add(laws, resistance, background, span, forces);
             }
         }
@@ -288,24 +301,24 @@ impl<S: Fluid> StageSolver<S> {
     }
 }
 
-/// The contact problem under an iterated far field.
+/// The contact problem as a map of the far-field iteration.
 struct ContactMap<'a, S: Fluid> {
-    /// What it is input in.
+    /// Input of the contact problem.
     input: StageInput<'a, S>,
-    /// Its solver.
+    /// Contact solver.
     contacts: &'a mut ContactSolver<S>,
-    /// What contacts remember.
+    /// State of the contacts.
     memory: &'a mut ContactMemory<S>,
-    /// Forces of both parts together,.
+    /// Total applied forces of both parts.
     applied: &'a mut Vec<f64>,
-    /// Which solve of the stage it is.
-    pass: Pass,
-    /// How well it was solved last.
+    /// Pass of the stage.
+    pass: SolvePass,
+    /// Quality of the last solution.
     quality: Quality,
-    /// How often the contacts on which friction acts have changed.
+    /// Number of changes of friction activation.
     changes: u32,
-    /// Relative residual when that was last decided.
-    decided: f64,
+    /// Relative residual at the last update of friction activation.
+    residual_at_update: f64,
 }
 
 impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
@@ -323,19 +336,19 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
         let applied = AppliedForces {
             all: self.applied,
             frictionless: normal,
-            relative_tolerance: STRICT * progress.residual.min(FIRST),
+            relative_tolerance: CONTACT_TOLERANCE * progress.residual.min(INITIAL_RESIDUAL),
         };
         let (v, v_t) = velocities.split_at_mut(half);
         let first = progress.evaluations == 0;
-        let closer = progress.residual < CLOSER * self.decided;
-        let deciding = self.changes < MOST_CHANGES && (first || closer);
-        if closer {
-            self.decided = progress.residual;
+        let reduced = progress.residual < ACTIVATION_REDUCTION * self.residual_at_update;
+        let updates = self.changes < MAX_ACTIVATION_CHANGES && (first || reduced);
+        if reduced {
+            self.residual_at_update = progress.residual;
         }
         let pass = match self.pass {
             pass if first => pass,
-            Pass::First | Pass::Again if deciding => Pass::Again,
-            _ => Pass::Held,
+            SolvePass::First | SolvePass::Repeat if updates => SolvePass::Repeat,
+            _ => SolvePass::FixedActivation,
         };
         let (quality, changed) = self
             .contacts
@@ -345,8 +358,8 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
             systems: self.quality.systems + quality.systems,
             ..quality
         };
-        // Friction belongs to part T where the law reads the motion without it.
-        match self.contacts.isolated_motion(&self.input) {
+        // The frictional part is separate where friction depends on the motion without it.
+        match self.contacts.frictionless_motion(&self.input) {
             Some(isolated) => {
                 for ((v, v_t), v_n) in v.iter_mut().zip(v_t).zip(isolated) {
                     *v_t = *v - v_n;

@@ -136,10 +136,10 @@ impl<S: Fluid> StressWork<S> {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
             sums.add(tangential_stress(c), |parts| &mut parts.tangential_contact);
         }
-        for c in &stage.adhering.pairs {
+        for c in &stage.adhesive.pairs {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
         }
-        for c in &stage.repelled.pairs {
+        for c in &stage.repulsive.pairs {
             sums.add(normal_stress(c), |parts| &mut parts.repulsion);
         }
         let components = sums.scaled(volume.recip());

@@ -81,17 +81,17 @@ fn law_of_the_document_passes_the_tests_of_all_laws() {
         .env("CARGO_TARGET_DIR", at.join("target"))
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stdout);
+    let stdout = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}{errors}");
+    assert!(output.status.success(), "{stdout}{errors}");
     for test in [
         "law::normal::cone::tests::twice_the_overlap_bears_four_times_the_force",
         "law::normal::tests::slope_and_overlap_belong_to_the_force",
         "law::normal::tests::words_are_those_of_serde",
     ] {
         assert!(
-            told.contains(&format!("test {test} ... ok")),
-            "{test} in\n{told}"
+            stdout.contains(&format!("test {test} ... ok")),
+            "{test} in\n{stdout}"
         );
     }
 }

@@ -67,7 +67,7 @@ fn hardest_problems_end() {
 }
 
 #[test]
-fn hard_run_that_is_refused_is_told_with_its_options() {
+fn hard_run_that_is_refused_is_reported_with_its_options() {
     // Ten spheres have no room for the lubrication cut-off; roughness 0.4 leaves discs larger than
     // the plane.
     let options = "--law rigid+coulomb --area-fraction 0.84 --friction 1 --roughness 0.01 --spheres 10 --seeds 1 --first-seed 2";
@@ -105,9 +105,9 @@ fn hard_run_over_its_time_is_stopped() {
 #[test]
 fn unknown_hard_law_is_refused_with_the_names_of_all() {
     let refused = hard::Part::try_parse_from(["hard", "--law", "rigid+glue"]);
-    let told = refused.expect_err("there is no such law").to_string();
+    let message = refused.expect_err("there is no such law").to_string();
     assert!(
-        told.contains("rigid+stick-rotate") && told.contains("hertz+stick-slide"),
-        "{told}"
+        message.contains("rigid+stick-rotate") && message.contains("hertz+stick-slide"),
+        "{message}"
     );
 }

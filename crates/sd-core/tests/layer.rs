@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, Pass, Surface};
+use sd_core::contact::{ContactState, SolvePass, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -294,7 +294,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         integrator
             .step(&mut state, time, dt, |stage, centres, velocities| {
                 motion.assemble(&cell(stage.time), centres)?;
-                motion.solve(&shear, &[], StageContact::None, Pass::First)?;
+                motion.solve(&shear, &[], StageContact::None, SolvePass::First)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                     u[0] += shear.velocity(x).x;

@@ -9,7 +9,7 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
+use sd_core::contact::{Contact, ContactMemory, ContactState, SolvePass, Surface};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
 use sd_core::procedure::ContactList;
@@ -121,11 +121,11 @@ fn stage_under(
     stage.assemble(&layer.cell, &layer.centres).unwrap();
     let contact = StageContact::Laws {
         laws,
-        span: Span::alone(0.01),
+        span: Span::single(0.01),
         memory: &mut layer.memory(),
     };
     let quality = stage
-        .solve(&Background::SHEAR, &[], contact, Pass::First)
+        .solve(&Background::SHEAR, &[], contact, SolvePass::First)
         .unwrap();
     assert!(quality.converged(), "{laws:?}: {quality:?}");
     stage
@@ -317,8 +317,8 @@ fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
             let frictional = compare(&found, &expected, [1e-7; 2], &(size_ratio, chosen));
             let alone = chosen.normal == NormalLaw::ExponentialRepulsion;
             assert_eq!(frictional == 0, alone, "{chosen:?}");
-            assert_eq!(found.repelled.pairs.is_empty(), chosen.repulsion == 0.0);
-            for (a, b) in found.repelled.pairs.iter().zip(&expected.repelled.pairs) {
+            assert_eq!(found.repulsive.pairs.is_empty(), chosen.repulsion == 0.0);
+            for (a, b) in found.repulsive.pairs.iter().zip(&expected.repulsive.pairs) {
                 let off = (a.normal_force - b.normal_force).abs();
                 assert!(off < 1e-7 * params.critical_load(), "{off:e}");
             }
@@ -338,7 +338,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
             &Background::SHEAR,
             &torques,
             StageContact::None,
-            Pass::First,
+            SolvePass::First,
         );
         solved.unwrap();
         stage
@@ -373,7 +373,7 @@ fn an_iterated_far_field_refuses_the_procedure() {
         surface: params(40, 0.6, 0.3).surface(),
         listed: &mut ContactList::default(),
     };
-    let solved = stage.solve(&Background::SHEAR, &[], contact, Pass::First);
+    let solved = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First);
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);
 }
 

@@ -13,7 +13,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::memory::{PairForces, WarmStart};
 use sd_core::contact::springs::Springs;
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Quality};
+use sd_core::contact::{Contact, ContactMemory, ContactState, Quality, SolvePass};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
 use sd_core::procedure::ContactList;
@@ -202,11 +202,11 @@ impl Record {
             },
             ContactScheme::Rigid | ContactScheme::Laws(_) => StageContact::Laws {
                 laws: &laws,
-                span: Span::alone(self.instant.time_span),
+                span: Span::single(self.instant.time_span),
                 memory: &mut memory,
             },
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact, Pass::First)?;
+        let quality = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First)?;
         let area = self.side * self.side;
         let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);

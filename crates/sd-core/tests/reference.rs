@@ -109,7 +109,7 @@ fn layers_under_shear() {
         // parameter goes from 0.2 to 0.8 and its tolerance from 1e-8 to 1e-12, and the mobility
         // agrees with a brute-force lattice sum to 1e-8 (far_field/tests.rs); the differences look
         // random from sphere to sphere. Hence two more tolerances.
-        for (name, hydrodynamics, alone_to, halted_to) in [
+        for (name, hydrodynamics, alone_to, constrained_to) in [
             ("ball_melrose", Hydrodynamics::BallMelrose, 1e-6, 1e-6),
             ("full", Hydrodynamics::StokesianDynamics, 4e-6, 2e-5),
         ] {
@@ -125,9 +125,10 @@ fn layers_under_shear() {
                 .iter()
                 .map(|c| ["i", "j"].map(|k| usize::try_from(c[k].as_u64().unwrap()).unwrap()))
                 .collect();
-            let halted = solve(&configuration, &ContactRequest::Listed { pairs }, &tables).unwrap();
+            let constrained =
+                solve(&configuration, &ContactRequest::Listed { pairs }, &tables).unwrap();
             let what = format!("{name}, {n} spheres, listed contacts");
-            compare(&halted, part, &what, halted_to);
+            compare(&constrained, part, &what, constrained_to);
         }
     }
 }

@@ -112,7 +112,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
     let tangential = moment(&instant.contacts, |c| {
         -tangent(c.pair.normal) * c.tangential_force
     });
-    let repulsion = moment(&instant.repelled, |c| c.pair.normal * c.normal_force);
+    let repulsion = moment(&instant.repulsive, |c| c.pair.normal * c.normal_force);
     let parts = |of: StressParts| {
         [
             of.hydrodynamic,
@@ -135,7 +135,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
         // Traceless stresslets have none.
         close(pressure[cause], -(xx + yy + zz) / (3.0 * volume), 1.0);
     }
-    assert!(instant.repelled.iter().any(|c| c.normal_force > 0.0));
+    assert!(instant.repulsive.iter().any(|c| c.normal_force > 0.0));
     let sum: f64 = tensors.iter().map(|tensor| tensor[3]).sum();
     close(stress.viscosity, 1.0 + sum / volume, 1.0);
     assert_eq!(stress.viscosity, 1.0 + c.shear.total());

@@ -28,7 +28,7 @@ const CLOSEST_SPHERES: f64 = 0.66;
 /// Distance below which runs count as one point.
 const CORE: f64 = 0.05;
 /// Maximum number of measured points that are used, the latest ones.
-const MOST_POINTS: usize = 600;
+const MAX_POINTS: usize = 600;
 
 /// A measured run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -114,7 +114,7 @@ impl Costs {
         let (values, method, rough) = (values(params), Method::of(params), step_cost(params));
         let (mut total, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
         let (mut squares, mut freedom, mut runs) = (0.0, 0.0, 0.0);
-        for known in self.known.iter().rev().take(MOST_POINTS) {
+        for known in self.known.iter().rev().take(MAX_POINTS) {
             let Some(distance) = distance(&values, &known.values) else {
                 continue;
             };

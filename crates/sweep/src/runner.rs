@@ -77,7 +77,7 @@ struct Shared<'r> {
     /// Near fields of unequal spheres.
     tables: &'r NearFields,
     /// The first error of the store, which stops all threads.
-    trouble: Mutex<Option<StoreError>>,
+    store_error: Mutex<Option<StoreError>>,
     working: AtomicUsize,
     /// Number of threads with a case; the others wait for cases of other processes.
     computing: AtomicUsize,
@@ -140,7 +140,7 @@ fn run_in(
         protocol,
         options,
         tables,
-        trouble: Mutex::new(None),
+        store_error: Mutex::new(None),
         working: AtomicUsize::new(options.workers),
         computing: AtomicUsize::new(0),
     };
@@ -154,15 +154,15 @@ fn run_in(
         }
         shared.supervise(&waiting);
     });
-    let is_well = lock(&shared.trouble).is_none();
+    let is_well = lock(&shared.store_error).is_none();
     if is_well && let Err(error) = shared.look_around() {
         shared.stop_on_error(error);
     }
     progress.end();
-    let trouble = lock(&shared.trouble).take();
+    let store_error = lock(&shared.store_error).take();
     let left = shared.store().leave();
-    match trouble.or(left.err()) {
-        Some(trouble) => Err(trouble.into()),
+    match store_error.or(left.err()) {
+        Some(store_error) => Err(store_error.into()),
         None => Ok(()),
     }
 }
@@ -175,12 +175,12 @@ impl<'r> Shared<'r> {
 
     /// Records the first error, which ends the run.
     fn stop_on_error(&self, error: StoreError) {
-        lock(&self.trouble).get_or_insert(error);
+        lock(&self.store_error).get_or_insert(error);
     }
 
     /// Whether the threads are to stop.
     fn stopping(&self) -> bool {
-        self.options.stop.reason().is_some() || lock(&self.trouble).is_some()
+        self.options.stop.reason().is_some() || lock(&self.store_error).is_some()
     }
 
     /// One thread: batch after batch, most of one case.
@@ -264,8 +264,8 @@ impl<'r> Shared<'r> {
         let (mut busy, mut patience) = (Instant::now(), WAIT_BEFORE_NOTE);
         while self.working.load(Ordering::Acquire) > 0 {
             std::thread::sleep(TICK);
-            let told = lock(waiting).take();
-            if let Some(text) = told {
+            let note = lock(waiting).take();
+            if let Some(text) = note {
                 self.options.progress.note(&text);
             }
             // A worker may hold the store while it waits for the lock of the file; due tasks are

@@ -2,7 +2,7 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{ContactMemory, Pass};
+use sd_core::contact::{ContactMemory, SolvePass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
@@ -135,12 +135,12 @@ impl Layer {
         self.stage.start_far_field_from(&[]);
         let contact = StageContact::Laws {
             laws: &self.laws,
-            span: Span::alone(time_span),
+            span: Span::single(time_span),
             memory: &mut self.memory,
         };
         let solved = self
             .stage
-            .solve(&Background::SHEAR, &[], contact, Pass::First);
+            .solve(&Background::SHEAR, &[], contact, SolvePass::First);
         solved.expect("finite velocities").converged()
     }
 
@@ -151,12 +151,12 @@ impl Layer {
         self.stage.start_far_field_from(&[]);
         let contact = StageContact::Laws {
             laws: &self.laws,
-            span: Span::alone(time_span),
+            span: Span::single(time_span),
             memory: &mut self.memory,
         };
         let solved = self
             .stage
-            .solve(&Background::SHEAR, &[], contact, Pass::Again);
+            .solve(&Background::SHEAR, &[], contact, SolvePass::Repeat);
         solved.expect("finite velocities");
     }
 }

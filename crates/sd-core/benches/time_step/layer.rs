@@ -2,8 +2,8 @@
 
 use super::methods::Method;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Phase, Span};
-use sd_core::contact::{ContactMemory, Pass};
+use sd_core::contact::laws::{Laws, Span, StageKind};
+use sd_core::contact::{ContactMemory, SolvePass};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
 
@@ -83,7 +83,7 @@ impl Layer {
     /// One right-hand side; `None` if spheres overlap.
     fn stage(
         &mut self,
-        (number, phase): (usize, Phase),
+        (number, kind): (usize, StageKind),
         time: f64,
         span: f64,
         centres: &[Vec2],
@@ -95,13 +95,13 @@ impl Layer {
             laws: &self.laws,
             span: Span {
                 time: span,
-                phase,
+                kind,
                 first: &self.disturbances,
             },
             memory: &mut self.memory,
         };
         self.solver
-            .solve(&background, &[], contact, Pass::First)
+            .solve(&background, &[], contact, SolvePass::First)
             .ok()?;
         if number == 0 {
             self.disturbances.clear();
@@ -120,11 +120,11 @@ impl Layer {
         let viscosity = self.viscosity();
         let contact = StageContact::Laws {
             laws: &self.laws,
-            span: Span::alone(LOOK),
+            span: Span::single(LOOK),
             memory: &mut self.memory.clone(),
         };
         self.solver
-            .solve(&background, &[], contact, Pass::Again)
+            .solve(&background, &[], contact, SolvePass::Repeat)
             .ok()?;
         let instant = self.viscosity();
         Some(Stage {
@@ -163,12 +163,12 @@ impl Layer {
                 })
                 .collect();
             let time = self.time + method.nodes[number] * dt;
-            let phase = if method.held && number == 1 {
-                Phase::Middle
+            let kind = if method.held && number == 1 {
+                StageKind::Midpoint
             } else {
-                Phase::Alone
+                StageKind::Single
             };
-            let stage = self.stage((number, phase), time, method.spans[number] * dt, &centres)?;
+            let stage = self.stage((number, kind), time, method.spans[number] * dt, &centres)?;
             let first = self.first.get_or_insert(stage);
             if stage.gap < first.gap.min(HELD_SHARE * self.laws.surface.roughness) && !smallest {
                 return None;

@@ -1,7 +1,8 @@
-//! Pairs that adhere, by the law of [`crate::law::adhesion`].
+//! Adhesive pairs, by the law of [`crate::law::adhesion`].
 //!
-//! Which pairs touch is known before a stage is solved: in the middle of a step of rigid contacts those that touched where the step began.
-//! So the attraction is a force on the spheres like one from outside.
+//! The set of touching pairs is known before a stage is solved; at the midpoint of a step of rigid
+//! contacts it is the set at the start of the step. The attraction is therefore treated as an
+//! external force.
 
 use super::laws::{Laws, Span};
 use super::pair::Contact;
@@ -9,15 +10,15 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
 use crate::space::Space;
 
-/// Adhering pairs of a stage.
+/// Adhesive pairs of a stage.
 #[derive(Default, Debug)]
-pub struct Adhering<S: Space> {
+pub struct AdhesivePairs<S: Space> {
     /// The pairs; their normal force is −F_A.
     pub pairs: Vec<Contact<S>>,
 }
 
-impl<S: Fluid> Adhering<S> {
-    /// Adds the attraction to `forces` `[3N]`.
+impl<S: Fluid> AdhesivePairs<S> {
+    /// Adds the attraction to `forces` `[3N]` and lists the pairs.
     pub(crate) fn add(
         &mut self,
         laws: &Laws,

@@ -1,49 +1,54 @@
-//! The laws of contact in the units of the solver, and what they come to at one stage.
+//! The contact laws in the units of the solver, and their linearised form at one stage.
 //!
-//! Contact forces look ahead by the stage's time span s, along the line of centres and along the tangent:
+//! Contact forces are implicit: they depend on the gap and the tangential deformation at the end of
+//! the time span s of the stage.
 //!
 //! ```text
 //! rigid:   w = v_n + max(g − h, 0)/s + β min(g − h, 0)/s ≥ 0,  f ≥ 0,  f·w = 0
-//! springs: f = max(0, F(d − s v_n)),  d = h − g;   linearised, f = A − B v_n:   w = v_n − A/B + f/B ≥ 0,  f ≥ 0,  f·w = 0
+//! springs: f = max(0, F(d − s v_n)),  d = h − g;   linearised, f = A − B v_n:
+//!          w = v_n − A/B + f/B ≥ 0,  f ≥ 0,  f·w = 0
 //! ```
 //!
-//! so that a spring is a rigid contact with the compliance 1/B, and needs no smaller steps than the flow itself. At the second stage of a
-//! two-stage step v_n − 2 v_n1 stands for v_n in what looks ahead. A rigid pair above h may approach just far enough to touch; one below h
-//! is pushed out at the rate β/s. In the middle of a step of rigid contacts g is the gap at its start, and s the whole step.
+//! A spring is therefore a rigid contact with the compliance 1/B, and does not require smaller
+//! steps than the flow itself. At the second stage of a two-stage step, v_n − 2 v_n1 replaces v_n
+//! in the implicit terms. A rigid pair with a gap above h may approach until it touches; one with a
+//! gap below h is separated at the rate β/s. At the midpoint of a step of rigid contacts, g is the
+//! gap at the start of the step and s is the whole step.
 
 use super::pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
+use crate::law::{FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{ImposedFlow as _, Space};
 
-/// β: share of an overlap of rigid contacts taken back within one time span.
-pub const RESTITUTION: f64 = 0.2;
-/// Compliance of rigid contacts, in a/(mu·a²·rate): what limits the forces in a truly rigid network.
+/// β: fraction of the overlap of rigid contacts that is corrected within one time span.
+pub const OVERLAP_CORRECTION: f64 = 0.2;
+/// Compliance of rigid contacts, in a/(mu·a²·rate). It limits the forces in a truly rigid network.
 pub const COMPLIANCE: f64 = 1e-10;
-/// Overlap at which an unloaded contact is first linearised, in a.
-const FIRST_OVERLAP: f64 = 1e-6;
-/// Smallest overlap at which one is linearised: nothing to the forces, but more than nothing to the slope.
-const LEAST_OVERLAP: f64 = 1e-13;
+/// Overlap about which an unloaded contact is first linearised, in a.
+const INITIAL_OVERLAP: f64 = 1e-6;
+/// Smallest overlap about which a contact is linearised, in a: its force is negligible, but its
+/// slope is not zero.
+const MIN_OVERLAP: f64 = 1e-13;
 
-/// Chosen laws, in the units of the solver.
+/// The chosen laws, in the units of the solver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laws {
-    /// Roughness, friction, and the load above which friction acts.
+    /// Roughness height, friction coefficient and critical load.
     pub surface: Surface,
-    /// What presses.
+    /// Normal force law.
     pub normal: NormalForce,
-    /// What resists sliding.
+    /// Tangential force law.
     pub tangential: TangentialLaw,
-    /// Stiffness k_t of tangential springs, in mu·a·rate; 0 under laws without.
+    /// Stiffness k_t of tangential springs, in mu·a·rate; 0 for laws without them.
     pub tangential_stiffness: f64,
-    /// How friction begins.
+    /// Onset of friction.
     pub onset: FrictionOnset,
-    /// Repulsion besides.
+    /// Additional repulsion.
     pub repulsion: Option<ExponentialRepulsion>,
-    /// Coefficient of rolling friction; 0 without.
+    /// Coefficient of rolling friction; 0 without rolling friction.
     pub rolling_friction: f64,
-    /// Attraction F_A of surfaces that touch, in mu·a²·rate; 0 without.
+    /// Attraction F_A of touching surfaces, in mu·a²·rate; 0 without adhesion.
     pub adhesion: f64,
 }
 
@@ -52,14 +57,15 @@ pub struct Laws {
 pub struct NormalForce {
     /// The law.
     pub law: NormalLaw,
-    /// Its stiffness, in mu·a·rate times what the law asks for; infinite for rigid contacts.
+    /// Stiffness, in mu·a·rate times the power of a that the law requires; infinite for rigid
+    /// contacts.
     pub stiffness: f64,
-    /// Dashpot c, in mu·a.
+    /// Dashpot coefficient c, in mu·a.
     pub dashpot: f64,
 }
 
 impl Laws {
-    /// No contact at all.
+    /// No contact forces.
     pub const NONE: Self = Self {
         surface: Surface {
             roughness: 0.0,
@@ -79,7 +85,7 @@ impl Laws {
         adhesion: 0.0,
     };
 
-    /// A choice of laws, for spheres with this surface.
+    /// The given choice of laws, for spheres with this surface.
     pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
         let load = surface.critical_load;
         let springs = choice.normal.is_spring();
@@ -110,7 +116,7 @@ impl Laws {
                 length: choice.repulsion_length,
             }),
             rolling_friction: choice.rolling_friction,
-            // The load may be infinite.
+            // The load may be infinite, and 0 times infinity is NaN.
             adhesion: if choice.adhesion > 0.0 {
                 choice.adhesion * load
             } else {
@@ -124,34 +130,35 @@ impl Laws {
         Self::new(&ContactLaws::PAPER, surface)
     }
 
-    /// Whether forces depend on gaps: steps are then those of [`crate::Rosenbrock`].
+    /// Whether forces depend on gaps. Steps are then taken by [`crate::Rosenbrock`].
     pub fn is_soft(&self) -> bool {
         !self.normal.is_rigid() || self.repulsion.is_some()
     }
 
-    /// Whether forces act on surfaces that need not press: they are found before the contact problem, from gaps and the critical load.
-    pub(crate) fn act_at_a_distance(&self) -> bool {
+    /// Whether forces other than contact forces act between surfaces. They follow from gaps and the
+    /// critical load, before the contact problem is solved.
+    pub(crate) fn act_without_contact(&self) -> bool {
         self.repulsion.is_some() || self.adhesion > 0.0
     }
 
-    /// Whether tangential rows read the motion that normal forces alone leave.
-    pub(super) fn reads_isolated_motion(&self) -> bool {
-        self.tangential.halts() == Halt::IsolatedSlip
+    /// Whether friction depends on the slip that normal forces alone would leave.
+    pub(super) fn uses_frictionless_slip(&self) -> bool {
+        self.tangential.constraint() == FrictionConstraint::IsolatedSlip
     }
 
-    /// Coefficient and intercept of the bound `ρ(f) = max(0, coefficient f + intercept)` of friction; the coefficient is infinite where
-    /// there is no bound.
+    /// Coefficient and intercept of the friction bound `ρ(f) = max(0, coefficient f + intercept)`.
+    /// The coefficient is infinite where there is no bound.
     pub(super) fn friction_bound(&self) -> (f64, f64) {
-        self.bound(self.tangential.bound(self.surface.friction, 1.0))
+        self.bound_with(self.tangential.bound(self.surface.friction, 1.0))
     }
 
-    /// The same of rolling friction.
+    /// Coefficient and intercept of the bound on rolling friction.
     pub(super) fn rolling_bound(&self) -> (f64, f64) {
-        self.bound(self.rolling_friction)
+        self.bound_with(self.rolling_friction)
     }
 
-    /// A bound by its coefficient: it begins with the load as the onset has it.
-    fn bound(&self, coefficient: f64) -> (f64, f64) {
+    /// The bound with a given coefficient: its intercept follows from the onset of friction.
+    fn bound_with(&self, coefficient: f64) -> (f64, f64) {
         let intercept = match self.onset {
             FrictionOnset::Reduced if coefficient.is_finite() => {
                 -coefficient * self.surface.critical_load
@@ -161,162 +168,174 @@ impl Laws {
         (coefficient, intercept)
     }
 
-    /// Whether the friction force does not jump where it begins.
+    /// Whether the friction force is continuous at its onset.
     pub(super) fn is_smooth(&self) -> bool {
         self.surface.critical_load == 0.0 || self.friction_bound().1 < 0.0
     }
 }
 
-/// How the overlap of one candidate enters its normal law.
+/// The overlap of one candidate, as its normal law uses it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Overlap {
-    /// d of the stage, that of the first stage's motion taken back.
+    /// Overlap d of the stage; at the second stage with the correction for the motion of the first.
     pub(super) now: f64,
-    /// Overlap about which a curved law is linearised.
+    /// Overlap about which a nonlinear law is linearised.
     pub(super) reference: f64,
     /// Whether the surfaces touch: g < h.
     pub(super) touching: bool,
-    /// What is added to the bias: the background's v_n.
+    /// Contribution of the background to v_n, which is added to the bias.
     pub(super) background: f64,
 }
 
 impl NormalForce {
-    /// Force at an overlap d, in mu·a²·rate, of pairs at rest; without meaning for rigid ones.
+    /// Force at an overlap d, in mu·a²·rate, of a pair at rest; meaningless for rigid contacts.
     pub fn force(&self, overlap: f64) -> f64 {
         self.law.force(overlap, self.stiffness)
     }
 
-    /// Whether contacts do not give way.
+    /// Whether contacts are rigid.
     pub fn is_rigid(&self) -> bool {
         self.law == NormalLaw::Rigid
     }
 
-    /// Overlap about which a contact is first linearised: `overlap` its own, `force` that of the stage before.
+    /// Overlap about which a contact is first linearised, from its current overlap and from its
+    /// force at the preceding stage.
     pub(super) fn first_reference(&self, overlap: f64, force: f64) -> f64 {
         overlap
             .max(self.law.overlap(force, self.stiffness))
-            .max(FIRST_OVERLAP)
+            .max(INITIAL_OVERLAP)
     }
 
     /// Bias and compliance of `w = v_n + bias + compliance f`.
     ///
-    /// `held`: whether a rigid overlap is taken back at once.
-    pub(super) fn entry(&self, overlap: &Overlap, time: f64, held: bool) -> [f64; 2] {
+    /// `immediately`: whether the overlap of a rigid contact is corrected within this time span.
+    pub(super) fn entry(&self, overlap: &Overlap, time: f64, immediately: bool) -> [f64; 2] {
         if self.is_rigid() {
-            let parting = self.parting_velocity(overlap, time, held);
-            return [overlap.background - parting, COMPLIANCE];
+            let separation = self.separation_velocity(overlap, time, immediately);
+            return [overlap.background - separation, COMPLIANCE];
         }
         let slope = self.law.slope(overlap.reference, self.stiffness);
         let intercept = self.force(overlap.reference) + slope * (overlap.now - overlap.reference);
-        let ahead = slope * time + self.damping(overlap);
-        [overlap.background - intercept / ahead, ahead.recip()]
+        let damping = slope * time + self.damping(overlap);
+        [overlap.background - intercept / damping, damping.recip()]
     }
 
     /// The normal velocity above which a candidate bears no force.
     ///
-    /// `held`: as in [`NormalForce::entry`].
-    pub(super) fn parting_velocity(&self, overlap: &Overlap, time: f64, held: bool) -> f64 {
-        if self.is_rigid() && overlap.now > 0.0 && !held {
-            RESTITUTION * overlap.now / time
+    /// `immediately`: as in [`NormalForce::entry`].
+    pub(super) fn separation_velocity(
+        &self,
+        overlap: &Overlap,
+        time: f64,
+        immediately: bool,
+    ) -> f64 {
+        if self.is_rigid() && overlap.now > 0.0 && !immediately {
+            OVERLAP_CORRECTION * overlap.now / time
         } else {
             overlap.now / time
         }
     }
 
-    /// The dashpot that acts.
+    /// Dashpot coefficient of this contact; 0 unless the surfaces touch.
     fn damping(&self, overlap: &Overlap) -> f64 {
         if overlap.touching { self.dashpot } else { 0.0 }
     }
 
-    /// Linearises the law about the overlap ahead; the new bias and compliance if they differ, and `force` is not near enough to the law.
+    /// Linearises the law about the overlap at the end of the time span. Returns the new bias and
+    /// compliance if they changed and `force` does not satisfy the law.
     ///
-    /// `velocity`, `force`: v_n and f of the solution at hand. `near`: distance that is near enough.
+    /// `velocity`, `force`: v_n and f of the current solution. `tolerance`: largest accepted
+    /// difference from the law.
     pub(super) fn refine(
         &self,
         overlap: &mut Overlap,
         [velocity, force]: [f64; 2],
         time: f64,
-        near: f64,
+        tolerance: f64,
     ) -> Option<[f64; 2]> {
         if self.is_rigid() {
             return None;
         }
-        let (ahead, damping) = (overlap.now - time * velocity, self.damping(overlap));
-        let exact = (self.force(ahead) - damping * velocity).max(0.0);
-        if (exact - force).abs() <= near {
+        let (at_end, damping) = (overlap.now - time * velocity, self.damping(overlap));
+        let exact = (self.force(at_end) - damping * velocity).max(0.0);
+        if (exact - force).abs() <= tolerance {
             return None;
         }
         let before = self.law.slope(overlap.reference, self.stiffness);
-        // A dashpot has a slope of its own, beside which the least one is not nothing.
-        let least = if damping > 0.0 { 0.0 } else { LEAST_OVERLAP };
-        overlap.reference = ahead.max(least);
+        // A dashpot has a slope of its own, so that no minimum overlap is needed.
+        let minimum = if damping > 0.0 { 0.0 } else { MIN_OVERLAP };
+        overlap.reference = at_end.max(minimum);
         let slope = self.law.slope(overlap.reference, self.stiffness);
         (slope != before).then(|| self.entry(overlap, time, false))
     }
 }
 
-/// Which stage of a step is solved.
+/// Kind of stage within a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// One like the others: Runge-Kutta, a single instant, or the first of two under rigid contacts.
-    Alone,
-    /// The middle of a step of rigid contacts, which hold the gaps of its start.
-    Middle,
-    /// The first of two where forces depend on gaps.
+pub enum StageKind {
+    /// An independent stage: of Runge-Kutta, of a single instant, or the first of two under rigid
+    /// contacts.
+    Single,
+    /// The midpoint of a step of rigid contacts, which constrain the gaps at its start.
+    Midpoint,
+    /// The first of two stages where forces depend on gaps.
     First,
-    /// The second of these.
+    /// The second of two stages where forces depend on gaps.
     Second,
 }
 
-/// How far contact forces look ahead.
+/// The time span over which contact forces are implicit.
 #[derive(Debug, Clone, Copy)]
 pub struct Span<'s> {
-    /// s, in strain.
+    /// Time span s, in strain.
     pub time: f64,
-    /// The stage.
-    pub phase: Phase,
-    /// Disturbance velocities of the first stage, at a later one that asks for them.
+    /// Kind of the stage.
+    pub kind: StageKind,
+    /// Disturbance velocities of the first stage, at a later stage that depends on them; else
+    /// empty.
     pub first: &'s [f64],
 }
 
 impl Span<'_> {
-    /// A stage like the others.
-    pub fn alone(time: f64) -> Self {
+    /// An independent stage.
+    pub fn single(time: f64) -> Self {
         Self {
             time,
-            phase: Phase::Alone,
+            kind: StageKind::Single,
             first: &[],
         }
     }
 
-    /// The gap that counts: that of the stage, what the first stage's motion takes back of it, or in the middle of a step the gap at its
-    /// start.
+    /// The gap that enters the contact law: the gap of the stage, at the second stage with the
+    /// correction for the motion of the first, and at the midpoint the gap at the start of the
+    /// step.
     pub(super) fn gap<S: Space>(&self, contact: &Contact<S>, background: &S::Background) -> f64 {
         let pair = &contact.pair;
-        match self.phase {
-            Phase::Alone | Phase::First => pair.gap,
-            Phase::Middle => {
+        match self.kind {
+            StageKind::Single | StageKind::First => pair.gap,
+            StageKind::Midpoint => {
                 let half = 0.5 * self.time;
                 let first = S::by_sphere(self.first);
                 let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
                 let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
-                let start = background.carried_back(&drifted, half);
+                let start = background.advect_backward(&drifted, half);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
-            Phase::Second => pair.gap - self.time * self.taken_back(contact),
+            StageKind::Second => pair.gap - self.time * self.twice_first_approach(contact),
         }
     }
 
-    /// 2 v_n1 of a pair at the second stage, 0 at others.
-    pub(super) fn taken_back<S: Space>(&self, contact: &Contact<S>) -> f64 {
-        match self.phase {
-            Phase::Alone | Phase::Middle | Phase::First => 0.0,
-            Phase::Second => 2.0 * contact.approach(self.first),
+    /// 2 v_n1 of a pair at the second stage, 0 at others: what replaces v_n by v_n − 2 v_n1.
+    pub(super) fn twice_first_approach<S: Space>(&self, contact: &Contact<S>) -> f64 {
+        match self.kind {
+            StageKind::Single | StageKind::Midpoint | StageKind::First => 0.0,
+            StageKind::Second => 2.0 * contact.approach(self.first),
         }
     }
 
-    /// Whether rigid contacts that overlap are taken back at once, as those are whose forces depend on gaps.
-    pub(super) fn takes_back_at_once(&self) -> bool {
-        matches!(self.phase, Phase::First | Phase::Second)
+    /// Whether the overlap of rigid contacts is corrected within one time span, as it is where
+    /// other forces depend on gaps.
+    pub(super) fn corrects_overlap_immediately(&self) -> bool {
+        matches!(self.kind, StageKind::First | StageKind::Second)
     }
 }

@@ -1,4 +1,4 @@
-//! What contacts remember: the forces from which the next stage starts, and springs.
+//! State of the contacts between stages and steps: warm-start forces and springs.
 
 use super::pair::Contact;
 use super::springs::Springs;
@@ -6,15 +6,15 @@ use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
 
-/// What contacts remember from stage to stage and from step to step.
+/// State of the contacts between stages and steps.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct ContactMemory<S: Space = Layer> {
-    /// Forces of the stage before: where the next begins.
+    /// Forces of the preceding stage, from which the next solution starts.
     pub warm_start: WarmStart<S>,
-    /// Springs of friction; none under laws without.
+    /// Tangential springs; none under laws without them.
     pub springs: Springs<S>,
-    /// Springs of rolling friction.
+    /// Rolling springs.
     #[serde(default)]
     pub rolling_springs: Springs<S>,
 }
@@ -27,7 +27,7 @@ impl<S: Space> ContactMemory<S> {
         self.rolling_springs.copy_from(&other.rolling_springs);
     }
 
-    /// Room for that many contacts.
+    /// Reserves memory for that many contacts.
     pub(crate) fn reserve(&mut self, contacts: usize) {
         self.warm_start.forces.reserve(contacts);
         self.warm_start.rolling.0.reserve(contacts);
@@ -36,13 +36,13 @@ impl<S: Space> ContactMemory<S> {
     }
 }
 
-/// Forces of the stage before.
+/// Forces of the preceding stage.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub struct WarmStart<S: Space = Layer> {
-    /// `(i, j, f, t)` of pairs with a force, ordered by (i, j).
+    /// `(i, j, f, t)` of pairs with a normal force, ordered by (i, j).
     pub forces: Vec<(u32, u32, f64, S::Tangent)>,
-    /// Quasi-forces of rolling friction, of pairs that have one.
+    /// Quasi-forces of rolling friction, of pairs with a nonzero one.
     #[serde(default)]
     pub rolling: PairForces<S>,
 }
@@ -53,8 +53,9 @@ fn key<T>(entry: &(u32, u32, f64, T)) -> PairKey {
 }
 
 impl<S: Space> WarmStart<S> {
-    /// The pairs among `pairs`, ordered by (i, j), that bore forces in the stage before.
-    pub(crate) fn known<'p>(
+    /// The pairs among `pairs`, ordered by (i, j), that had forces in the preceding stage, with
+    /// these forces.
+    pub(crate) fn matching<'p>(
         &self,
         pairs: &'p [Neighbours<S>],
     ) -> impl Iterator<Item = (&'p Neighbours<S>, (f64, S::Tangent))> {
@@ -66,7 +67,7 @@ impl<S: Space> WarmStart<S> {
         })
     }
 
-    /// Remembers the forces of a contact; contacts come in order.
+    /// Stores the forces of a contact. Contacts must be passed in order of (i, j).
     pub(crate) fn keep(&mut self, contact: &Contact<S>) {
         let (i, j) = contact.pair.key();
         self.forces
@@ -82,14 +83,14 @@ impl<S: Space> WarmStart<S> {
         self.rolling.0.clone_from(&other.rolling.0);
     }
 
-    /// Forgets all.
+    /// Removes all forces.
     pub(crate) fn clear(&mut self) {
         self.forces.clear();
         self.rolling.0.clear();
     }
 }
 
-/// One force of each pair that has one, ordered by (i, j).
+/// Forces of pairs, ordered by (i, j).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct PairForces<S: Space = Layer>(pub Vec<(u32, u32, S::Tangent)>);
@@ -103,7 +104,7 @@ impl<S: Space> PairForces<S> {
         found.map_or_else(|_| S::Tangent::default(), |at| self.0[at].2)
     }
 
-    /// Remembers a force; pairs come in order.
+    /// Stores a force. Pairs must be passed in order of (i, j).
     pub(crate) fn keep(&mut self, contact: &Contact<S>, force: S::Tangent) {
         let (i, j) = contact.pair.key();
         self.0.push((i, j, force));

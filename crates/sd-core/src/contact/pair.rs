@@ -1,4 +1,4 @@
-//! Two surfaces that touch, or are about to.
+//! Pairs of spheres in contact or close to it.
 
 use super::row::Row;
 use crate::law::rolling_friction;
@@ -7,15 +7,16 @@ use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Layer, Space};
 use serde::{Deserialize, Serialize};
 
-/// What a contact does.
+/// Friction state of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactState {
-    /// No friction: no force, or one below the critical load.
+    /// No friction: there is no normal force, or it is below the critical load.
     Frictionless,
-    /// Friction as the isolated pair's lubrication would need it to roll; under laws without slip, friction within its limit.
+    /// Friction below its limit: the force at which the isolated pair would roll, or under other
+    /// laws the force that prevents slip.
     Rolling,
-    /// Friction at its limit.
+    /// Friction at its limit: the surfaces slip.
     Slipping,
 }
 
@@ -26,29 +27,30 @@ pub struct Contact<S: Space = Layer> {
     pub pair: Neighbours<S>,
     /// Centre-to-contact distances l_i and l_j, in a.
     pub levers: [f64; 2],
-    /// Inverse slip mobility K of the isolated pair, in mu·a; 0 where friction was never asked for.
+    /// Inverse slip mobility K of the isolated pair, in mu·a; 0 until it is needed.
     pub slip_resistance: f64,
     /// n·(u∞_j − u∞_i).
     pub background_approach: f64,
-    /// The slip of the background itself.
+    /// Slip velocity of the background.
     pub background_slip: S::Tangent,
     /// Normal force f ≥ 0, in mu·a²·rate.
     pub normal_force: f64,
     /// Tangential force F_t, in mu·a²·rate.
     pub tangential_force: S::Tangent,
-    /// v_n in the final motion.
+    /// v_n in the solution.
     pub normal_velocity: f64,
-    /// u_t in the final motion.
+    /// u_t in the solution.
     pub slip_velocity: S::Tangent,
-    /// What it does.
+    /// Friction state.
     pub state: ContactState,
-    /// Quasi-force F_r of rolling friction, in mu·a²·rate: the couple on i over the radius of rolling; 0 without such friction.
+    /// Quasi-force F_r of rolling friction, in mu·a²·rate: the couple on i over the rolling radius;
+    /// 0 without rolling friction.
     pub rolling_force: S::Tangent,
-    /// Rolling velocity u_r in the final motion.
+    /// Rolling velocity u_r in the solution.
     pub rolling_velocity: S::Tangent,
-    /// Whether rolling friction halts it: whether F_r is within its bound.
-    pub(crate) rolling_halted: bool,
-    /// Whether friction acts on it: its load was above the critical one when that was decided.
+    /// Whether rolling friction prevents rolling, i.e. F_r is below its bound.
+    pub(crate) rolling_sticks: bool,
+    /// Whether friction is active, as last determined by comparing the load with the critical load.
     pub(crate) friction_acts: bool,
 }
 
@@ -59,7 +61,7 @@ impl<S: Space> Contact<S> {
             radii[pair.i] + 0.5 * pair.gap,
             radii[pair.j] + 0.5 * pair.gap,
         ];
-        // The background's velocity difference over the actual separation.
+        // Velocity difference of the background over the separation.
         let difference = background.velocity_at(&(pair.normal * pair.distance));
         let directions = S::tangents(&pair.normal);
         let mut slip = S::each_tangent(0.0);
@@ -80,33 +82,35 @@ impl<S: Space> Contact<S> {
             state: ContactState::Frictionless,
             rolling_force: S::Tangent::default(),
             rolling_velocity: S::Tangent::default(),
-            rolling_halted: false,
+            rolling_sticks: false,
             friction_acts: false,
         }
     }
 
-    /// The row of C that reads v_n, without the background, off disturbance velocities.
+    /// The row of C: v_n without the background, from disturbance velocities.
     pub(crate) fn normal_row(&self) -> Row<S> {
         Row::normal([self.pair.i, self.pair.j], &self.pair.normal)
     }
 
-    /// The directions along which rows read slip and rolling.
+    /// The directions of the components of slip and rolling.
     pub(crate) fn directions(&self) -> S::PerTangent<S::Vector> {
         S::tangents(&self.pair.normal)
     }
 
-    /// The row of D that reads the slip along a direction, likewise.
+    /// The row of D: the slip along a direction, without the background.
     pub(crate) fn slip_row(&self, direction: &S::Vector) -> Row<S> {
         let spheres = [self.pair.i, self.pair.j];
         Row::slip(spheres, &self.pair.normal, direction, self.levers)
     }
 
-    /// The row that reads the rotation of one sphere against the other that rolls along a direction.
+    /// The row of the relative rotation of the spheres that corresponds to rolling along a
+    /// direction.
     pub(crate) fn spin_row(&self, direction: &S::Vector) -> Row<S> {
         Row::spin([self.pair.i, self.pair.j], &self.pair.normal, direction)
     }
 
-    /// The row that reads the rolling velocity along a direction. The background turns both spheres alike.
+    /// The row of the rolling velocity along a direction. The background does not contribute, since
+    /// it rotates both spheres equally.
     pub(crate) fn rolling_row(&self, direction: &S::Vector) -> Row<S> {
         let radii = self.levers.map(|lever| lever - 0.5 * self.pair.gap);
         let spheres = [self.pair.i, self.pair.j];
@@ -114,13 +118,13 @@ impl<S: Space> Contact<S> {
         Row::rolling(spheres, &self.pair.normal, direction, radius)
     }
 
-    /// v_n in a motion with disturbances of all spheres.
+    /// v_n for given disturbance velocities of all spheres.
     pub(crate) fn approach(&self, velocities: &[f64]) -> f64 {
         self.background_approach + self.normal_row().read(velocities)
     }
 
-    /// Takes the velocities of the contact in a motion with disturbances of all spheres.
-    pub(crate) fn take_velocities(&mut self, velocities: &[f64]) {
+    /// Sets the contact's velocities from disturbance velocities of all spheres.
+    pub(crate) fn set_velocities(&mut self, velocities: &[f64]) {
         self.normal_velocity = self.approach(velocities);
         let directions = self.directions();
         let [mut slip, mut rolling] = [S::each_tangent(0.0); 2];

@@ -1,6 +1,7 @@
-//! Pairs that repel each other at a distance, by the law of [`crate::law::repulsion`].
+//! Pairs with a repulsion at a distance, by the law of [`crate::law::repulsion`].
 //!
-//! The slope of the force over the time s that a stage looks ahead is added to R_FU, whose pairs it shares:
+//! The force is implicit over the time span s of the stage: its slope is added to R_FU, which has
+//! the same pairs.
 //!
 //! ```text
 //! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
@@ -12,22 +13,21 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::space::Space;
 
-/// Exponents beyond which the force is left out: 1e-13 of F0.
-const FARTHEST: f64 = 30.0;
+/// Largest g/l at which the force is included; beyond it the force is below 1e-13 F0.
+const MAX_EXPONENT: f64 = 30.0;
 
-/// Repelling pairs of a stage.
+/// Repulsive pairs of a stage.
 #[derive(Default, Debug)]
-pub struct Repelled<S: Space> {
-    /// The pairs; force and normal velocity are those of the stage once it is solved.
+pub struct RepulsivePairs<S: Space> {
+    /// The pairs; their forces and normal velocities are valid once the stage is solved.
     pub pairs: Vec<Contact<S>>,
-    /// Slope over the time ahead `s F/l` and the force without motion, of each.
-    lines: Vec<[f64; 2]>,
+    /// For each pair the slope times the time span, `s F/l`, and the force without motion.
+    linearised: Vec<[f64; 2]>,
 }
 
-impl<S: Fluid> Repelled<S> {
-    /// Adds the slopes to the assembled resistance, which must be factored after, and the forces to `forces`.
-    ///
-    /// `first`: disturbance velocities of the first stage, at the second one.
+impl<S: Fluid> RepulsivePairs<S> {
+    /// Adds the slopes to the assembled resistance, which must then be factored, and the forces to
+    /// `forces`.
     pub fn add(
         &mut self,
         repulsion: &ExponentialRepulsion,
@@ -37,31 +37,32 @@ impl<S: Fluid> Repelled<S> {
         forces: &mut [f64],
     ) {
         self.pairs.clear();
-        self.lines.clear();
+        self.linearised.clear();
         for pair in resistance.neighbours() {
-            if pair.gap > FARTHEST * repulsion.length {
+            if pair.gap > MAX_EXPONENT * repulsion.length {
                 continue;
             }
             let contact = Contact::new(*pair, resistance.radii(), background);
             let force = repulsion.at(pair.gap);
-            let ahead = span.time * force / repulsion.length;
-            // f = force − ahead (v_n − taken back), v_n with the background's part.
-            let taken_back = span.taken_back(&contact);
-            let still = force + ahead * (taken_back - contact.background_approach);
-            contact.normal_row().add(still, forces);
+            let damping = span.time * force / repulsion.length;
+            // f = force − damping (v_n − twice_first_approach), where v_n includes the background.
+            let twice_first_approach = span.twice_first_approach(&contact);
+            let at_rest = force + damping * (twice_first_approach - contact.background_approach);
+            contact.normal_row().add(at_rest, forces);
             self.pairs.push(contact);
-            self.lines.push([ahead, force + ahead * taken_back]);
+            self.linearised
+                .push([damping, force + damping * twice_first_approach]);
         }
-        for (contact, line) in self.pairs.iter().zip(&self.lines) {
-            resistance.add_spring(&contact.pair, line[0]);
+        for (contact, coefficients) in self.pairs.iter().zip(&self.linearised) {
+            resistance.add_spring(&contact.pair, coefficients[0]);
         }
     }
 
-    /// Forces and velocities that belong to the solved motion.
+    /// Sets the forces and normal velocities of the solved motion.
     pub fn finish(&mut self, velocities: &[f64]) {
-        for (contact, [ahead, still]) in self.pairs.iter_mut().zip(&self.lines) {
+        for (contact, [damping, at_rest]) in self.pairs.iter_mut().zip(&self.linearised) {
             contact.normal_velocity = contact.approach(velocities);
-            contact.normal_force = still - ahead * contact.normal_velocity;
+            contact.normal_force = at_rest - damping * contact.normal_velocity;
         }
     }
 }

@@ -1,9 +1,11 @@
-//! What reads a velocity of two surfaces off the motion of their spheres.
+//! Rows of the kinematic matrices C and D: relative velocities of a pair as linear functions of
+//! sphere velocities.
 
 use crate::hydrodynamics::resistance::Motion;
 use crate::space::{Layer, Space};
 
-/// Reads one velocity of a pair off the velocities of its two spheres; its transpose exerts a force on them.
+/// One relative velocity of a pair as a linear function of the velocities of its two spheres. The
+/// transpose distributes a contact force over both spheres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Row<S: Space = Layer> {
     /// The spheres i and j.
@@ -23,7 +25,7 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j), the slip along d.
+    /// u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j): the slip along d.
     pub(crate) fn slip(
         spheres: [usize; 2],
         n: &S::Vector,
@@ -37,12 +39,12 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// (n × d)·(Ω_j − Ω_i).
+    /// (n × d)·(Ω_j − Ω_i): the relative rotation for rolling along d.
     pub(crate) fn spin(spheres: [usize; 2], n: &S::Vector, d: &S::Vector) -> Self {
         Self::rolling(spheres, n, d, 1.0)
     }
 
-    /// a (n × d)·(Ω_j − Ω_i), a the radius of rolling: the rolling velocity along d.
+    /// a (n × d)·(Ω_j − Ω_i), with the rolling radius a: the rolling velocity along d.
     pub(crate) fn rolling(spheres: [usize; 2], n: &S::Vector, d: &S::Vector, radius: f64) -> Self {
         let (still, axis) = (S::Vector::default(), S::axis(n, d) * radius);
         Self {
@@ -51,18 +53,18 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// Weights of the velocities of i, and of j.
+    /// The weights of i and of j.
     #[inline(always)]
-    pub(crate) fn halves(&self) -> [&S::PerMode<f64>; 2] {
+    pub(crate) fn sphere_weights(&self) -> [&S::PerMode<f64>; 2] {
         let both = S::by_sphere(self.weights.as_ref());
         [&both[0], &both[1]]
     }
 
-    /// The velocity, of velocities of all spheres.
+    /// The relative velocity for given velocities of all spheres.
     #[inline(always)]
     pub(crate) fn read(&self, v: &[f64]) -> f64 {
         let v = S::by_sphere(v);
-        let [w_i, w_j] = self.halves();
+        let [w_i, w_j] = self.sphere_weights();
         let [v_i, v_j] = self.spheres.map(|sphere| &v[sphere]);
         let product = |w: &S::PerMode<f64>, v: &S::PerMode<f64>| {
             let mut sum = w[0] * v[0];
@@ -74,10 +76,10 @@ impl<S: Space> Row<S> {
         product(w_i, v_i) + product(w_j, v_j)
     }
 
-    /// Adds `f` times the transpose to forces whose first rows of i and j are `starts`.
+    /// Adds `f` times the transpose to forces whose entries of i and j begin at `starts`.
     #[inline(always)]
     pub(crate) fn add_at(&self, f: f64, starts: [usize; 2], forces: &mut [f64]) {
-        for (weights, start) in self.halves().into_iter().zip(starts) {
+        for (weights, start) in self.sphere_weights().into_iter().zip(starts) {
             let forces = &mut forces[start..start + S::MODES];
             for (force, weight) in forces.iter_mut().zip(weights.as_ref()) {
                 *force += f * weight;
@@ -85,20 +87,20 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// Adds `f` times the transpose to forces in the order of the spheres.
+    /// Adds `f` times the transpose to the forces on all spheres.
     #[inline(always)]
     pub(crate) fn add(&self, f: f64, forces: &mut [f64]) {
         self.add_at(f, self.spheres.map(|sphere| S::MODES * sphere), forces);
     }
 
-    /// The same in the first M of L kinds of forces side by side.
+    /// Adds `f` times the transpose to the first M of L interleaved force vectors.
     #[inline(always)]
     pub(crate) fn add_to_first<const M: usize, const L: usize>(
         &self,
         f: f64,
         forces: &mut [Motion<S, L>],
     ) {
-        for (sphere, weights) in self.spheres.into_iter().zip(self.halves()) {
+        for (sphere, weights) in self.spheres.into_iter().zip(self.sphere_weights()) {
             let forces = forces[sphere].as_mut().iter_mut();
             for (forces, weight) in forces.zip(weights.as_ref()) {
                 for force in &mut forces[..M] {
@@ -108,7 +110,7 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// The row of a sum of velocities that two rows of the same spheres read.
+    /// Linear combination of two rows of the same spheres.
     pub(crate) fn combined(&self, share: f64, other: &Self, other_share: f64) -> Self {
         let mut combined = *self;
         let weights = combined.weights.as_mut().iter_mut();

@@ -1,29 +1,32 @@
-//! The one contact problem, and its solution.
+//! The contact problem and its solution.
 //!
-//! Unknown are the velocities v, the normal forces f and the friction t of the candidate pairs; C and D
-//! are the rows that read v_n and u_t off v, b and d what the background, gaps and springs add:
+//! The unknowns are the velocities v and the normal forces f and friction forces t of the candidate
+//! pairs. C and D are the matrices whose rows give v_n and u_t from v; b and d are the
+//! contributions of the background, the gaps and the springs:
 //!
 //! ```text
 //! R_FU v = F + Cᵀ f − Dᵀ t
 //! normal      f ≥ 0,  w = C v + b + κ f ≥ 0,  f·w = 0
-//! tangential  |t| ≤ ρ(f);   z = D v + d − μ t;   z = 0 inside the bound,  z > 0 only where t = ρ,  z < 0 only where t = −ρ
+//! tangential  |t| ≤ ρ(f);   z = D v + d − μ t;
+//!             z = 0 for |t| < ρ,  z > 0 only where t = ρ,  z < 0 only where t = −ρ
 //! ```
 //!
 //! | law | κ | μ | ρ(f) |
 //! | --- | --- | --- | --- |
 //! | rigid | 0 | | |
-//! | spring of stiffness k, over the time ahead s | 1/(k s); Hertz: its slope, iterated | | |
-//! | roll-slip | | 1/K, D reads the motion that normal forces alone leave | ν f |
+//! | spring of stiffness k, over the time span s | 1/(k s); Hertz: from its slope, iterated | | |
+//! | roll-slip | | 1/K, D acts on the motion under normal forces alone | ν f |
 //! | coulomb | | 0 | ν f |
-//! | stick-slide with springs k_t | | 1/(k_t s), d holds the stretch | ν f |
-//! | stick-rotate | | 0, a second row for the spin | no bound |
+//! | stick-slide with springs k_t | | 1/(k_t s), d includes the spring force | ν f |
+//! | stick-rotate | | 0, with a second row for the relative rotation | no bound |
 //!
-//! In a suspension slip and friction are vectors across the line of centres, |t| their length, and z = λ t with λ ≥ 0 at the bound.
+//! In a suspension, slip and friction are vectors perpendicular to the line of centres, |t| is a
+//! length, and at the bound z = λ t with λ ≥ 0. For the reduced onset f − F_crit replaces f. Where
+//! friction is not active, ρ = 0.
 //!
-//! with f − F_crit in place of f for the reduced onset, and ρ = 0 where friction is not active.
 //!
-//! Two steps solve it: [`newton`] on the coupled problem, and where that does not converge [`proximal`]. The linear
-//! algebra behind both is [`dense`] in small layers and [`sparse`] in large ones.
+//! The problem is solved by [`newton`], and where that does not converge by [`proximal`]. The
+//! linear algebra of both is [`dense`] in small layers and [`sparse`] in large ones.
 
 pub(crate) mod dense;
 pub(crate) mod newton;
@@ -39,13 +42,13 @@ use crate::space::{Layer, Space};
 use newton::FrictionActivation;
 use problem::{Forces, Problem, RoundoffThresholds, States, System, Violation};
 
-/// What came of a contact problem.
+/// Outcome of a contact problem.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outcome {
     pub(crate) status: Status,
-    /// By how much the present forces violate the conditions.
+    /// Violation of the conditions by the final forces.
     pub(crate) violation: Violation,
-    /// Linear systems solved.
+    /// Number of linear systems solved.
     pub(crate) systems: u32,
 }
 
@@ -54,36 +57,39 @@ pub(crate) struct Outcome {
 pub(crate) struct ProblemSolver<S: Space = Layer> {
     /// The active set.
     pub(crate) states: States,
-    /// The present forces.
+    /// The current forces.
     pub(crate) forces: Forces,
-    /// Forces to start from; of each row whether friction was active, and whether it had been deactivated.
-    start: Forces,
-    /// Forces before the last step of Newton's method.
+    /// Initial forces.
+    initial: Forces,
+    /// Forces before the last Newton step.
     previous: Forces,
-    active: Vec<(bool, bool)>,
-    /// Of the proximal point method: the problem with softer contacts, the forces about which they
-    /// are soft, the problem with bounds that are held.
-    softer: Problem<S>,
-    about: Forces,
-    held: Problem<S>,
+    /// Of each friction row, whether friction was active, and whether it had been deactivated.
+    saved_activation: Vec<(bool, bool)>,
+    /// Workspace of the proximal point method: the softened problem, the forces about which it is
+    /// softened, and the problem with fixed friction bounds.
+    softened: Problem<S>,
+    reference: Forces,
+    bounded: Problem<S>,
 }
 
 impl<S: Space> ProblemSolver<S> {
-    /// Room for that many candidates.
+    /// Reserves memory for that many candidates.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.states.reserve(candidates);
-        self.active.reserve(2 * S::TANGENTS * candidates);
+        self.saved_activation.reserve(2 * S::TANGENTS * candidates);
         self.forces.reserve(candidates);
-        self.start.reserve(candidates);
+        self.initial.reserve(candidates);
         self.previous.reserve(candidates);
-        self.softer.reserve(candidates);
-        self.about.reserve(candidates);
-        self.held.reserve(candidates);
+        self.softened.reserve(candidates);
+        self.reference.reserve(candidates);
+        self.bounded.reserve(candidates);
     }
 
-    /// Solves from the present active set and forces, which are then those of the solution or of the best found.
+    /// Solves the problem from the current active set and forces. The final forces are those of the
+    /// solution, or the best that were found.
     ///
-    /// `refine`: called after every system with problem and forces, for entries that depend on the solution; how many changed.
+    /// `refine`: called after every linear system with the problem and the forces, for coefficients
+    /// that depend on the solution; returns how many changed.
     pub(crate) fn solve(
         &mut self,
         problem: &mut Problem<S>,
@@ -91,10 +97,10 @@ impl<S: Space> ProblemSolver<S> {
         activation: FrictionActivation,
         mut refine: impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> Outcome {
-        self.start.copy_from(&self.forces);
-        self.keep_activation(problem);
+        self.initial.copy_from(&self.forces);
+        self.save_activation(problem);
         if S::TANGENTS > 1 && system.read_motion(problem, &mut self.forces) {
-            // The motion before says along which directions contacts slip.
+            // The preceding motion provides the initial slip directions.
             self.update_states(problem, system, RoundoffThresholds::NONE, false);
         }
         let (converged, systems) = self.newton(problem, system, activation, &mut refine);
@@ -102,8 +108,8 @@ impl<S: Space> ProblemSolver<S> {
             return self.accept(problem, system, systems);
         }
         self.restore_activation(problem);
-        self.forces.copy_from(&self.start);
-        self.read_states(problem);
+        self.forces.copy_from(&self.initial);
+        self.infer_states(problem);
         let outcome = self.solve_proximal(problem, system, activation, &mut refine);
         Outcome {
             systems: systems + outcome.systems,
@@ -111,7 +117,7 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// The outcome of a solution: its forces are brought into their bounds.
+    /// The outcome of a converged solution, after projection of its forces onto their bounds.
     fn accept(&mut self, problem: &Problem<S>, system: &impl System<S>, systems: u32) -> Outcome {
         self.forces.project_onto_bounds(problem);
         let violation = self.forces.violation(problem, system);
@@ -122,23 +128,23 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// Notes on which rows friction is active.
-    fn keep_activation(&mut self, problem: &Problem<S>) {
-        self.active.clear();
+    /// Saves on which rows friction is active.
+    fn save_activation(&mut self, problem: &Problem<S>) {
+        self.saved_activation.clear();
         let rows = problem.tangential.iter();
-        self.active
+        self.saved_activation
             .extend(rows.map(|row| (row.active, row.was_deactivated)));
     }
 
-    /// Makes friction active where it was noted: an active set that cycled says little about loads.
+    /// Restores the saved activation: an active set that cycled says little about loads.
     fn restore_activation(&self, problem: &mut Problem<S>) {
-        for (row, &noted) in problem.tangential.iter_mut().zip(&self.active) {
-            (row.active, row.was_deactivated) = noted;
+        for (row, &saved) in problem.tangential.iter_mut().zip(&self.saved_activation) {
+            (row.active, row.was_deactivated) = saved;
         }
     }
 
-    /// The active set that the present forces show.
-    pub(crate) fn read_states(&mut self, problem: &Problem<S>) {
+    /// Infers the active set from the current forces.
+    pub(crate) fn infer_states(&mut self, problem: &Problem<S>) {
         let (forces, states) = (&self.forces, &mut self.states);
         states.closed.clear();
         states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));

@@ -1,4 +1,5 @@
-//! The contact problem of one stage: which pairs take part, what their laws ask for, and the forces that answer.
+//! The contact problem of one stage: selection of the candidate pairs, the coefficients from their
+//! laws, and the solution.
 
 mod candidates;
 mod entries;
@@ -10,98 +11,106 @@ use super::pair::Contact;
 use super::solve::dense::DenseSystem;
 use super::solve::newton::FrictionActivation;
 use super::solve::problem::{Forces, Problem};
-use super::solve::sparse::{OnNetwork, SparseSystem};
+use super::solve::sparse::{SparseSystem, SparseSystemView};
 use super::solve::{Outcome, ProblemSolver};
-use super::{Quality, most_contacts};
+use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
 
 pub use super::solve::problem::AppliedForces;
 
-/// What a contact problem is input in.
+/// Input of the contact problem at one stage.
 #[derive(Clone, Copy)]
 pub struct StageInput<'a, S: Fluid> {
-    /// Hydrodynamics, factored where they are.
+    /// Hydrodynamic resistance, factored.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.
     pub background: &'a S::Background,
-    /// Laws.
+    /// Contact laws.
     pub laws: &'a Laws,
-    /// Time ahead.
+    /// Time span over which forces are implicit.
     pub span: Span<'a>,
 }
 
-/// Which solve of a stage it is.
+/// The successive solves of one stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pass {
-    /// The first: the candidates are chosen.
+pub enum SolvePass {
+    /// The first solve, which selects the candidates.
     First,
-    /// Another, of the same candidates.
-    Again,
-    /// Another, in which friction acts on the same contacts as before, whatever their loads.
-    Held,
+    /// A later solve with the same candidates, in which the set of contacts with active friction is
+    /// updated.
+    Repeat,
+    /// A later solve in which friction stays active on the same contacts, whatever their loads.
+    FixedActivation,
 }
 
-/// The linear algebra behind the problem.
+/// Linear algebra of the contact problem.
 enum Backend<S: Fluid> {
-    /// Small dense matrices of contacts.
+    /// Dense matrices of the contacts, for small layers.
     Dense(Box<DenseSystem<S>>),
-    /// A sparse factor of all spheres.
+    /// A sparse factor of all spheres, for large ones.
     Sparse(Box<SparseSystem<S>>),
 }
 
-/// The contact problem with its workspace. Reused, it allocates only when the layer has more contacts than ever before.
+/// The contact problem with its workspace. It allocates only when there are more contacts than ever
+/// before.
 pub struct ContactSolver<S: Fluid = Layer> {
     /// Candidate pairs, ordered by (i, j), with the forces and velocities of the last solution.
     pub list: Vec<Contact<S>>,
-    /// Their overlaps.
+    /// Overlaps of the candidates.
     overlaps: Vec<Overlap>,
-    /// Entries.
+    /// Coefficients.
     problem: Problem<S>,
-    /// States and forces.
+    /// Active set and forces.
     solver: ProblemSolver<S>,
     /// Linear algebra.
     backend: Backend<S>,
 }
 
 impl<S: Fluid> ContactSolver<S> {
-    /// Workspace with room for all contacts of the spheres. Pages never written to cost no memory.
+    /// A workspace with memory reserved for all contacts. Pages that are never written occupy no
+    /// physical memory.
     pub fn new(resistance: &Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
-        let most = most_contacts::<S>(spheres);
+        let capacity = reserved_contacts::<S>(spheres);
         let backend = if resistance.pairwise().is_some() {
             Backend::Sparse(Box::default())
         } else {
-            Backend::Dense(Box::new(DenseSystem::new(spheres, most)))
+            Backend::Dense(Box::new(DenseSystem::new(spheres, capacity)))
         };
         let mut solver = Self {
-            list: Vec::with_capacity(most),
-            overlaps: Vec::with_capacity(most),
+            list: Vec::with_capacity(capacity),
+            overlaps: Vec::with_capacity(capacity),
             problem: Problem::default(),
             solver: ProblemSolver::default(),
             backend,
         };
-        solver.problem.normal.reserve(most);
-        solver.problem.tangential.reserve(2 * S::TANGENTS * most);
-        solver.solver.reserve(most);
+        solver.problem.normal.reserve(capacity);
+        solver
+            .problem
+            .tangential
+            .reserve(2 * S::TANGENTS * capacity);
+        solver.solver.reserve(capacity);
         solver
     }
 
-    /// Begins a step: what is known of the motion from stages before is forgotten.
+    /// Starts a step: discards the motion of earlier stages, so that results depend only on
+    /// positions and [`ContactMemory`].
     pub(crate) fn begin_step(&mut self) {
         if let Backend::Sparse(system) = &mut self.backend {
-            system.forget();
+            system.clear_motion();
         }
     }
 
-    /// Solves the problem of the stage from the forces of the last solution, with ever more candidates until none of
-    /// the others closes.
+    /// Solves the problem of the stage, starting from the forces of the last solution. Pairs that
+    /// close in the solution are added as candidates, and the problem is solved again, until no
+    /// other pair closes.
     ///
-    /// `velocities`: disturbances that come out.
+    /// `velocities`: set to the disturbance velocities.
     ///
     /// # Returns
-    /// How well it was solved, and whether friction acts on other contacts than before.
+    /// The quality of the solution, and whether the set of contacts with active friction changed.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
@@ -110,69 +119,69 @@ impl<S: Fluid> ContactSolver<S> {
         input: &StageInput<'_, S>,
         applied: AppliedForces<'_>,
         memory: &mut ContactMemory<S>,
-        pass: Pass,
+        pass: SolvePass,
         velocities: &mut [f64],
     ) -> Result<(Quality, bool), Error> {
         let laws = input.laws;
         let activation = FrictionActivation {
             critical_load: laws.surface.critical_load,
-            updates: pass != Pass::Held && !laws.is_smooth(),
+            updates: pass != SolvePass::FixedActivation && !laws.is_smooth(),
         };
-        if pass == Pass::First {
+        if pass == SolvePass::First {
             if let Backend::Sparse(system) = &mut self.backend {
-                system.start();
+                system.begin_stage();
             }
-            self.choose(input, &memory.warm_start);
+            self.choose_candidates(input, &memory.warm_start);
         }
         let (mut systems, mut changed) = (0, false);
         loop {
-            self.pose(input, memory, pass);
-            let outcome = self.solve_posed(input, applied, activation, velocities)?;
+            self.set_up_problem(input, memory, pass);
+            let outcome = self.solve_problem(input, applied, activation, velocities)?;
             systems += outcome.systems;
-            self.keep_forces(laws);
+            self.store_forces(laws);
             for contact in &mut self.list {
-                contact.take_velocities(velocities);
+                contact.set_velocities(velocities);
             }
-            changed |= self.keep_activation() && !laws.is_smooth();
+            changed |= self.store_activation() && !laws.is_smooth();
             let quality = Quality {
                 status: outcome.status,
                 residual: outcome.violation.residual,
                 friction_error: outcome.violation.friction_error,
                 systems,
             };
-            let closes = self.add_closing(input, velocities, &mut memory.warm_start);
-            // With more contacts a jammed layer has no motion either.
+            let closes = self.add_closing_pairs(input, velocities, &mut memory.warm_start);
+            // Additional contacts cannot make a jammed system movable.
             if !closes || quality.jammed() {
-                self.keep_springs(input, memory);
+                self.update_springs(input, memory);
                 return Ok((quality, changed));
             }
             changed = true;
         }
     }
 
-    /// The motion that normal forces alone leave, where the law reads it.
-    pub(crate) fn isolated_motion(&self, input: &StageInput<'_, S>) -> Option<&[f64]> {
-        match (&self.backend, input.laws.reads_isolated_motion()) {
+    /// The motion under normal forces alone, if the law depends on it.
+    pub(crate) fn frictionless_motion(&self, input: &StageInput<'_, S>) -> Option<&[f64]> {
+        match (&self.backend, input.laws.uses_frictionless_slip()) {
             (Backend::Sparse(system), true) => Some(system.velocities()[1]),
             _ => None,
         }
     }
 
-    /// Keeps the springs of a solved stage.
-    fn keep_springs(&self, input: &StageInput<'_, S>, memory: &mut ContactMemory<S>) {
-        let (list, phase, laws) = (&self.list, input.span.phase, input.laws);
+    /// Updates the springs after a solved stage.
+    fn update_springs(&self, input: &StageInput<'_, S>, memory: &mut ContactMemory<S>) {
+        let (list, kind, laws) = (&self.list, input.span.kind, input.laws);
         if laws.tangential.has_spring() {
-            memory.springs.take(list, phase, |c| c.tangential_force);
+            memory.springs.record(list, kind, |c| c.tangential_force);
             if laws.rolling_friction > 0.0 {
                 memory
                     .rolling_springs
-                    .take(list, phase, |c| c.rolling_force);
+                    .record(list, kind, |c| c.rolling_force);
             }
         }
     }
 
-    /// Forces of the problem that was posed, and the motion.
-    fn solve_posed(
+    /// Solves the current problem for the forces and the motion.
+    fn solve_problem(
         &mut self,
         input: &StageInput<'_, S>,
         applied: AppliedForces<'_>,
@@ -186,14 +195,14 @@ impl<S: Fluid> ContactSolver<S> {
         };
         Ok(match &mut self.backend {
             Backend::Dense(system) => {
-                system.begin(input.resistance, problem, applied.all);
+                system.set_up(input.resistance, problem, applied.all);
                 let solved = solver.solve(problem, &mut **system, activation, refine);
                 system.finish(input.resistance, &solver.forces, velocities);
                 solved
             }
             Backend::Sparse(system) => {
-                let mut on_network = OnNetwork::begin(input.resistance, system, problem, applied)?;
-                let solved = solver.solve(problem, &mut on_network, activation, refine);
+                let mut view = SparseSystemView::begin(input.resistance, system, problem, applied)?;
+                let solved = solver.solve(problem, &mut view, activation, refine);
                 velocities.copy_from_slice(system.velocities()[0]);
                 solved
             }

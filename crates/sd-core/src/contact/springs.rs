@@ -1,9 +1,10 @@
-//! Springs of friction and of rolling friction from step to step, and from stage to stage within one.
+//! Tangential and rolling springs, from step to step and from stage to stage within a step.
 //!
-//! In a suspension they are vectors across the line of centres: carried along where it turns within a step, and projected where a step
-//! begins, since it has turned by O(τ²) from the second stage of the step before.
+//! In a suspension their forces are vectors perpendicular to the line of centres. Within a step
+//! they are transported with it as it rotates. At the start of a step they are projected, since the
+//! line of centres has rotated by O(τ²) since the second stage of the preceding step.
 
-use super::laws::Phase;
+use super::laws::StageKind;
 use super::memory::PairForces;
 use super::pair::Contact;
 use crate::law::tangential::stick_slide::TangentialSpring;
@@ -12,28 +13,28 @@ use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// γ of two-stage steps: how far contact forces look ahead, in steps.
+/// γ of two-stage steps: the time span of implicit contact forces, in steps.
 pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
-/// A spring within a step, of a pair with that line of centres.
-type Stretched<S> = (
+/// A spring within a step, with its pair and the line of centres at the first stage.
+type SpringEntry<S> = (
     PairKey,
     <S as Space>::Vector,
     TangentialSpring<<S as Space>::Tangent>,
 );
 
-/// The springs of one kind of friction.
+/// The springs of one kind of friction, tangential or rolling.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(transparent, bound = "")]
 pub struct Springs<S: Space = Layer> {
-    /// Their forces at the start of the step, in mu·a²·rate.
+    /// Spring forces at the start of the step, in mu·a²·rate.
     pub forces: PairForces<S>,
-    /// Within a step of two stages: what the second one starts from, and the line of centres at the first.
+    /// Springs between the two stages of a step.
     #[serde(skip)]
-    stretched: Vec<Stretched<S>>,
+    within_step: Vec<SpringEntry<S>>,
 }
 
-/// Between steps the forces are all there is to springs.
+/// Between steps, springs are determined by their forces.
 impl<S: Space> PartialEq for Springs<S> {
     fn eq(&self, other: &Self) -> bool {
         self.forces == other.forces
@@ -45,86 +46,87 @@ impl<S: Space> Springs<S> {
     pub fn new(forces: PairForces<S>) -> Self {
         Self {
             forces,
-            stretched: Vec::new(),
+            within_step: Vec::new(),
         }
     }
 
-    /// Room for that many contacts.
+    /// Reserves memory for that many contacts.
     pub(crate) fn reserve(&mut self, contacts: usize) {
         self.forces.0.reserve(contacts);
-        self.stretched.reserve(contacts);
+        self.within_step.reserve(contacts);
     }
 
-    /// Becomes equal to the other, without allocating once there is room.
+    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.forces.0.clone_from(&other.forces.0);
-        self.stretched.clone_from(&other.stretched);
+        self.within_step.clone_from(&other.within_step);
     }
 
-    /// Brings all forces into another unit.
+    /// Multiplies all forces by a factor, to change their unit.
     pub(crate) fn rescale(&mut self, factor: f64) {
         for entry in &mut self.forces.0 {
             entry.2 = entry.2 * factor;
         }
-        for (.., spring) in &mut self.stretched {
+        for (.., spring) in &mut self.within_step {
             *spring = spring.map(|force| force * factor);
         }
     }
 
-    /// The spring of a pair within the step, unstretched if it had none.
-    fn of(&self, contact: &Contact<S>) -> TangentialSpring<S::Tangent> {
+    /// The spring of a pair within the step; undeformed if it has none.
+    fn spring_of(&self, contact: &Contact<S>) -> TangentialSpring<S::Tangent> {
         let found = self
-            .stretched
+            .within_step
             .binary_search_by_key(&contact.pair.key(), |entry| entry.0);
         found.map_or_else(
             |_| TangentialSpring::default(),
             |at| {
-                let (_, normal, spring) = &self.stretched[at];
-                spring.map(|force| S::carried(&force, normal, &contact.pair.normal))
+                let (_, normal, spring) = &self.within_step[at];
+                spring.map(|force| S::transported(&force, normal, &contact.pair.normal))
             },
         )
     }
 
-    /// The force of a pair's spring at the start of the step.
+    /// The spring force of a pair at the start of the step.
     fn at_start(&self, contact: &Contact<S>) -> S::Tangent {
         S::projected(&self.forces.of(contact), &contact.pair.normal)
     }
 
-    /// What the friction force at a stage adds `k_t s u_t` to.
-    pub(crate) fn base(&self, contact: &Contact<S>, phase: Phase) -> S::Tangent {
-        match phase {
-            Phase::Second => self.of(contact).base(GAMMA),
-            Phase::Alone | Phase::Middle | Phase::First => self.at_start(contact),
+    /// The friction force of a stage without the term `k_t s u_t`.
+    pub(crate) fn base(&self, contact: &Contact<S>, kind: StageKind) -> S::Tangent {
+        match kind {
+            StageKind::Second => self.spring_of(contact).base(GAMMA),
+            StageKind::Single | StageKind::Midpoint | StageKind::First => self.at_start(contact),
         }
     }
 
-    /// Takes the friction forces of a solved stage, which `force` reads off a contact: springs move on at the end of a step, and within
-    /// one wait for its second stage.
-    pub(crate) fn take(
+    /// Records the friction forces of a solved stage, which `force` extracts from a contact. After
+    /// the first stage they are kept for the second; after the second, springs are advanced to the
+    /// end of the step.
+    pub(crate) fn record(
         &mut self,
         contacts: &[Contact<S>],
-        phase: Phase,
+        kind: StageKind,
         force: fn(&Contact<S>) -> S::Tangent,
     ) {
-        let nothing = S::Tangent::default();
-        match phase {
-            Phase::Alone | Phase::Middle => {}
-            Phase::First => {
-                self.stretched.clear();
+        let zero = S::Tangent::default();
+        match kind {
+            StageKind::Single | StageKind::Midpoint => {}
+            StageKind::First => {
+                self.within_step.clear();
                 for contact in contacts {
                     let (start, first) = (self.at_start(contact), force(contact));
-                    if start != nothing || first != nothing {
+                    if start != zero || first != zero {
                         let spring = TangentialSpring { start, first };
                         let entry = (contact.pair.key(), contact.pair.normal, spring);
-                        self.stretched.push(entry);
+                        self.within_step.push(entry);
                     }
                 }
             }
-            Phase::Second => {
+            StageKind::Second => {
                 self.forces.0.clear();
                 for contact in contacts.iter().filter(|c| c.normal_force > 0.0) {
-                    let end = self.of(contact).end(force(contact), GAMMA);
-                    if end != nothing {
+                    let end = self.spring_of(contact).end(force(contact), GAMMA);
+                    if end != zero {
                         self.forces.keep(contact, end);
                     }
                 }

@@ -107,7 +107,7 @@ impl IterativeFarField {
     /// Default of the relative residual to be reached.
     pub const DEFAULT_RESIDUAL: f64 = 1e-6;
     /// Default limit of the iterations of one solve without contacts.
-    pub const MOST_ITERATIONS: u32 = 300;
+    pub const MAX_ITERATIONS: u32 = 300;
 }
 
 impl<S: Fluid> IterativeFarField<S> {
@@ -145,7 +145,7 @@ impl<S: Fluid> IterativeFarField<S> {
             operator,
             local: LocalResistance::default(),
             residual,
-            most: IterativeFarField::MOST_ITERATIONS,
+            most: IterativeFarField::MAX_ITERATIONS,
             excess: vector(),
             work: Work {
                 densities: vector(),
@@ -166,7 +166,7 @@ impl<S: Fluid> IterativeFarField<S> {
     }
 
     /// Sets a limit of the iterations of one solve without contacts other than
-    /// [`IterativeFarField::MOST_ITERATIONS`].
+    /// [`IterativeFarField::MAX_ITERATIONS`].
     pub fn limit_iterations(&mut self, most: u32) {
         self.most = most;
     }

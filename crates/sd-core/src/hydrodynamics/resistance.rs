@@ -195,7 +195,7 @@ impl<S: Fluid> Resistance<S> {
             range,
             lubrication_gap: 0.0,
             neighbours: NeighbourList::new(radii.len()),
-            terms: Vec::with_capacity(S::MOST_NEIGHBOURS * radii.len() / 2),
+            terms: Vec::with_capacity(S::RESERVED_NEIGHBOURS * radii.len() / 2),
             far_pairs: None,
             form: form()?,
         })

@@ -1,7 +1,7 @@
 //! Adhesion: a constant attraction of touching surfaces, equal to their pull-off force.
 //!
 //! ```text
-//! contact force f ≥ 0 of the normal law, and −F_A besides while the surfaces touch:    f − F_A ≥ −F_A
+//! contact force f ≥ 0 of the normal law, plus −F_A while the surfaces touch:    f − F_A ≥ −F_A
 //! springs touch while g < h,   rigid asperities while g < 1.01 h
 //! ```
 //!

@@ -15,7 +15,7 @@ macro_rules! normal_laws {
         super::words! {
             /// Law of the normal contact force; d = h − g.
             NormalLaw {
-                $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
+                $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::KEYWORD, $file::MEANING;)+
             }
         }
 

@@ -14,9 +14,9 @@
 super::words! {
     /// Onset of friction with the load.
     FrictionOnset {
-        CriticalLoad = "critical-load", "The paper's: `|F_t| ≤ ν f` once f > F_crit, none below.";
-        Reduced = "reduced", "`|F_t| ≤ ν (f − F_crit)`, which does not jump.";
-        Contact = "contact", "`|F_t| ≤ ν f` at every contact: F_crit is the unit of a repulsion.";
+        CriticalLoad = "critical-load", "The paper's law: `|F_t| ≤ ν f` where f > F_crit, no friction below.";
+        Reduced = "reduced", "`|F_t| ≤ ν (f − F_crit)`, which is continuous at F_crit.";
+        Contact = "contact", "`|F_t| ≤ ν f` on every contact; F_crit is only the unit of the repulsion.";
     }
 }
 

@@ -15,7 +15,7 @@
 //! his coefficient is twice the one here for the same couple.
 
 use super::quantity::Range;
-use super::tangential::{Halt, TangentialLaw};
+use super::tangential::{FrictionConstraint, TangentialLaw};
 use super::{Quantity, Words};
 
 /// μ_r.
@@ -38,9 +38,9 @@ pub fn radius([a_i, a_j]: [f64; 2]) -> f64 {
 /// Whether it can be combined with a tangential law: one that constrains the slip of the pair in
 /// its layer, but not its rolling.
 pub fn can_combine(law: TangentialLaw) -> bool {
-    match law.halts() {
-        Halt::Slip | Halt::SpringSlip => true,
-        Halt::IsolatedSlip | Halt::SlipAndRotation => false,
+    match law.constraint() {
+        FrictionConstraint::Slip | FrictionConstraint::SpringSlip => true,
+        FrictionConstraint::IsolatedSlip | FrictionConstraint::SlipAndRotation => false,
     }
 }
 

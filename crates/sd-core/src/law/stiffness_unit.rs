@@ -13,8 +13,8 @@ use std::f64::consts::PI;
 super::words! {
     /// Unit of stiffnesses.
     StiffnessUnit {
-        CriticalLoad = "critical-load", "F_crit/a: a property of the material, as F_crit is.";
-        Flow = "flow", "6π μ a × shear rate: overlaps stay the same at every rate.";
+        CriticalLoad = "critical-load", "F_crit/a: a material property, as F_crit is.";
+        Flow = "flow", "6π μ a × shear rate: the same overlaps at every rate.";
     }
 }
 

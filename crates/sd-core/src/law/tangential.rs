@@ -11,7 +11,7 @@ use super::Quantity;
 
 /// The motion that a law constrains to zero while its force is inside the bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Halt {
+pub enum FrictionConstraint {
     /// The slip of the pair in isolation, without other spheres.
     IsolatedSlip,
     /// The slip of the pair in its layer.
@@ -22,7 +22,7 @@ pub enum Halt {
     SlipAndRotation,
 }
 
-impl Halt {
+impl FrictionConstraint {
     /// Number of constrained motions of a pair.
     pub fn motions(self) -> usize {
         match self {
@@ -41,7 +41,7 @@ macro_rules! tangential_laws {
             /// Law of the tangential contact force. Without friction (`friction = 0`) none of them
             /// acts.
             TangentialLaw {
-                $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::WORD, $file::MEANING;)+
+                $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::KEYWORD, $file::MEANING;)+
             }
         }
 
@@ -54,9 +54,9 @@ macro_rules! tangential_laws {
             }
 
             /// The motion that it constrains to zero while its force is inside the bound.
-            pub fn halts(self) -> Halt {
+            pub fn constraint(self) -> FrictionConstraint {
                 match self {
-                    $(Self::$law => $file::HALTS,)+
+                    $(Self::$law => $file::CONSTRAINT,)+
                 }
             }
 
@@ -80,7 +80,7 @@ tangential_laws! {
 impl TangentialLaw {
     /// Whether it has a tangential spring, which requires a normal spring too.
     pub fn has_spring(self) -> bool {
-        self.halts() == Halt::SpringSlip
+        self.constraint() == FrictionConstraint::SpringSlip
     }
 }
 

@@ -1,6 +1,6 @@
 //! Conjugate gradients with a preconditioner (Hestenes & Stiefel 1952).
 
-use super::Until;
+use super::StopCriteria;
 use super::dense::dot;
 use super::simd::vectorised;
 use super::vector::add_scaled_inline;
@@ -32,7 +32,7 @@ impl ConjugateGradients {
         &mut self,
         b: &[f64],
         x: &mut [f64],
-        until: Until,
+        stop: StopCriteria,
         mut apply: impl FnMut(&[f64], &mut [f64]),
         mut precondition: impl FnMut(&[f64], &mut [f64]),
     ) -> usize {
@@ -48,8 +48,8 @@ impl ConjugateGradients {
         }
         x.fill(0.0);
         let mut product_before = f64::INFINITY;
-        for iteration in 0..until.iterations {
-            if largest(&self.residual) <= until.residual {
+        for iteration in 0..stop.iterations {
+            if largest(&self.residual) <= stop.residual {
                 return iteration;
             }
             precondition(&self.residual, &mut self.preconditioned);
@@ -71,7 +71,7 @@ impl ConjugateGradients {
             );
             product_before = product;
         }
-        until.iterations
+        stop.iterations
     }
 }
 
@@ -97,7 +97,7 @@ mod tests {
         let mut x = [0.0; 6];
         let mut solver = ConjugateGradients::default();
         assert_eq!(
-            solver.solve(&b, &mut x, Until::new(1e-12, 10), apply, copy),
+            solver.solve(&b, &mut x, StopCriteria::new(1e-12, 10), apply, copy),
             3
         );
         for k in 0..6 {
@@ -109,8 +109,13 @@ mod tests {
     fn nothing_is_done_where_nothing_is_wanted() {
         let mut x = [1.0];
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
-        let iterations =
-            ConjugateGradients::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
+        let iterations = ConjugateGradients::default().solve(
+            &[0.0],
+            &mut x,
+            StopCriteria::new(0.0, 5),
+            never,
+            never,
+        );
         assert_eq!((iterations, x), (0, [0.0]));
     }
 }

@@ -8,7 +8,7 @@
 //! For systems that are not symmetric. The preconditioner may be of any precision, since the
 //! residual is that of A itself.
 
-use super::Until;
+use super::StopCriteria;
 use super::dense::{add_scaled, add_scaled_and_dot, dot};
 
 /// Outcome of a solve.
@@ -46,7 +46,7 @@ impl Gmres {
         &mut self,
         b: &[f64],
         x: &mut [f64],
-        until: Until,
+        stop: StopCriteria,
         mut apply: impl FnMut(&[f64], &mut [f64]),
         mut precondition: impl FnMut(&[f64], &mut [f64]),
     ) -> GmresInfo {
@@ -55,7 +55,7 @@ impl Gmres {
         self.rhs.clear();
         self.rhs.push(norm);
         self.rotations.clear();
-        if norm <= until.residual || until.iterations == 0 {
+        if norm <= stop.residual || stop.iterations == 0 {
             return GmresInfo {
                 iterations: 0,
                 residual: norm,
@@ -65,7 +65,7 @@ impl Gmres {
         first.copy_from_slice(b);
         scale(first, norm.recip());
         let mut iterations = 0;
-        while iterations < until.iterations && self.rhs[iterations].abs() > until.residual {
+        while iterations < stop.iterations && self.rhs[iterations].abs() > stop.residual {
             self.vector(iterations + 1, b.len());
             let (known, new) = self.basis.split_at_mut(iterations + 1);
             let image = &mut new[0];
@@ -171,7 +171,8 @@ mod tests {
             }
         };
         let mut x = [0.0; 4];
-        let info = Gmres::default().solve(&b, &mut x, Until::new(1e-12, 10), apply, diagonal);
+        let info =
+            Gmres::default().solve(&b, &mut x, StopCriteria::new(1e-12, 10), apply, diagonal);
         assert_eq!(info.iterations, 4);
         let mut image = [0.0; 4];
         apply(&x, &mut image);
@@ -186,7 +187,7 @@ mod tests {
         let copy = |r: &[f64], z: &mut [f64]| z.copy_from_slice(r);
         let (mut x, mut solver) = ([0.0; 4], Gmres::default());
         for most in 1..4 {
-            let info = solver.solve(&b, &mut x, Until::new(0.0, most), apply, copy);
+            let info = solver.solve(&b, &mut x, StopCriteria::new(0.0, most), apply, copy);
             let mut image = [0.0; 4];
             apply(&x, &mut image);
             let left: f64 = b.iter().zip(&image).map(|(b, y)| (b - y).powi(2)).sum();
@@ -198,7 +199,7 @@ mod tests {
     fn nothing_is_done_where_nothing_is_wanted() {
         let never = |_: &[f64], _: &mut [f64]| panic!("not needed");
         let mut x = [1.0];
-        let info = Gmres::default().solve(&[0.0], &mut x, Until::new(0.0, 5), never, never);
+        let info = Gmres::default().solve(&[0.0], &mut x, StopCriteria::new(0.0, 5), never, never);
         assert_eq!((info.iterations, x), (0, [0.0]));
     }
 }

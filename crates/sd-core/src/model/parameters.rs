@@ -7,7 +7,7 @@ mod table;
 
 pub use table::PARAMETERS;
 
-pub(super) use quantities::MOST_SPHERES;
+pub(super) use quantities::MAX_SPHERES;
 use quantities::{AREA_FRACTION, FRICTION};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
@@ -148,7 +148,7 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             because,
         })
     };
-    if !(LEAST_VOLUME_FRACTION..=MOST_VOLUME_FRACTION).contains(&volume_fraction) {
+    if !(MIN_VOLUME_FRACTION..=MAX_VOLUME_FRACTION).contains(&volume_fraction) {
         return refuse(
             "volume_fraction",
             volume_fraction.to_string(),
@@ -190,8 +190,8 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
 
 /// Allowed volume fractions; whether one can be packed depends on the sizes, the roughness and the
 /// seed.
-const LEAST_VOLUME_FRACTION: f64 = 0.01;
-const MOST_VOLUME_FRACTION: f64 = 0.64;
+const MIN_VOLUME_FRACTION: f64 = 0.01;
+const MAX_VOLUME_FRACTION: f64 = 0.64;
 
 /// Longest step under soft laws: from about twice this value on, stresslet viscosities became
 /// negative.

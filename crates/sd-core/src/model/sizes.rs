@@ -16,13 +16,13 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Maximum number of species.
-const MOST_SPECIES: usize = 32;
+const MAX_SPECIES: usize = 32;
 /// Smallest radius allowed, over the mean.
 const LEAST: f64 = 0.2;
 /// The largest of them.
 const MOST: f64 = 5.0;
 /// Largest size ratio of two sizes, which are those of [`crate::Params::size_ratio`].
-pub(super) const MOST_SIZE_RATIO: f64 = 10.0;
+pub(super) const MAX_SIZE_RATIO: f64 = 10.0;
 /// Tolerance of the sum of fractions.
 const ROUNDING: f64 = 1e-9;
 
@@ -53,7 +53,7 @@ crate::law::words! {
     Distribution {
         Lognormal = "lognormal", "the logarithm of the radius is normal";
         Schulz = "schulz", "the radius has a gamma distribution";
-        Uniform = "uniform", "the radius is anywhere between two";
+        Uniform = "uniform", "the radius is uniform between two values";
     }
 }
 
@@ -83,11 +83,11 @@ impl Kind {
     /// species, two sizes of too large a ratio.
     pub fn species(species: &[[f64; 2]], power: i32) -> Result<Self, Refusal> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        if species.is_empty() || species.len() > MOST_SPECIES {
+        if species.is_empty() || species.len() > MAX_SPECIES {
             return Err(refuse(
                 format!("{} species", species.len()),
                 "is out of range",
-                format!("1 to {MOST_SPECIES} species, or a distribution"),
+                format!("1 to {MAX_SPECIES} species, or a distribution"),
             ));
         }
         for [radius, fraction] in species {
@@ -130,12 +130,12 @@ impl Kind {
             is_same
         });
         if let [[small, _], [large, _]] = sorted[..]
-            && large / small > MOST_SIZE_RATIO
+            && large / small > MAX_SIZE_RATIO
         {
             return Err(refuse(
                 format!("a size ratio of {}", large / small),
                 "is out of range",
-                format!("at most {MOST_SIZE_RATIO} of two sizes"),
+                format!("at most {MAX_SIZE_RATIO} of two sizes"),
             ));
         }
         Ok(Self::Species(sorted))

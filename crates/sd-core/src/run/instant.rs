@@ -4,7 +4,7 @@ use super::started::Started;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::memory::PairForces;
 use crate::contact::springs::Springs;
-use crate::contact::{Contact, ContactMemory, Pass};
+use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
@@ -110,9 +110,9 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     /// All candidate pairs.
     pub contacts: Vec<Contact<S>>,
     /// Pairs with a repulsion, in addition to the contacts.
-    pub repelled: Vec<Contact<S>>,
+    pub repulsive: Vec<Contact<S>>,
     /// Pairs with adhesion, in addition to the contacts; their normal force is negative.
-    pub adhering: Vec<Contact<S>>,
+    pub adhesive: Vec<Contact<S>>,
 }
 
 impl SolvedConfiguration {
@@ -130,7 +130,7 @@ impl<S: Space> SolvedConfiguration<S> {
     /// Σ F_t u_t + Σ F_r u_r − Σ f v_n
     /// ```
     pub fn contact_power(&self) -> f64 {
-        let others = self.repelled.iter().chain(&self.adhering);
+        let others = self.repulsive.iter().chain(&self.adhesive);
         let contacts = self.contacts.iter().chain(others);
         contacts
             .map(|c| {
@@ -151,7 +151,7 @@ fn move_under<S: Fluid>(
 ) -> Result<(), Error> {
     match request {
         ContactRequest::None => {
-            stage.solve(background, external, StageContact::None, Pass::First)?;
+            stage.solve(background, external, StageContact::None, SolvePass::First)?;
         }
         ContactRequest::Listed { pairs } => {
             let mut listed = listed_pairs(pairs, stage)?;
@@ -163,7 +163,7 @@ fn move_under<S: Fluid>(
                 },
                 listed: &mut listed,
             };
-            stage.solve(background, external, contact, Pass::First)?;
+            stage.solve(background, external, contact, SolvePass::First)?;
         }
         ContactRequest::Laws {
             laws,
@@ -186,14 +186,14 @@ fn move_under<S: Fluid>(
             };
             let contact = StageContact::Laws {
                 laws,
-                span: Span::alone(*time_span),
+                span: Span::single(*time_span),
                 memory: &mut memory,
             };
-            stage.solve(background, external, contact, Pass::First)?;
+            stage.solve(background, external, contact, SolvePass::First)?;
         }
         ContactRequest::Procedure { surface } => {
             check_surface(surface, true)?;
-            stage.solve(background, external, StageContact::None, Pass::First)?;
+            stage.solve(background, external, StageContact::None, SolvePass::First)?;
             let mut listed = ContactList::default();
             listed.add_approaching(
                 &stage.resistance,
@@ -205,7 +205,7 @@ fn move_under<S: Fluid>(
                 surface: *surface,
                 listed: &mut listed,
             };
-            stage.solve(background, external, contact, Pass::Again)?;
+            stage.solve(background, external, contact, SolvePass::Repeat)?;
         }
     }
     Ok(())
@@ -291,8 +291,8 @@ pub(super) fn solve_with<S: Fluid>(
         stresslets: work.stresslets,
         stress,
         contacts,
-        repelled: stage.repelled.pairs.clone(),
-        adhering: stage.adhering.pairs.clone(),
+        repulsive: stage.repulsive.pairs.clone(),
+        adhesive: stage.adhesive.pairs.clone(),
     })
 }
 

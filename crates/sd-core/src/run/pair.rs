@@ -1,7 +1,7 @@
 //! Two spheres moving past each other in unbounded fluid: the paper's Fig. 8.
 
 use crate::contact::laws::{Laws, Span};
-use crate::contact::{ContactMemory, Pass, Surface};
+use crate::contact::{ContactMemory, SolvePass, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
@@ -12,7 +12,7 @@ use crate::stage::{Contact, StageSolver};
 use serde::Serialize;
 
 /// Maximum number of steps for the spheres to pass.
-const MOST_STEPS: u64 = 10_000_000;
+const MAX_STEPS: u64 = 10_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
 /// load 0.
@@ -97,7 +97,7 @@ pub fn pass_while(
     let mut time = 0.0;
     let mut path = vec![row(time, &state, contact)];
     let mut minimum_gap = state.centres[1].x.exp();
-    for step in 0..MOST_STEPS {
+    for step in 0..MAX_STEPS {
         if !go_on() {
             return Ok(None);
         }
@@ -109,13 +109,18 @@ pub fn pass_while(
                     None => Contact::None,
                     Some(laws) => Contact::Laws {
                         laws,
-                        span: Span::alone(stage.span),
+                        span: Span::single(stage.span),
                         memory: &mut memory_after,
                     },
                 };
                 let positions = centres(coordinates, contact);
                 motion.assemble(&cell, &positions)?;
-                motion.solve(&Background::QUIESCENT, &external, contact_law, Pass::First)?;
+                motion.solve(
+                    &Background::QUIESCENT,
+                    &external,
+                    contact_law,
+                    SolvePass::First,
+                )?;
                 let v = motion.velocities();
                 let relative = Vec2::new(v[3] - v[0], v[4] - v[1]);
                 let gap = coordinates[1].x.exp();

@@ -14,7 +14,7 @@ pub use sample::{Counters, NetworkSample, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;
-use crate::contact::most_contacts;
+use crate::contact::reserved_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Imposed, Params};
@@ -127,7 +127,7 @@ impl<S: Started> Simulation<S> {
         S::check(params)?;
         snapshot.check(params)?;
         let cell = Cell::equal_sides(snapshot.side, 0.0)?;
-        let most = most_contacts::<S>(params.spheres);
+        let most = reserved_contacts::<S>(params.spheres);
         let method = Method::of(params);
         let mut stage = method.solver(
             params.hydrodynamics,

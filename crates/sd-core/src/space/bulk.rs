@@ -129,7 +129,7 @@ impl ImposedFlow<Bulk> for Background {
             .collect()
     }
 
-    fn carried_back(&self, x: &Vector3<f64>, time: f64) -> Vector3<f64> {
+    fn advect_backward(&self, x: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let columns =
             [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e + self.velocity(&e) * time);
         let [a, b, c] = &columns;
@@ -148,9 +148,9 @@ impl Space for Bulk {
     const STRAINS: usize = 5;
     const TANGENTS: usize = 2;
     /// Equal spheres on a face-centred lattice have 42 before the next shell.
-    const MOST_NEIGHBOURS: usize = 54;
+    const RESERVED_NEIGHBOURS: usize = 54;
     /// Equal spheres have twelve at most.
-    const MOST_CONTACTS: usize = 12;
+    const RESERVED_CONTACTS: usize = 12;
     const UPRIGHT: Quaternion = [1.0, 0.0, 0.0, 0.0];
     type Vector = Vector3<f64>;
     type Point = [f64; 3];
@@ -297,7 +297,11 @@ impl Space for Bulk {
     }
 
     /// By the smallest rotation that takes n to the new one.
-    fn carried(tangent: &Self::Tangent, from: &Self::Vector, to: &Self::Vector) -> Self::Tangent {
+    fn transported(
+        tangent: &Self::Tangent,
+        from: &Self::Vector,
+        to: &Self::Vector,
+    ) -> Self::Tangent {
         tangent - (from + to) * (to.dot(tangent) / (1.0 + from.dot(to)))
     }
 
@@ -383,7 +387,7 @@ mod tests {
         };
         let before = Vector3::new(1.3, -0.7, 0.4);
         let after = before + flow.velocity(&before) * 0.1;
-        assert!((flow.carried_back(&after, 0.1) - before).norm() < 1e-15);
+        assert!((flow.advect_backward(&after, 0.1) - before).norm() < 1e-15);
     }
 
     #[test]
@@ -416,14 +420,14 @@ mod tests {
         let to = Vector3::new(0.5, -0.4, 0.7).normalize();
         let vector = Bulk::tangents(&from)[0] * 0.3 - Bulk::tangents(&from)[1] * 1.7;
         for moved in [
-            Bulk::carried(&vector, &from, &to),
+            Bulk::transported(&vector, &from, &to),
             Bulk::projected(&vector, &to),
         ] {
             assert!(moved.dot(&to).abs() < 1e-15);
             assert!((moved.norm() - vector.norm()).abs() < 1e-15);
             assert!((moved - vector).norm() < 2.0 * (to - from).norm());
         }
-        let back = Bulk::carried(&Bulk::carried(&vector, &from, &to), &to, &from);
+        let back = Bulk::transported(&Bulk::transported(&vector, &from, &to), &to, &from);
         assert!((back - vector).norm() < 1e-15);
     }
 

@@ -14,9 +14,9 @@ impl Space for Layer {
     const STRAINS: usize = 3;
     const TANGENTS: usize = 1;
     /// Equal spheres have 18 at most.
-    const MOST_NEIGHBOURS: usize = 20;
+    const RESERVED_NEIGHBOURS: usize = 20;
     /// Equal spheres have six at most. Unequal ones hardly have more.
-    const MOST_CONTACTS: usize = 6;
+    const RESERVED_CONTACTS: usize = 6;
     const UPRIGHT: f64 = 0.0;
     type Vector = Vector2<f64>;
     type Point = [f64; 2];
@@ -148,7 +148,7 @@ impl Space for Layer {
     }
 
     #[inline(always)]
-    fn carried(tangent: &f64, _: &Self::Vector, _: &Self::Vector) -> f64 {
+    fn transported(tangent: &f64, _: &Self::Vector, _: &Self::Vector) -> f64 {
         *tangent
     }
 
@@ -222,7 +222,7 @@ impl ImposedFlow<Layer> for Background {
         vec![self.xx, self.yy, self.xy, self.angular_velocity]
     }
 
-    fn carried_back(&self, x: &Vector2<f64>, time: f64) -> Vector2<f64> {
-        Self::carried_back(self, *x, time)
+    fn advect_backward(&self, x: &Vector2<f64>, time: f64) -> Vector2<f64> {
+        Self::advect_backward(self, *x, time)
     }
 }

@@ -110,7 +110,7 @@ impl Background {
 
     /// Earlier position of a point advected to `x` over `time` at its initial velocity:
     /// `x = (1 + time ∇u∞) x₀`.
-    pub fn carried_back(&self, x: Vec2, time: f64) -> Vec2 {
+    pub fn advect_backward(&self, x: Vec2, time: f64) -> Vec2 {
         let (a, b) = (
             1.0 + time * self.xx,
             time * (self.xy - self.angular_velocity),
@@ -169,7 +169,7 @@ mod tests {
         };
         let before = Vec2::new(1.3, -0.7);
         let after = before + flow.velocity(before) * 0.1;
-        assert!((flow.carried_back(after, 0.1) - before).norm() < 1e-15);
+        assert!((flow.advect_backward(after, 0.1) - before).norm() < 1e-15);
     }
 
     #[test]

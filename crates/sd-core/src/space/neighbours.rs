@@ -34,17 +34,17 @@ impl<S: Space> Default for NeighbourList<S> {
 
 impl<S: Space> NeighbourList<S> {
     /// Maximum number of bins along a side: 2^24 in all.
-    const MOST_BINS: f64 = (1_u32 << (24 / S::DIMENSIONS)) as f64;
+    const MAX_BINS: f64 = (1_u32 << (24 / S::DIMENSIONS)) as f64;
 
     /// Reserves memory for all pairs within range of a number of equal spheres.
     pub fn new(spheres: usize) -> Self {
-        let pairs = S::MOST_NEIGHBOURS * spheres / 2;
+        let pairs = S::RESERVED_NEIGHBOURS * spheres / 2;
         Self {
             pairs: Vec::with_capacity(pairs),
             sorted: Vec::with_capacity(spheres),
             starts: Vec::new(),
             bins: Vec::with_capacity(spheres),
-            found: Vec::with_capacity(S::MOST_NEIGHBOURS),
+            found: Vec::with_capacity(S::RESERVED_NEIGHBOURS),
             kept: VerletList::new(spheres, pairs),
             deepest: 0.0,
         }
@@ -201,7 +201,7 @@ impl<S: Space> NeighbourList<S> {
                 )]
                 let bins = (sides[k] / (range * largest))
                     .floor()
-                    .clamp(1.0, Self::MOST_BINS) as usize;
+                    .clamp(1.0, Self::MAX_BINS) as usize;
                 *count = bins;
             }
         }

@@ -1,4 +1,5 @@
-//! How a stage is computed: dense, pair by pair, or with the far field iterated. The one place that decides.
+//! Choice of the method for a stage: dense, pairwise, or with an iterative far field. This choice
+//! is made only here.
 
 use super::StageSolver;
 use crate::error::Error;
@@ -10,45 +11,47 @@ use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
 use std::f64::consts::PI;
 
-/// Spheres from which on contacts are solved pair by pair. At 90 spheres that takes 0.7 to 1.0 of the time of dense matrices, at 60 as long
-/// under most laws.
-const LEAST_PAIRWISE: usize = 60;
-/// Spheres from which on Stokesian Dynamics costs less with the far field iterated: at 150 spheres 0.65 to 0.9 of the time of dense
-/// matrices, at 90 it is 1.2 of it.
-const LEAST_ITERATED: usize = 120;
-/// The same of rigid contacts above an area fraction: a contact problem then costs more than the far field, and every evaluation of the
-/// iteration solves one.
-const LEAST_ITERATED_NEAR_JAMMING: usize = 300;
-/// That area fraction.
+/// Minimum number of spheres for pairwise resistance. It takes 0.7 to 1.0 times the time of dense
+/// matrices at 90 spheres, and at 60 the same time for most laws.
+const MIN_PAIRWISE: usize = 60;
+/// Minimum number of spheres for an iterative far field. It takes 1.2 times the time of dense
+/// matrices at 90 spheres, and 0.65 to 0.9 times at 150.
+const MIN_ITERATED: usize = 120;
+/// Minimum number of spheres for an iterative far field near jamming with rigid contacts: a contact
+/// problem then costs more than the far field, and every evaluation of the iteration solves one.
+const MIN_ITERATED_NEAR_JAMMING: usize = 300;
+/// Area fraction above which a layer of rigid contacts is near jamming.
 const NEAR_JAMMING: f64 = 0.72;
 
-/// Spheres from which on an instant of a suspension costs less pair by pair.
-const LEAST_SPARSE: usize = 100;
+/// Minimum number of spheres for pairwise resistance at a single instant of a suspension.
+const MIN_SPARSE: usize = 100;
 
-/// How a stage is computed.
+/// Method of computation of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// `R_FU` factored, contacts brought down to dense matrices.
+    /// Dense factor of `R_FU`, contacts reduced to dense matrices.
     Dense,
-    /// `R_FU` pair by pair, contacts by one sparse factor.
+    /// `R_FU` as a sum over pairs, contacts by one sparse factor.
     Pairwise,
-    /// The far field iterated on top of that.
+    /// Pairwise, with an iterative far field in addition.
     Iterated,
 }
 
 impl Method {
-    /// Most spheres with this method: full matrices of the far field take a gigabyte for 2000.
+    /// Maximum number of spheres with this method: dense far-field matrices take a gigabyte for
+    /// 2000 spheres.
     pub const fn most_spheres(self, hydrodynamics: Hydrodynamics) -> usize {
         match (self, hydrodynamics) {
             (Self::Dense, Hydrodynamics::StokesianDynamics) => 2_000,
-            _ => Params::MOST_SPHERES,
+            _ => Params::MAX_SPHERES,
         }
     }
 
-    /// What costs least for runs with these parameters.
+    /// The least expensive method for runs with these parameters.
     pub fn of(params: &Params) -> Self {
         if params.contact == ContactScheme::Procedure {
-            // It halts all pairs at once, which is dense at any number of spheres.
+            // The procedure stops all pairs at once, which is a dense problem at any number of
+            // spheres.
             return Self::Dense;
         }
         if params.volume_fraction.is_some() {
@@ -59,7 +62,7 @@ impl Method {
         Self::choose(params.hydrodynamics, params.spheres, area_fraction, is_soft)
     }
 
-    /// What costs least for suspensions, whose periodic cells hold many spheres.
+    /// The least expensive method for suspensions, whose periodic cells contain many spheres.
     fn of_suspension(hydrodynamics: Hydrodynamics) -> Self {
         match hydrodynamics {
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => Self::Pairwise,
@@ -67,7 +70,7 @@ impl Method {
         }
     }
 
-    /// What costs least for a single instant.
+    /// The least expensive method for a single instant.
     pub(crate) fn of_instant<S: Space>(
         hydrodynamics: Hydrodynamics,
         cell: &Cell<S>,
@@ -76,7 +79,7 @@ impl Method {
     ) -> Self {
         if S::DIMENSIONS == 3 {
             let is_full = hydrodynamics == Hydrodynamics::StokesianDynamics;
-            let is_sparse = radii.len() >= LEAST_SPARSE && (cell.content().is_some() || !is_full);
+            let is_sparse = radii.len() >= MIN_SPARSE && (cell.content().is_some() || !is_full);
             return if is_sparse {
                 Self::of_suspension(hydrodynamics)
             } else {
@@ -89,7 +92,7 @@ impl Method {
         })
     }
 
-    /// What costs least, under soft contacts or others.
+    /// The least expensive method for a layer, with soft or rigid contacts.
     fn choose(
         hydrodynamics: Hydrodynamics,
         spheres: usize,
@@ -97,11 +100,11 @@ impl Method {
         is_soft: bool,
     ) -> Self {
         let least_iterated = if is_soft || area_fraction <= NEAR_JAMMING {
-            LEAST_ITERATED
+            MIN_ITERATED
         } else {
-            LEAST_ITERATED_NEAR_JAMMING
+            MIN_ITERATED_NEAR_JAMMING
         };
-        let (iterates, is_pairwise) = (spheres >= least_iterated, spheres >= LEAST_PAIRWISE);
+        let (iterates, is_pairwise) = (spheres >= least_iterated, spheres >= MIN_PAIRWISE);
         match hydrodynamics {
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) if is_pairwise => {
                 Self::Pairwise
@@ -115,7 +118,7 @@ impl Method {
 
     /// A solver for spheres of the given radii.
     ///
-    /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.
+    /// `pattern_pairs`: pairs of the near-field pattern of a resumed run, ordered; else empty.
     ///
     /// # Errors
     /// Those of [`Resistance::new`], [`Resistance::new_pairwise`] and [`IterativeFarField::new`].
@@ -140,21 +143,23 @@ impl Method {
     }
 }
 
-/// Memory of a run, in bytes, from above (near jamming).
+/// Upper estimate of the memory of a run, in bytes (near jamming).
 ///
 /// ```text
-/// dense:    R_FU (3N)², columns of the contacts 3N × P, their products 3/4 P²; under Stokesian Dynamics besides M (6N)² and
-///           two more matrices (3N)²
-/// pairwise: pairs, two sparse factors, their pattern, vectors of the iteration: 32 kB per sphere; an iterated far field 32 kB more;
-///           112 and 80 kB in a suspension, whose spheres have twice the velocities and twice the neighbours
+/// dense:    R_FU (3N)², columns of the contacts 3N × P, their products 3/4 P²;
+///           Stokesian Dynamics: in addition M (6N)² and two matrices (3N)²
+/// pairwise: 32 kB per sphere for pairs, two sparse factors, their pattern and vectors;
+///           an iterative far field: 32 kB more;
+///           112 and 80 kB in a suspension, with twice the velocities and neighbours per sphere
 /// ```
 ///
-/// with K ≈ 1.5 N candidates and P = 2 K forces, or 3 K where a contact halts two motions.
+/// Here K ≈ 1.5 N is the number of candidates and P = 2 K the number of contact forces, or 3 K
+/// where a contact has two constrained motions.
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let motions = match params.contact {
         ContactScheme::Laws(laws) => {
-            laws.tangential.halts().motions() + usize::from(laws.rolling_friction > 0.0)
+            laws.tangential.constraint().motions() + usize::from(laws.rolling_friction > 0.0)
         }
         ContactScheme::Rigid | ContactScheme::Procedure => 1,
     };
@@ -167,7 +172,7 @@ pub fn memory_bytes(params: &Params) -> f64 {
         Method::Pairwise => 1024.0 * pairwise * n,
         Method::Iterated => 1024.0 * (pairwise + iterated) * n,
         Method::Dense => {
-            // Over N and N².
+            // Coefficients of N².
             let forces = 1.5 * (1 + motions) as f64;
             let near = 9.0 + 3.0 * forces + 0.75 * forces * forces;
             let far = match params.hydrodynamics {
@@ -194,7 +199,7 @@ mod tests {
         });
         let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
         let springs = ContactScheme::Laws(springs);
-        // The first number of spheres with the second method, at an area fraction.
+        // The smallest number of spheres with the second method, at an area fraction.
         let rows = [
             (near, 0.5, [ContactScheme::Rigid, coulomb], 60),
             (near, 0.8, [ContactScheme::Rigid, coulomb], 60),
@@ -229,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn contacts_that_halt_two_motions_take_larger_matrices() {
+    fn contacts_with_two_constrained_motions_take_larger_matrices() {
         let memory = |spheres, tangential| {
             memory_bytes(&Params {
                 spheres,
@@ -244,7 +249,7 @@ mod tests {
         let [welds, slides] = [TangentialLaw::StickRotate, TangentialLaw::Coulomb];
         let ratio = memory(50, welds) / memory(50, slides);
         assert!(ratio > 1.2 && ratio < 2.0, "{ratio}");
-        // Held pair by pair there are no such matrices.
+        // Pairwise methods have no such matrices.
         assert_eq!(memory(1000, welds), memory(1000, slides));
     }
 }

@@ -3,7 +3,7 @@
 mod dense_contacts;
 
 use crate::contact::laws::{Laws, NormalForce, Span};
-use crate::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
+use crate::contact::{Contact, ContactMemory, ContactState, SolvePass, Surface};
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
@@ -118,7 +118,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let shear = Background::SHEAR;
         dense.assemble(&cell, &centres).unwrap();
         dense
-            .solve(&shear, &external, StageContact::None, Pass::First)
+            .solve(&shear, &external, StageContact::None, SolvePass::First)
             .unwrap();
         let mut expected = StressWork::default();
         let power = expected.update(&dense, &shear);
@@ -176,7 +176,7 @@ fn solves_allocate_nothing_and_stop_at_the_limit() {
         stopped,
         Err(Error::NotConverged { iterations: 3, .. })
     ));
-    far.limit_iterations(IterativeFarField::MOST_ITERATIONS);
+    far.limit_iterations(IterativeFarField::MAX_ITERATIONS);
     let mut found = Ok(Convergence::default());
     let counted = allocation_counter::measure(|| {
         far.update(&cell, &centres).unwrap();
@@ -206,12 +206,12 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         let time_span = 0.0025;
         let contact = StageContact::Laws {
             laws: &Laws::rigid(surface),
-            span: Span::alone(time_span),
+            span: Span::single(time_span),
             memory: &mut ContactMemory::default(),
         };
         dense.assemble(&cell, &centres).unwrap();
         let quality = dense
-            .solve(&shear, &external, contact, Pass::First)
+            .solve(&shear, &external, contact, SolvePass::First)
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         let area = cell.content().unwrap();
@@ -368,11 +368,11 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                 stage.assemble(&cell, &centres).unwrap();
                 let contact = StageContact::Laws {
                     laws: &laws,
-                    span: Span::alone(0.0025),
+                    span: Span::single(0.0025),
                     memory: &mut ContactMemory::default(),
                 };
                 let quality = stage
-                    .solve(&Background::SHEAR, &[], contact, Pass::First)
+                    .solve(&Background::SHEAR, &[], contact, SolvePass::First)
                     .unwrap();
                 assert!(quality.converged(), "{laws:?}: {quality:?}");
                 stage
@@ -430,11 +430,11 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
         assert!(deepest < -0.005, "{deepest}");
         let contact = StageContact::Laws {
             laws: &laws,
-            span: Span::alone(0.0025),
+            span: Span::single(0.0025),
             memory: &mut ContactMemory::default(),
         };
         let quality = stage
-            .solve(&Background::SHEAR, &[], contact, Pass::First)
+            .solve(&Background::SHEAR, &[], contact, SolvePass::First)
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         stage.velocities().to_vec()

@@ -10,9 +10,9 @@
 use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
-/// Its word.
-pub const WORD: &str = "cone";
-/// What it does.
+/// Keyword in campaign files.
+pub const KEYWORD: &str = "cone";
+/// Description.
 pub const MEANING: &str = "`F = k d²`, the force of conical asperities.";
 /// Its stiffness and its dashpot.
 pub const PARAMETERS: &[&Quantity] = &[&STIFFNESS, &DASHPOT];

@@ -18,8 +18,8 @@ fn pulled_pair_holds_until_the_pull_is_the_adhesion() {
     // The compliance of rigid contacts, 1e-10, costs 1e-7 of a force.
     for pull in [0.0, 2.0, 3.999] {
         let held = solved(&pair(0.01, -pull, 0.0), &adhesive(RIGID, 4.0), 0.01);
-        let (c, adhering) = (held.contacts[0], held.adhering[0]);
-        assert_eq!(adhering.normal_force, -4.0);
+        let (c, adhesive) = (held.contacts[0], held.adhesive[0]);
+        assert_eq!(adhesive.normal_force, -4.0);
         assert!((c.normal_force - (4.0 - pull)).abs() < 1e-6, "{c:?}");
         assert!(c.normal_velocity.abs() < 1e-8);
         assert!(held.disturbances.iter().flatten().all(|v| v.abs() < 1e-8));
@@ -34,7 +34,7 @@ fn pulled_pair_holds_until_the_pull_is_the_adhesion() {
     }
     // After separation there is no attraction.
     let apart = |adhesion| solved(&pair(0.0102, -6.0, 0.0), &adhesive(RIGID, adhesion), 0.01);
-    assert!(apart(4.0).adhering.is_empty());
+    assert!(apart(4.0).adhesive.is_empty());
     assert_eq!(apart(4.0).disturbances, apart(0.0).disturbances);
 }
 

@@ -2,8 +2,8 @@
 
 use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, NormalForce, Phase, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass};
+use sd_core::contact::laws::{Laws, NormalForce, Span, StageKind};
+use sd_core::contact::{Contact, ContactMemory, ContactState, SolvePass};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
@@ -82,12 +82,12 @@ pub(super) fn pushed_by(
             .step(&mut out.state, 0.0, dt, |stage, centres, velocities| {
                 let span = Span {
                     time: stage.span,
-                    phase: [Phase::First, Phase::Second][stage.number],
+                    kind: [StageKind::First, StageKind::Second][stage.number],
                     first: &first,
                 };
                 let law = StageContact::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;
-                motion.solve(&Background::QUIESCENT, &external, law, Pass::First)?;
+                motion.solve(&Background::QUIESCENT, &external, law, SolvePass::First)?;
                 if stage.number == 0 {
                     first = motion.velocities().to_vec();
                 }
@@ -100,7 +100,7 @@ pub(super) fn pushed_by(
                 };
                 power += 0.5 * of(&external);
                 // Dissipation in the fluid: all forces on the spheres times their velocities.
-                let others = motion.repelled.pairs.iter().chain(&motion.adhering.pairs);
+                let others = motion.repulsive.pairs.iter().chain(&motion.adhesive.pairs);
                 let contacts = motion.contacts.list.iter().chain(others);
                 let contact: f64 = contacts
                     .map(|c| {
@@ -144,7 +144,7 @@ pub(super) fn gap(p: &Pushed) -> f64 {
 #[test]
 fn spring_stores_what_work_leaves_over() {
     // Released from an overlap and pushed back: what is stored is known from the gap alone.
-    let repelled = Laws {
+    let repulsive = Laws {
         repulsion: Some(ExponentialRepulsion {
             force: 20.0,
             length: 0.01,
@@ -154,7 +154,7 @@ fn spring_stores_what_work_leaves_over() {
     for laws in [
         laws(SPRING, TangentialLaw::Coulomb, 0.0),
         laws(HERTZ, TangentialLaw::Coulomb, 0.0),
-        repelled,
+        repulsive,
         Laws {
             adhesion: 4.0,
             ..laws(SPRING, TangentialLaw::Coulomb, 0.0)

@@ -12,7 +12,7 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, RESTITUTION};
+use sd_core::contact::laws::{Laws, OVERLAP_CORRECTION};
 use sd_core::contact::memory::PairForces;
 use sd_core::contact::{Contact, ContactState};
 use sd_core::instant::{self, Configuration, ContactRequest};
@@ -187,7 +187,11 @@ fn convex_minimum<S: Read>(
     };
     for contact in contacts {
         let overlap = laws.surface.roughness - contact.pair.gap;
-        let share = if overlap > 0.0 { RESTITUTION } else { 1.0 };
+        let share = if overlap > 0.0 {
+            OVERLAP_CORRECTION
+        } else {
+            1.0
+        };
         let parting = share * overlap / time_span;
         let constant = contact.background_approach - parting;
         put(&S::rows(contact).normal, constant, &mut b);

@@ -6,7 +6,7 @@ use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::laws::{Laws, Span};
 use sd_core::contact::memory::PairForces;
-use sd_core::contact::{ContactState, Pass};
+use sd_core::contact::{ContactState, SolvePass};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::Surface;
 use sd_core::modes::{Background as Planar, Vec2};
@@ -239,8 +239,8 @@ fn reflections_and_rotations_that_keep_the_shear_keep_the_motion_and_the_contact
             }
             // Contacts with three constraints have non-unique forces, and an iteration converges to
             // some of them.
-            let halts_all = !choice.is_soft() && choice.rolling_friction > 0.0;
-            if halts_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
+            let constrains_all = !choice.is_soft() && choice.rolling_friction > 0.0;
+            if constrains_all && hydrodynamics == Hydrodynamics::StokesianDynamics {
                 continue;
             }
             // Stretched springs belong to the law under which the suspension was sheared.
@@ -392,11 +392,11 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
         stage.assemble(&cell, suspension.centres()).unwrap();
         let contact = StageContact::Laws {
             laws: &Laws::new(params.contact.laws(), surface(params.friction)),
-            span: Span::alone(params.time_step),
+            span: Span::single(params.time_step),
             memory: &mut memory,
         };
         let quality = stage
-            .solve(&Background::SHEAR, &[], contact, Pass::First)
+            .solve(&Background::SHEAR, &[], contact, SolvePass::First)
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         systems += quality.systems;

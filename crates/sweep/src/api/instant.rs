@@ -165,7 +165,7 @@ pub fn configuration<S: Written>(
         }
     };
     let n = input.centres.len();
-    let most = Params::MOST_SPHERES;
+    let most = Params::MAX_SPHERES;
     if n > most {
         return refuse("centres", &format!("{n} spheres, at most {most}"));
     }

@@ -16,7 +16,7 @@ pub(crate) struct Jobs {
     #[serde(flatten)]
     pub(crate) submission: Submission,
     /// The scheduler's state of the job, in a few words, if it is reachable.
-    pub(crate) trouble: Option<String>,
+    pub(crate) problem: Option<String>,
     pub(crate) tasks: Vec<Task>,
 }
 
@@ -55,9 +55,9 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
         (Some(job), Some(scheduler)) => scheduler.active(job).map_err(|error| error.to_string()),
         _ => Err("submitting was cut short before its number was known".into()),
     };
-    let (active, trouble) = match asked {
+    let (active, problem) = match asked {
         Ok(active) => (active, None),
-        Err(trouble) => (Vec::new(), Some(trouble)),
+        Err(problem) => (Vec::new(), Some(problem)),
     };
     let shards = shard::published(&submission.folder);
     let tasks = slices
@@ -86,7 +86,7 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
                 });
             Task {
                 number,
-                state: state(at_work, trouble.is_some(), slice, has_begun),
+                state: state(at_work, problem.is_some(), slice, has_begun),
                 node: at_work
                     .map(|task| task.node.clone())
                     .filter(|node| !node.is_empty())
@@ -102,7 +102,7 @@ fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
         .collect();
     Ok(Jobs {
         submission,
-        trouble,
+        problem,
         tasks,
     })
 }

@@ -13,7 +13,7 @@ const LONGEST_LINE: usize = 240;
 const FARTHEST: usize = 15;
 
 /// Most faults of one file that are shown.
-const MOST_SHOWN: usize = 20;
+const MAX_SHOWN: usize = 20;
 /// Longest message about a fault, in characters: values in it may have any length.
 const LONGEST_SENTENCE: usize = 1000;
 
@@ -121,8 +121,8 @@ impl Fault {
 /// The faults of a file as one error, in the order of their places; `None` without faults.
 pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Option<Box<Fault>> {
     problems.sort_by_key(|problem| problem.labels.first().map_or(0, |(span, _)| span.start));
-    let more = problems.len().saturating_sub(MOST_SHOWN);
-    problems.truncate(MOST_SHOWN);
+    let more = problems.len().saturating_sub(MAX_SHOWN);
+    problems.truncate(MAX_SHOWN);
     let mut faults = problems
         .into_iter()
         .map(|problem| problem.in_file(file, text));

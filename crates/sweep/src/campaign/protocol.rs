@@ -18,7 +18,7 @@ const STEP_LIMIT: f64 = 1e8;
 /// Most samples of one run.
 const SAMPLE_LIMIT: u64 = 1_000_000;
 /// Fewest samples of a run from which MSER-5 chooses the strain to discard.
-const LEAST_SAMPLES: f64 = 40.0;
+const MIN_SAMPLES: f64 = 40.0;
 /// Allowed lengths, as strains.
 pub(super) const LENGTH: Range = Range::above_to(0.0, 1e7);
 /// Strains that may be discarded.
@@ -277,12 +277,12 @@ impl Written {
         }
         let p = &self.protocol;
         let samples = p.strain / p.sample_every;
-        if p.discard == Discard::Auto && samples < LEAST_SAMPLES {
+        if p.discard == Discard::Auto && samples < MIN_SAMPLES {
             problems.push(
                 Problem::at(
                     self.place("discard"),
                     format!("`discard` = \"auto\" needs more than {samples:.0} samples of a run"),
-                    format!("at least {LEAST_SAMPLES}: sample more often, or write a strain"),
+                    format!("at least {MIN_SAMPLES}: sample more often, or write a strain"),
                 )
                 .also(self.place("sample_every"), "the strain between samples"),
             );

@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 /// Size in bytes at which the older half is dropped.
 const LIMIT: u64 = 1 << 20;
 /// Minimum steps of a run that is kept: shorter runs consist mostly of their start.
-const LEAST_STEPS: u64 = 20;
+const MIN_STEPS: u64 = 20;
 
 /// The file of this machine and this build; `None` without a home.
 fn place() -> Option<PathBuf> {
@@ -36,7 +36,7 @@ pub(crate) fn record(records: &[Record]) {
 /// Appends lines, and drops old ones where there are too many.
 fn append(place: &Path, records: &[Record]) -> std::io::Result<()> {
     let mut lines = Vec::new();
-    for record in records.iter().filter(|run| run.steps >= LEAST_STEPS) {
+    for record in records.iter().filter(|run| run.steps >= MIN_STEPS) {
         serde_json::to_writer(&mut lines, record)?;
         lines.push(b'\n');
     }

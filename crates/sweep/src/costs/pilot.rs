@@ -15,7 +15,7 @@ const PILOT_TIME: Duration = Duration::from_millis(3400);
 /// Time after which a run that is within a long step is abandoned.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Maximum number of points that are tried.
-const MOST_POINTS: usize = 6;
+const MAX_POINTS: usize = 6;
 /// Strain after which a layer has formed its contacts.
 const LEAD_IN: f64 = 0.5;
 /// Maximum fraction of the time until then.
@@ -26,7 +26,7 @@ const LEAD_IN_FACTOR: u32 = 4;
 /// Minimum number of steps of a run.
 const SHORTEST: f64 = 8.0;
 /// Minimum number of measured steps, and of preceding steps that allocate memory for them.
-const LEAST_MEASURED: u32 = 2;
+const MIN_MEASURED: u32 = 2;
 
 /// The parameters of a short run; its outcome or the reason for its failure; and, where there was
 /// no time for contacts to form, the strain from which it was measured.
@@ -109,10 +109,10 @@ impl ShortRun {
     /// Waits until it has ended or time is up.
     fn wait(&self, deadline: Instant) {
         let time = deadline.saturating_duration_since(Instant::now());
-        let under_way = |progress: &mut Progress| progress.ended.is_none();
+        let is_running = |progress: &mut Progress| progress.ended.is_none();
         let waited = self
             .has_ended
-            .wait_timeout_while(self.progress(), time, under_way);
+            .wait_timeout_while(self.progress(), time, is_running);
         drop(waited);
     }
 
@@ -123,12 +123,12 @@ impl ShortRun {
     /// Its result so far.
     fn trial(&self) -> Trial {
         let progress = self.progress();
-        let under_way = progress.step_begun.map(|begun| begun.elapsed());
-        let steps = progress.steps + u32::from(under_way.is_some());
+        let current_step = progress.step_begun.map(|begun| begun.elapsed());
+        let steps = progress.steps + u32::from(current_step.is_some());
         let record = Record {
             params: self.case.params.clone(),
             steps: steps.into(),
-            cpu_s: progress.cpu_s + under_way.unwrap_or_default().as_secs_f64(),
+            cpu_s: progress.cpu_s + current_step.unwrap_or_default().as_secs_f64(),
         };
         let outcome = match &progress.ended {
             Some(Err(reason)) => Err(reason.clone()),
@@ -160,7 +160,7 @@ impl ShortRun {
         };
         let mut before = None;
         let mut measured = 0;
-        while measured < LEAST_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
+        while measured < MIN_MEASURED || (begun.elapsed() < time && layer.steps() < case.steps) {
             let step = self.measured(|| {
                 // A run also keeps the state before every step.
                 before.replace(layer.snapshot());
@@ -228,7 +228,7 @@ fn choose<'c>(costs: &Costs, points: &[(&'c Case, f64)]) -> Vec<&'c Case> {
         .map(|(case, number)| (*case, case.cost() * number, values(&case.params)))
         .collect();
     let mut chosen = Vec::new();
-    while chosen.len() < MOST_POINTS {
+    while chosen.len() < MAX_POINTS {
         let most = open.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((case, _, of_chosen)) = most.cloned() else {
             break;

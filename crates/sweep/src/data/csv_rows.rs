@@ -14,9 +14,9 @@ where
     C: AsRef<[u8]>,
 {
     let mut table = csv::Writer::from_writer(out);
-    table.write_record(header).map_err(trouble)?;
+    table.write_record(header).map_err(io_error)?;
     for row in rows {
-        table.write_record(row).map_err(trouble)?;
+        table.write_record(row).map_err(io_error)?;
     }
     table.flush()
 }
@@ -32,13 +32,13 @@ where
 {
     let mut table = csv::Writer::from_writer(out);
     for row in rows {
-        table.write_record(row).map_err(trouble)?;
+        table.write_record(row).map_err(io_error)?;
     }
     table.flush()
 }
 
 /// The system error. The conversion of the `csv` crate would hide its kind.
-fn trouble(error: csv::Error) -> io::Error {
+fn io_error(error: csv::Error) -> io::Error {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error,
         other => io::Error::other(format!("{other:?}")),

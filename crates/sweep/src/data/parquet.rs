@@ -53,7 +53,7 @@ impl<W: Write + Send> ParquetFile<W> {
                 .build();
             SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))
         };
-        begun().map(Self).map_err(trouble)
+        begun().map(Self).map_err(io_error)
     }
 
     /// Adds the rows of a table that has the columns of the file.
@@ -80,7 +80,7 @@ impl<W: Write + Send> ParquetFile<W> {
             }
             rows.close().map(|_| ())
         };
-        added().map_err(trouble)
+        added().map_err(io_error)
     }
 
     /// Ends the file.
@@ -88,12 +88,12 @@ impl<W: Write + Send> ParquetFile<W> {
     /// # Errors
     /// Output that cannot be written.
     pub fn finish(self) -> io::Result<()> {
-        self.0.close().map(|_| ()).map_err(trouble)
+        self.0.close().map(|_| ()).map_err(io_error)
     }
 }
 
 /// The system error, if there is one.
-fn trouble(error: ParquetError) -> io::Error {
+fn io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
             Ok(error) => *error,

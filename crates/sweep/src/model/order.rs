@@ -325,9 +325,9 @@ mod tests {
                 .unwrap_err()
                 .contains("area_fraction")
         );
-        let nobody = Priority::parse(&["shear_rate=7".into()]).unwrap();
+        let unmatched = Priority::parse(&["shear_rate=7".into()]).unwrap();
         let campaign = campaign("seeds = 2\n");
-        assert!(nobody.check(&campaign).is_err());
+        assert!(unmatched.check(&campaign).is_err());
     }
 
     #[test]

@@ -13,9 +13,9 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 
 /// Minimum numbers of points and area fractions that determine the parameters.
-const LEAST_POINTS: usize = PARAMETERS + 1;
-const LEAST_FRACTIONS: usize = 2;
-const LEAST_STRESSES: usize = 3;
+const MIN_POINTS: usize = PARAMETERS + 1;
+const MIN_FRACTIONS: usize = 2;
+const MIN_STRESSES: usize = 3;
 /// Number of stresses at which a curve of the figure is evaluated.
 const DRAWN: usize = 120;
 
@@ -256,12 +256,12 @@ fn check_number(data: &[Datum]) -> Result<(), ReportError> {
         values.len()
     };
     let (fractions, stresses) = (distinct(|d| d.fraction), distinct(|d| d.stress));
-    if data.len() >= LEAST_POINTS && fractions >= LEAST_FRACTIONS && stresses >= LEAST_STRESSES {
+    if data.len() >= MIN_POINTS && fractions >= MIN_FRACTIONS && stresses >= MIN_STRESSES {
         return Ok(());
     }
     Err(refused(format!(
-        "a fit of {PARAMETERS} parameters needs at least {LEAST_POINTS} points with results, at {LEAST_FRACTIONS} area fractions and \
-         {LEAST_STRESSES} stresses or rates; here are {} points at {fractions} and {stresses}",
+        "a fit of {PARAMETERS} parameters needs at least {MIN_POINTS} points with results, at {MIN_FRACTIONS} area fractions and \
+         {MIN_STRESSES} stresses or rates; here are {} points at {fractions} and {stresses}",
         data.len()
     )))
 }

@@ -19,7 +19,7 @@ const CHECKPOINT_SHARE: u32 = 100;
 /// Default limit of the computing time of a case, as a multiple of its estimate.
 const WALL_FACTOR: f64 = 50.0;
 /// Lower bound of that limit: estimates of short cases are unreliable.
-const LEAST_WALL_LIMIT: Duration = Duration::from_mins(30);
+const MIN_WALL_LIMIT: Duration = Duration::from_mins(30);
 
 /// A run in progress. Held outside the code that may panic, so that its results survive.
 #[derive(Default)]
@@ -67,7 +67,7 @@ impl WallLimit {
     fn of(chosen: Option<Duration>, case: &Case) -> Self {
         chosen.map_or_else(
             || Self {
-                seconds: (WALL_FACTOR * case.cost()).max(LEAST_WALL_LIMIT.as_secs_f64()),
+                seconds: (WALL_FACTOR * case.cost()).max(MIN_WALL_LIMIT.as_secs_f64()),
                 is_default: true,
             },
             |chosen| Self {

@@ -23,7 +23,7 @@ struct StopRequest {
     /// The first signal, 0 before.
     signal: AtomicI32,
     /// Whether there is anything to checkpoint.
-    under_way: AtomicBool,
+    is_running: AtomicBool,
     /// Whether signals other than INT never end the process.
     patient: bool,
     /// Whether the process belongs to another program and is never ended here.
@@ -98,7 +98,7 @@ impl Stop {
         };
         let stop = Self(Arc::new(asked));
         let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1]).map_err(refused)?;
-        let told = stop.clone();
+        let handle = stop.clone();
         std::thread::Builder::new()
             .name("signals".into())
             .spawn(move || {
@@ -106,15 +106,15 @@ impl Stop {
                 for signal in signals.forever() {
                     let is_echo = first_at.is_some_and(|at| at.elapsed() < ECHO);
                     first_at.get_or_insert_with(Instant::now);
-                    let first = told.0.signal.compare_exchange(
+                    let first = handle.0.signal.compare_exchange(
                         0,
                         signal,
                         Ordering::SeqCst,
                         Ordering::SeqCst,
                     );
                     let abort =
-                        (first.is_err() && !is_echo) || !told.0.under_way.load(Ordering::SeqCst);
-                    if abort && (!told.0.patient || signal == SIGINT) {
+                        (first.is_err() && !is_echo) || !handle.0.is_running.load(Ordering::SeqCst);
+                    if abort && (!handle.0.patient || signal == SIGINT) {
                         Self::exit(Reason::Signal(signal));
                     }
                     crate::store::shorten_lock_wait();
@@ -151,8 +151,8 @@ impl Stop {
     }
 
     /// Sets whether there are cases to checkpoint.
-    pub(super) fn set_running(&self, under_way: bool) {
-        self.0.under_way.store(under_way, Ordering::SeqCst);
+    pub(super) fn set_running(&self, is_running: bool) {
+        self.0.is_running.store(is_running, Ordering::SeqCst);
     }
 
     /// Ends the program immediately. This is safe for the store, since uncommitted changes are

@@ -13,8 +13,8 @@ const UNCONVERGED: f64 = 0.05;
 /// its condition by 5e-4 a, a twentieth of a typical roughness height; good runs stay below 1e-6.
 const RESIDUAL: f64 = 0.1;
 /// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by
-/// three quarters of it. Steps hold gaps at half of it or more where they can; the worst of the
-/// published runs reaches 0.35.
+/// three quarters of it. No step lets a gap fall below 0.95 of it, so that smaller gaps come from a
+/// given start or from results of an earlier version of the physics.
 const HELD: f64 = 0.25;
 /// Maximum contribution of one sample to the mean viscosity: without it the mean would fall by
 /// half.

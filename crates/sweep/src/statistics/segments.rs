@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 /// Minimum rise of a viscosity, over its largest value, for which the strain of the rise is
 /// determined.
-const LEAST_RISE: f64 = 0.01;
+const MIN_RISE: f64 = 0.01;
 
 /// Results of one run in a segment.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,7 +192,7 @@ fn rise(half: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
     let own: Vec<(f64, f64)> = half.collect();
     let least = own.iter().map(|spot| spot.1).reduce(f64::min)?;
     let most = own.iter().map(|spot| spot.1).reduce(f64::max)?;
-    if most - least < LEAST_RISE * most {
+    if most - least < MIN_RISE * most {
         return None;
     }
     let from = own.iter().position(|spot| spot.1 == least)?;

@@ -8,7 +8,7 @@ pub(crate) const PARTS: usize = 4;
 /// Significance level of a difference, two-sided 1 %.
 const BEYOND_CHANCE: f64 = 0.995;
 /// Minimum number of runs for a test.
-const LEAST_RUNS: usize = 3;
+const MIN_RUNS: usize = 3;
 /// Window of the sum of correlations, in correlation times.
 const WINDOW: f64 = 5.0;
 /// Samples of a batch.
@@ -150,7 +150,7 @@ impl Drift {
             .standard_error
             .zip(student(self.runs as f64 - 1.0, BEYOND_CHANCE))
             .map(|(error, student)| error * student);
-        self.runs >= LEAST_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
+        self.runs >= MIN_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
     }
 }
 
@@ -202,9 +202,12 @@ mod tests {
             let s = Steadiness::of(run).unwrap();
             s.variance * s.correlation / 400.0
         };
-        let told = mean(&runs.iter().map(of_run).collect::<Vec<_>>()).unwrap();
+        let estimated = mean(&runs.iter().map(of_run).collect::<Vec<_>>()).unwrap();
         // Correlations within a run are relative to its own mean, which reduces them slightly.
-        assert!((0.8..1.1).contains(&(told / scatter)), "{told} {scatter}");
+        assert!(
+            (0.8..1.1).contains(&(estimated / scatter)),
+            "{estimated} {scatter}"
+        );
     }
 
     #[test]

@@ -147,7 +147,7 @@ pub enum StoreError {
         path: PathBuf,
         what: String,
         advice: &'static str,
-        under_way: bool,
+        during_run: bool,
         /// Whether it may be temporary: a full disk, a lock.
         passing: bool,
         #[source]
@@ -165,7 +165,7 @@ impl StoreError {
     }
 
     /// Converts an error of `SQLite`.
-    pub(super) fn sqlite(path: &Path, source: rusqlite::Error, under_way: bool) -> Self {
+    pub(super) fn sqlite(path: &Path, source: rusqlite::Error, during_run: bool) -> Self {
         if let Some(altered) = DigestMismatch::in_error(&source) {
             return Self::Damaged {
                 path: path.to_owned(),
@@ -193,8 +193,8 @@ impl StoreError {
             Some(ErrorCode::DiskFull | ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked)
         );
         let (what, advice) = match code {
-            Some(ErrorCode::NotADatabase) if !under_way => return Self::NotAStore { path },
-            Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied) if !under_way => {
+            Some(ErrorCode::NotADatabase) if !during_run => return Self::NotAStore { path },
+            Some(ErrorCode::CannotOpen | ErrorCode::PermissionDenied) if !during_run => {
                 return Self::Unwritable {
                     source: reason_against(&path).unwrap_or_else(|| io::Error::other(source)),
                     path,
@@ -231,7 +231,7 @@ impl StoreError {
             path,
             what,
             advice,
-            under_way,
+            during_run,
             passing,
             source: Box::new(source),
         }
@@ -247,8 +247,10 @@ impl StoreError {
             | Self::Damaged { .. }
             | Self::ForeignLog { .. } => true,
             Self::Sqlite {
-                under_way, passing, ..
-            } => *under_way || *passing,
+                during_run,
+                passing,
+                ..
+            } => *during_run || *passing,
             _ => false,
         }
     }

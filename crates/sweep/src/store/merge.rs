@@ -20,7 +20,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Number of consecutive row numbers read from pages of a damaged store.
-const MOST_MISSED: u32 = 10_000;
+const MAX_MISSED: u32 = 10_000;
 
 /// Outcome of a merge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -297,7 +297,7 @@ impl Store {
 fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
     let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
     let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
-    while ids.len() < most && missed < MOST_MISSED {
+    while ids.len() < most && missed < MAX_MISSED {
         let read = other
             .prepare_cached("SELECT id FROM cases WHERE id > ?1 ORDER BY id")
             .and_then(|mut query| {

@@ -160,7 +160,7 @@ impl Store {
         &mut self,
         work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
     ) -> Result<T, StoreError> {
-        let under_way = self.process.is_some();
+        let during_run = self.process.is_some();
         self.make_sure_of_the_file()?;
         let result = self.begin().and_then(|transaction| {
             let value = work(&transaction)?;
@@ -168,7 +168,7 @@ impl Store {
             transaction.commit()?;
             Ok(value)
         });
-        result.map_err(|error| StoreError::sqlite(&self.path, error, under_way))
+        result.map_err(|error| StoreError::sqlite(&self.path, error, during_run))
     }
 
     /// Begins a transaction. It waits for the lock while another process that works on the store

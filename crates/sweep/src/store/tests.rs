@@ -13,9 +13,9 @@ mod hostile;
 mod length;
 mod logs;
 mod merge;
+mod recovery;
 mod rules;
 mod runs;
-mod trouble;
 
 const CAMPAIGN: &str = r#"name = "small"
 [protocol]

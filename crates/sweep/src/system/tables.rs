@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_that_are_missing_are_told_of_once() {
+    fn missing_tables_are_reported_once() {
         let directory = tempfile::tempdir().unwrap();
         let place_of = |ratio: f64| Some(directory.path().join(format!("{ratio}")));
         let mut notes = Vec::new();

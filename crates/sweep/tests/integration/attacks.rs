@@ -84,8 +84,8 @@ fn pipes_and_devices_are_no_stores() {
 fn refused_immediately(directory: &Path, arguments: &[&str]) -> String {
     let output = ends(directory, arguments);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {output:?}");
-    let told = output.stderr.len();
-    assert!(told < 4096, "{arguments:?}: {told} bytes");
+    let length = output.stderr.len();
+    assert!(length < 4096, "{arguments:?}: {length} bytes");
     words(&output.stderr)
 }
 
@@ -121,23 +121,23 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
                 input,
             ],
         ] {
-            let told = refused_immediately(at, arguments);
-            assert!(told.contains(why), "{arguments:?}: {told}");
+            let message = refused_immediately(at, arguments);
+            assert!(message.contains(why), "{arguments:?}: {message}");
             // Files that the user gives as a campaign, a style or an instant are shown where they
             // are wrong.
             if arguments.contains(&"start.toml") || arguments.contains(&"--slices") {
-                assert!(!told.contains("$6$"), "{arguments:?}: {told}");
-                assert!(!told.contains("hushed"), "{arguments:?}: {told}");
+                assert!(!message.contains("$6$"), "{arguments:?}: {message}");
+                assert!(!message.contains("hushed"), "{arguments:?}: {message}");
             }
         }
     }
     std::fs::write(at.join("large.toml"), vec![b'#'; (1 << 20) + 1]).unwrap();
-    let told = refused_immediately(at, &["plan", "large.toml"]);
-    assert!(told.contains("larger than 1048576 bytes"), "{told}");
+    let message = refused_immediately(at, &["plan", "large.toml"]);
+    assert!(message.contains("larger than 1048576 bytes"), "{message}");
 }
 
 #[test]
-fn faults_in_lines_of_any_length_are_told_in_few_words() {
+fn errors_in_lines_of_any_length_are_short() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let seeds: Vec<String> = (1..12_000).map(|seed| seed.to_string()).collect();
@@ -164,8 +164,8 @@ fn faults_in_lines_of_any_length_are_told_in_few_words() {
         CAMPAIGN.replace("\"ball-melrose\"", &format!("[\"{long}\", \"{long}\"]")),
     ] {
         std::fs::write(at.join("c.toml"), changed).unwrap();
-        let told = refused_immediately(at, &["plan", "c.toml"]);
-        assert!(told.contains("c.toml:"), "{told}");
+        let message = refused_immediately(at, &["plan", "c.toml"]);
+        assert!(message.contains("c.toml:"), "{message}");
     }
 }
 
@@ -300,19 +300,19 @@ fn run_says_whom_it_waits_for() {
         .spawn()
         .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let told = lines.find(|line| {
+    let message = lines.find(|line| {
         line.as_ref()
             .unwrap()
             .contains("waiting for 1 runs of process")
     });
-    let told = told.unwrap().unwrap();
-    assert!(told.contains("on elsewhere"), "{told}");
+    let message = message.unwrap().unwrap();
+    assert!(message.contains("on elsewhere"), "{message}");
     send(&child, Signal::TERM);
     assert_eq!(child.wait().unwrap().code(), Some(143));
 }
 
 #[test]
-fn unknown_states_are_told_and_their_runs_computed_again() {
+fn unknown_states_are_reported_and_their_runs_computed_again() {
     let directory = directory();
     let at = directory.path();
     let store = at.join("results/small.sqlite");

@@ -139,13 +139,13 @@ fn runs_of_another_campaign_are_taken_over() {
     std::fs::write(at.join("other.toml"), other).unwrap();
     sweep(at, &["run", "other.toml", "--quiet"]).code(0);
     // A part of the first campaign from the second one's store; the rest is computed.
-    let anew = directory();
+    let fresh = directory();
     let store = at.join("results/other.sqlite");
     let run = ["run", "small.toml", "--reuse", store.to_str().unwrap()];
-    let ran = sweep(anew.path(), &run).code(0);
+    let ran = sweep(fresh.path(), &run).code(0);
     let said = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
     assert!(said.contains("reused: 2 runs"), "{said}");
-    assert_eq!(results(anew.path()), results(at));
+    assert_eq!(results(fresh.path()), results(at));
     let nowhere = directory();
     sweep(
         nowhere.path(),
@@ -317,10 +317,10 @@ fn runs_begin_where_those_of_another_store_ended() {
         assert!(second.contains(from), "{from}: {second}");
         std::fs::write(at.join("third.toml"), second.replace(from, to)).unwrap();
         let refused = sweep(at, &["run", "third.toml"]).code(2);
-        let told = String::from_utf8_lossy(&refused.get_output().stderr).replace("\n  │ ", " ");
+        let message = String::from_utf8_lossy(&refused.get_output().stderr).replace("\n  │ ", " ");
         assert!(
-            told.contains(said) && told.contains("third.toml:"),
-            "{told}"
+            message.contains(said) && message.contains("third.toml:"),
+            "{message}"
         );
         assert!(!at.join("results/third.sqlite").exists());
     }
@@ -339,7 +339,7 @@ fn faults_of_a_file_follow_each_other_without_a_heading() {
 }
 
 #[test]
-fn overlaps_beyond_the_roughness_height_are_told() {
+fn overlaps_beyond_the_roughness_height_are_reported() {
     let springs = CAMPAIGN
         .replace(
             "shear_rate = [0.1, inf]",

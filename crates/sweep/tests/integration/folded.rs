@@ -144,9 +144,9 @@ fn numbers_of_workers_new_folders_and_changes_are_said_in_plain_words() {
     }
     let first = run(at, &["run", "folded.toml", "--store", "new/place/x.sqlite"]);
     assert_eq!(first.status.code(), Some(0));
-    let told = words(&first.stderr);
-    assert!(told.contains("new/place is a new folder"), "{told}");
-    assert!(told.contains("6 of 6 cases"), "{told}");
+    let message = words(&first.stderr);
+    assert!(message.contains("new/place is a new folder"), "{message}");
+    assert!(message.contains("6 of 6 cases"), "{message}");
     let status = sweep(at, &["status", "new/place/x.sqlite"]);
     assert!(status.contains("folded: all 6 runs have ended"), "{status}");
     let more = CAMPAIGN
@@ -154,15 +154,15 @@ fn numbers_of_workers_new_folders_and_changes_are_said_in_plain_words() {
         .replace("strain = 0.4", "strain = 0.6");
     std::fs::write(at.join("folded.toml"), more).unwrap();
     let again = run(at, &["run", "folded.toml", "--store", "new/place/x.sqlite"]);
-    let told = words(&again.stderr);
+    let message = words(&again.stderr);
     let change =
         "folded.toml differs from the last campaign in x.sqlite: 3 new runs, 0 reused, 6 extended";
-    assert!(told.contains(change), "{told}");
-    assert!(!told.contains("is a new folder"), "{told}");
+    assert!(message.contains(change), "{message}");
+    assert!(!message.contains("is a new folder"), "{message}");
 }
 
 #[test]
-fn a_start_that_is_a_store_or_stands_elsewhere_is_told_what_to_write() {
+fn a_start_that_is_a_store_or_elsewhere_is_refused_with_advice() {
     let folder = folder("folded.toml", CAMPAIGN);
     let at = folder.path();
     sweep(

@@ -27,7 +27,7 @@ fn json(bytes: &[u8]) -> serde_json::Value {
 }
 
 #[test]
-fn every_line_of_progress_is_json_and_every_case_is_told_to_end() {
+fn every_line_of_progress_is_json_and_the_end_of_every_case_is_reported() {
     let directory = directory();
     let output = run(
         directory.path(),
@@ -50,18 +50,18 @@ fn every_line_of_progress_is_json_and_every_case_is_told_to_end() {
         assert!((line["strain"].as_f64().unwrap() - 1.0).abs() < 1e-9);
     }
     // What has ended before a line about the campaign is counted in it.
-    let (mut so_far, mut told) = (0, 0);
+    let (mut so_far, mut done) = (0, 0);
     for line in &lines {
         match line["event"].as_str().unwrap() {
             "ended" => so_far += 1,
             "campaign" => {
-                told = line["cases"]["done"].as_u64().unwrap();
-                assert!(told >= so_far, "{line} after {so_far} ended");
+                done = line["cases"]["done"].as_u64().unwrap();
+                assert!(done >= so_far, "{line} after {so_far} ended");
             }
             _ => {}
         }
     }
-    assert_eq!((told, so_far), (4, 4), "the last line is about the end");
+    assert_eq!((done, so_far), (4, 4), "the last line is about the end");
     let last = lines.last().unwrap();
     assert_eq!(last["event"], "campaign");
     assert_eq!(last["cases"]["running"], 0);
@@ -105,7 +105,7 @@ fn time_limit_checkpoints_and_the_same_command_continues() {
 #[test]
 fn command_at_the_end_receives_the_outcome_of_the_run() {
     let directory = directory();
-    let hook = "echo $SWEEP_OUTCOME $SWEEP_EXIT_CODE $SWEEP_CAMPAIGN >> told";
+    let hook = "echo $SWEEP_OUTCOME $SWEEP_EXIT_CODE $SWEEP_CAMPAIGN >> outcomes";
     for (arguments, code) in [
         (&["--max-wall-time", "1e-6"][..], 1),
         (&["--retry-failed", "--time-limit", "1ms"][..], 4),
@@ -117,9 +117,9 @@ fn command_at_the_end_receives_the_outcome_of_the_run() {
         let output = run(directory.path(), &all);
         assert_eq!(output.status.code(), Some(code), "{output:?}");
     }
-    let told = std::fs::read_to_string(directory.path().join("told")).unwrap();
+    let outcomes = std::fs::read_to_string(directory.path().join("outcomes")).unwrap();
     assert_eq!(
-        told,
+        outcomes,
         "failed 1 small.toml\nstopped 4 small.toml\ndone 0 small.toml\nerror 2 small.toml\n"
     );
 }

@@ -1,11 +1,11 @@
 //! Output from a store: tables, figures, exports, details of a run.
 
+mod case_details;
 mod chosen;
 mod diagram;
 mod figures;
 mod one_by_one;
 mod plan;
-mod stories;
 mod tables;
 mod units;
 

@@ -40,8 +40,8 @@ fn unknown_parts_of_the_bench_are_refused_before_anything_is_measured() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("no part speed"), "{told}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("no part speed"), "{message}");
 }
 
 #[test]
@@ -55,9 +55,12 @@ fn a_program_that_needs_libraries_is_not_released() {
         .env("PROGRAM", env!("CARGO_BIN_EXE_sweep"))
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.contains("needs libraries where it runs"), "{told}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(
+        message.contains("needs libraries where it runs"),
+        "{message}"
+    );
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
 }
 

@@ -1,12 +1,15 @@
-//! The contact problem of small layers: `R_FU` factored, contacts brought down to small dense matrices.
+//! The contact problem of small layers: with a factored `R_FU`, it is reduced to dense matrices of
+//! the contacts.
 //!
 //! ```text
-//! R_FU = L Lᵀ,   Y_n = L⁻¹ Cᵀ,   Y_t = L⁻¹ Dᵀ,   G_nn = Y_nᵀ Y_n, …          w = w⁰ + G_nn f − G_nt t,   z = z⁰ + G_tn f − G_tt t
+//! R_FU = L Lᵀ,   Y_n = L⁻¹ Cᵀ,   Y_t = L⁻¹ Dᵀ,   G_nn = Y_nᵀ Y_n, …
+//! w = w⁰ + G_nn f − G_nt t,   z = z⁰ + G_tn f − G_tt t
 //! ```
 //!
-//! G_nn is the Delassus matrix; w⁰ and z⁰ belong to the motion without contact forces. Where tangential rows read the motion that normal
-//! forces alone leave, there is no G_tt. With p = −t on sticking rows the system of given states is symmetric but for the columns of
-//! contacts that slide, whose friction follows the load: `t = ±ν (f − f₀)`.
+//! G_nn is the Delassus matrix; w⁰ and z⁰ belong to the motion without contact forces. Where
+//! friction depends on the motion under normal forces alone, G_tt is absent. With p = −t on
+//! sticking rows, the linear system of an active set is symmetric except for the columns of
+//! slipping contacts, whose friction is proportional to the load: `t = ±ν (f − f₀)`.
 
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest};
 use crate::contact::row::Row;
@@ -20,17 +23,18 @@ use std::marker::PhantomData;
 /// Matrices, columns and workspace.
 #[derive(Default)]
 pub(crate) struct DenseSystem<S: Space> {
-    /// `L⁻¹` of the forces without contact, of all spheres; rows as [`Resistance::row`] has them, as in all columns here.
+    /// `L⁻¹ F` with the forces F other than contact forces. Its rows, like those of all columns
+    /// here, are in the order of [`Resistance::row`].
     free: Vec<f64>,
-    /// The motion in the same order of rows, of all spheres.
+    /// The motion, in the same order of rows.
     motion: Vec<f64>,
-    /// `Y_n`, `[3N × K]`, ordered by where columns begin.
+    /// `Y_n`, `[3N × K]`, ordered by the first nonzero row.
     normal_columns: StaggeredColumns,
-    /// `Y_t`, `[3N × M]`, likewise.
+    /// `Y_t`, `[3N × M]`, ordered likewise.
     tangential_columns: StaggeredColumns,
-    /// Candidate of each normal column, and row of each tangential one.
+    /// Candidate of each normal column, and friction row of each tangential column.
     order: [Vec<usize>; 2],
-    /// Normal column of each candidate, and tangential one of each row.
+    /// Normal column of each candidate, and tangential column of each friction row.
     place: [Vec<usize>; 2],
     /// `[K × K]`, both triangles.
     g_nn: Matrix,
@@ -38,26 +42,26 @@ pub(crate) struct DenseSystem<S: Space> {
     g_tn: Matrix,
     /// `[M × M]`.
     g_tt: Matrix,
-    /// `g_tn` and `g_tt` with the rows of slides turned, in a suspension.
-    turned: [Matrix; 2],
+    /// `g_tn` and `g_tt` with the rows of slides rotated to their frames, in a suspension.
+    rotated: [Matrix; 2],
     /// v_n and u_t without contact forces, by column.
     free_normal: Vec<f64>,
     free_slip: Vec<f64>,
-    /// Unknowns of the linear system, as columns: closed candidates, then sticking rows.
+    /// Unknowns of the linear system, by their columns: closed candidates, then sticking rows.
     unknowns: [Vec<usize>; 2],
     /// Right-hand side and solution.
     solution: Vec<f64>,
-    /// Forces by column, and the velocities that they make.
+    /// Forces by column, and the contact velocities that they cause.
     by_column: [Vec<f64>; 2],
     velocities: [Vec<f64>; 2],
     solver: LuSolver,
-    /// Whether there is no `g_tt`.
-    isolated: bool,
+    /// Whether `g_tt` is absent.
+    uses_frictionless_slip: bool,
     space: PhantomData<S>,
 }
 
 impl<S: Fluid> DenseSystem<S> {
-    /// Room for that many candidates of that many spheres.
+    /// Reserves memory for that many candidates of that many spheres.
     pub(crate) fn new(spheres: usize, candidates: usize) -> Self {
         let matrix = |entries| {
             let mut matrix = Matrix::default();
@@ -100,8 +104,9 @@ impl<S: Fluid> DenseSystem<S> {
         system
     }
 
-    /// Takes the candidates of a stage. `forces`: all but those of contact, of all spheres.
-    pub(crate) fn begin(
+    /// Sets up the candidates of a stage. `forces`: all forces on the spheres other than contact
+    /// forces.
+    pub(crate) fn set_up(
         &mut self,
         resistance: &Resistance<S>,
         problem: &Problem<S>,
@@ -120,11 +125,11 @@ impl<S: Fluid> DenseSystem<S> {
         columns.gram(&mut self.g_nn);
         self.free_normal.clear();
         columns.add_transposed_product(&self.free, &mut self.free_normal);
-        self.begin_rows(resistance, problem);
+        self.set_up_friction(resistance, problem);
     }
 
-    /// Takes the tangential rows of the problem, whose candidates are known.
-    pub(crate) fn begin_rows(&mut self, resistance: &Resistance<S>, problem: &Problem<S>) {
+    /// Sets up the friction rows of the problem, whose candidates are already set up.
+    pub(crate) fn set_up_friction(&mut self, resistance: &Resistance<S>, problem: &Problem<S>) {
         let rows = problem.tangential.iter().map(|entry| entry.row);
         let ([_, order], [_, place]) = (&mut self.order, &mut self.place);
         sort(resistance, rows, order, place);
@@ -133,22 +138,22 @@ impl<S: Fluid> DenseSystem<S> {
             problem.tangential[m].row
         });
         columns.transposed_product(&self.normal_columns, &mut self.g_tn);
-        self.isolated = problem.uses_frictionless_slip;
-        if !self.isolated {
+        self.uses_frictionless_slip = problem.uses_frictionless_slip;
+        if !self.uses_frictionless_slip {
             columns.gram(&mut self.g_tt);
         }
         self.free_slip.clear();
         columns.add_transposed_product(&self.free, &mut self.free_slip);
     }
 
-    /// Disturbance velocities under the forces found.
+    /// Sets the disturbance velocities under the given contact forces.
     pub(crate) fn finish(
         &mut self,
         resistance: &Resistance<S>,
         forces: &Forces,
         velocities: &mut [f64],
     ) {
-        self.take(forces);
+        self.gather(forces);
         self.motion.clone_from(&self.free);
         self.normal_columns
             .add_product(&self.by_column[0], &mut self.motion);
@@ -161,8 +166,8 @@ impl<S: Fluid> DenseSystem<S> {
         resistance.from_rows(&self.motion, velocities);
     }
 
-    /// Puts forces into the order of the columns.
-    fn take(&mut self, forces: &Forces) {
+    /// Copies forces to the order of the columns.
+    fn gather(&mut self, forces: &Forces) {
         let given = [&forces.normal, &forces.tangential];
         for ((target, order), given) in self.by_column.iter_mut().zip(&self.order).zip(given) {
             target.clear();
@@ -171,12 +176,12 @@ impl<S: Fluid> DenseSystem<S> {
     }
 }
 
-/// First row in the factor of each sphere of a row.
+/// First rows in the factor of the two spheres of a row.
 fn starts<S: Fluid>(resistance: &Resistance<S>, row: &Row<S>) -> [usize; 2] {
     row.spheres.map(|sphere| resistance.row(sphere))
 }
 
-/// The order of rows by where their columns begin, and its inverse.
+/// Sorts rows by the first nonzero row of their columns; also returns the inverse permutation.
 fn sort<S: Fluid>(
     resistance: &Resistance<S>,
     rows: impl Iterator<Item = Row<S>>,
@@ -196,7 +201,7 @@ fn sort<S: Fluid>(
     }
 }
 
-/// Columns `L⁻¹ rowᵀ` in that order.
+/// Computes the columns `L⁻¹ rowᵀ` in that order.
 fn fill<S: Fluid>(
     columns: &mut StaggeredColumns,
     resistance: &Resistance<S>,
@@ -217,12 +222,12 @@ fn fill<S: Fluid>(
 }
 
 impl<S: Fluid> DenseSystem<S> {
-    /// Turns the rows of slides along and across their directions, in a suspension.
-    fn turn(&mut self, states: &States) {
-        let [g_tn, g_tt] = &mut self.turned;
-        for (turned, fixed) in [(&mut *g_tn, &self.g_tn), (&mut *g_tt, &self.g_tt)] {
-            turned.reshape(fixed.rows(), fixed.columns());
-            turned.values_mut().copy_from_slice(fixed.values());
+    /// Rotates the rows of slides to their frames, in a suspension.
+    fn rotate_slides(&mut self, states: &States) {
+        let [g_tn, g_tt] = &mut self.rotated;
+        for (rotated, fixed) in [(&mut *g_tn, &self.g_tn), (&mut *g_tt, &self.g_tt)] {
+            rotated.reshape(fixed.rows(), fixed.columns());
+            rotated.values_mut().copy_from_slice(fixed.values());
         }
         for m in (0..states.friction.len()).step_by(2) {
             let Some(slide) = states.slide(m) else {
@@ -232,23 +237,23 @@ impl<S: Fluid> DenseSystem<S> {
             for matrix in [&mut *g_tn, &mut *g_tt] {
                 for column in 0..matrix.columns() {
                     let entries = matrix.column_mut(column);
-                    [entries[a], entries[b]] = slide.turned([entries[a], entries[b]]);
+                    [entries[a], entries[b]] = slide.rotate([entries[a], entries[b]]);
                 }
             }
             for row in 0..g_tt.rows() {
-                let turned = slide.turned([g_tt[(row, a)], g_tt[(row, b)]]);
-                [g_tt[(row, a)], g_tt[(row, b)]] = turned;
+                let rotated = slide.rotate([g_tt[(row, a)], g_tt[(row, b)]]);
+                [g_tt[(row, a)], g_tt[(row, b)]] = rotated;
             }
         }
     }
 
-    /// The linear system of the states, put into the solver, and its right-hand side.
-    fn pose(&mut self, problem: &Problem<S>, states: &States) {
+    /// Assembles the linear system of the active set and its right-hand side.
+    fn assemble(&mut self, problem: &Problem<S>, states: &States) {
         if S::TANGENTS > 1 {
-            self.turn(states);
+            self.rotate_slides(states);
         }
         let [g_tn, g_tt] = if S::TANGENTS > 1 {
-            self.turned.each_ref()
+            self.rotated.each_ref()
         } else {
             [&self.g_tn, &self.g_tt]
         };
@@ -277,12 +282,12 @@ impl<S: Fluid> DenseSystem<S> {
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
                 *entry = g_tn[(s, a)];
             }
-            if self.isolated {
+            if self.uses_frictionless_slip {
                 target[first..].fill(0.0);
             } else {
-                let own = g_tt.column(s);
+                let friction = g_tt.column(s);
                 for (entry, &r) in target[first..].iter_mut().zip(sticking.iter()) {
-                    *entry = own[r];
+                    *entry = friction[r];
                 }
             }
             let m = row_order[s];
@@ -304,7 +309,7 @@ impl<S: Fluid> DenseSystem<S> {
                     let m = row_order[s] - 1;
                     let given = [m, m + 1]
                         .map(|m| problem.tangential[m].shift + self.free_slip[self.place[1][m]]);
-                    -slide.turned(given)[1]
+                    -slide.rotate(given)[1]
                 }
             }));
         for m in 0..states.friction.len() {
@@ -313,16 +318,16 @@ impl<S: Fluid> DenseSystem<S> {
                 continue;
             }
             let row = &problem.tangential[m];
-            let own = self.place[1][m];
+            let own_column = self.place[1][m];
             if row.intercept != 0.0 {
                 let given = sign * row.intercept;
                 let (upper, lower) = self.solution.split_at_mut(first);
                 for (x, &a) in upper.iter_mut().zip(active.iter()) {
-                    *x += given * g_tn[(own, a)];
+                    *x += given * g_tn[(own_column, a)];
                 }
-                if !self.isolated {
+                if !self.uses_frictionless_slip {
                     for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
-                        *x += given * g_tt[(s, own)];
+                        *x += given * g_tt[(s, own_column)];
                     }
                 }
             }
@@ -332,21 +337,21 @@ impl<S: Fluid> DenseSystem<S> {
             if !row.follows_load() {
                 continue;
             }
-            // The columns of p = −t for this row, as t follows the load.
+            // Friction is proportional to the load: its column p = −t is added to the column of f.
             let slope = sign * row.coefficient;
             let target = matrix.column_mut(column);
             for (entry, &a) in target.iter_mut().zip(active.iter()) {
-                *entry -= slope * g_tn[(own, a)];
+                *entry -= slope * g_tn[(own_column, a)];
             }
             for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
-                if !self.isolated {
-                    *entry -= slope * g_tt[(s, own)];
+                if !self.uses_frictionless_slip {
+                    *entry -= slope * g_tt[(s, own_column)];
                 }
             }
         }
     }
 
-    /// The forces that the solution gives.
+    /// Sets the forces from the solution.
     fn take_solution(&self, problem: &Problem<S>, states: &States, forces: &mut Forces) {
         let ([active, sticking], [order, row_order]) = (&self.unknowns, &self.order);
         let first = active.len();
@@ -369,7 +374,7 @@ impl<S: Fluid> DenseSystem<S> {
             }
             let force = row.slipping_force(state, forces.normal[row.contact]);
             match (states.slide(m), t.as_mut()) {
-                (Some(slide), [x, y]) => [*x, *y] = slide.turned_back([force, *y]),
+                (Some(slide), [x, y]) => [*x, *y] = slide.rotate_back([force, *y]),
                 (_, t) => t.fill(force),
             }
         }
@@ -384,7 +389,7 @@ impl<S: Fluid> System<S> for DenseSystem<S> {
         _: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
-        self.pose(problem, states);
+        self.assemble(problem, states);
         if self.solver.solve(&mut self.solution).is_err()
             || !self.solution.iter().all(|x| x.is_finite())
         {
@@ -404,7 +409,7 @@ impl<S: Fluid> System<S> for DenseSystem<S> {
     }
 
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
-        self.take(forces);
+        self.gather(forces);
         let [f, t] = &self.by_column;
         let [slack, slip] = &mut self.velocities;
         slack.clone_from(&self.free_normal);
@@ -412,7 +417,7 @@ impl<S: Fluid> System<S> for DenseSystem<S> {
         self.g_tn.subtract_transposed_product(t, slack);
         slip.clone_from(&self.free_slip);
         self.g_tn.add_product(f, slip);
-        if !self.isolated {
+        if !self.uses_frictionless_slip {
             self.g_tt.subtract_transposed_product(t, slip);
         }
         forces.slack.clear();

@@ -1,65 +1,69 @@
-//! The coupled contact problem by a semismooth Newton method.
+//! A semismooth Newton method for the coupled contact problem.
 //!
-//! Once it is known which contacts are closed, which stick and which slip to either side, the problem
-//! is linear. Each iteration solves the linear problem of the present active set and changes what
-//! the solution contradicts (Alart & Curnier, Comput. Methods Appl. Mech. Eng. 92, 353 (1991);
-//! primal-dual active set: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13, 865 (2002)). Started from
-//! the active set of the stage before it mostly takes two to eight systems. On which contacts friction
-//! is active is part of the active set. The method converges locally and superlinearly, and can cycle
-//! far from a solution.
+//! For a given active set (which contacts are closed, which stick, and in which direction the
+//! others slip) the problem is linear. Each iteration solves this linear problem and updates the
+//! active set where the solution contradicts it (Alart & Curnier, Comput. Methods Appl. Mech. Eng.
+//! 92, 353 (1991); primal-dual active set: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13, 865
+//! (2002)). Started from the active set of the preceding stage, the method usually requires two to
+//! eight linear systems. The set of contacts with active friction is part of the active set.
+//! Convergence is local and superlinear; far from a solution the method can cycle.
 //!
-//! In a suspension steps that follow one without progress are shortened until the conditions are violated
-//! less than before (line search on the natural map), which ends nearly all cycles: of 320 stages of
-//! 500 spheres at φ = 0.50, ν = 0.5 none fails, where 131 did. In a layer, where a slip has two
-//! directions only, as many stages fail with it as without. Where the method fails,
-//! [`super::proximal`] takes over.
+//! In a suspension, steps are shortened after a step without progress, until the violation of the
+//! conditions decreases (a line search on the natural map). This ends nearly all cycles: of 320
+//! stages of 500 spheres at φ = 0.50 and ν = 0.5 none fails, where 131 fail without it. In a layer,
+//! where slip has only two directions, it does not reduce the number of failures. Where the method
+//! fails, [`super::proximal`] takes over.
 
 use super::ProblemSolver;
 use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
 use crate::space::Space;
 
-/// Most linear systems of one call, in a layer and in a suspension. With 60 in place of 25, 200
-/// spheres at φ = 0.54 take half as much time again: what has not converged by then rarely does.
+/// Maximum number of linear systems of one call, in a layer and in a suspension. With 60 instead of
+/// 25, 200 spheres at φ = 0.54 take 1.5 times as long: what has not converged by then rarely does.
 const fn max_systems<S: Space>() -> u32 {
     if S::TANGENTS == 1 { 60 } else { 25 }
 }
-/// Iterations without fewer changes of the active set than ever before after which it has failed. With 8 in its place layers of 1000 that flow
-/// take 4 % fewer linear systems, and layers of 100 at c = 0.76, ν = 1 a third more time.
-const PATIENCE: u32 = 4;
+/// Number of iterations without progress after which the method has failed; progress is a new
+/// minimum of changes to the active set. With 8 instead of 4, flowing layers of 1000 spheres
+/// require 4 % fewer linear systems, but layers of 100 at c = 0.76 and ν = 1 take a third longer.
+const MAX_STALLED: u32 = 4;
 
-/// What is to be left of the violation after a step that may be shortened. With 0.5 in its place 200
-/// spheres at φ = 0.54 take 16 % more linear systems.
-const PROGRESS: f64 = 0.9;
-/// The least share of a step: smaller ones hardly lower the violation.
-const LEAST_SHARE: f64 = 1.0 / 64.0;
+/// Largest fraction of the violation that may remain after a step that counts as progress. With 0.5
+/// instead of 0.9, 200 spheres at φ = 0.54 require 16 % more linear systems.
+const VIOLATION_REDUCTION: f64 = 0.9;
+/// Minimum fraction of a step: smaller fractions hardly reduce the violation.
+const MIN_STEP_FRACTION: f64 = 1.0 / 64.0;
 
-/// Angle by which a slip may turn once more: as the error of the next system goes with its square.
-const TURNED: f64 = 1e-7;
-/// Angle below which one more system is expected to be the last.
-const NEARLY_TURNED: f64 = 1e-2;
-/// By how much the largest angle is to fall in one system.
-const TURNING: f64 = 0.5;
+/// Angle, in radians, below which a change of slip direction is accepted: the error of the next
+/// system is proportional to its square.
+const ANGLE_TOLERANCE: f64 = 1e-7;
+/// Angle below which the next linear system is expected to be the last.
+const NEAR_CONVERGENCE_ANGLE: f64 = 1e-2;
+/// Factor by which the largest angle must decrease in one iteration.
+const ANGLE_REDUCTION: f64 = 0.5;
 
-/// When friction becomes active.
+/// Activation of friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FrictionActivation {
     /// Load above which friction is active.
     pub(crate) critical_load: f64,
-    /// Whether the set of contacts with active friction may change. Where the law does not jump at
-    /// the critical load it never does: friction is active on all, and the bound says how much.
+    /// Whether the set of contacts with active friction is updated. Where friction is continuous at
+    /// the critical load it is not: friction is then active on all contacts, and the bound
+    /// determines the force.
     pub(crate) updates: bool,
 }
 
 impl FrictionActivation {
-    /// Where bounds are given, no load decides.
-    pub(crate) const GIVEN: Self = Self {
+    /// Friction with fixed bounds, whose activation does not depend on loads.
+    pub(crate) const FIXED: Self = Self {
         critical_load: 0.0,
         updates: false,
     };
 }
 
 impl<S: Space> ProblemSolver<S> {
-    /// Iterates from the present active set; whether it converged, and the number of systems.
+    /// Iterates from the current active set. Returns whether it converged, and the number of linear
+    /// systems.
     pub(super) fn newton(
         &mut self,
         problem: &mut Problem<S>,
@@ -68,7 +72,7 @@ impl<S: Space> ProblemSolver<S> {
         refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
-        let (mut least_turn, mut before, mut shortens) = (f64::INFINITY, None, false);
+        let (mut smallest_rotation, mut comparable, mut shortens) = (f64::INFINITY, None, false);
         for count in 1..=max_systems::<S>() {
             shortens |= S::TANGENTS > 1 && stalled > 0;
             if shortens {
@@ -78,10 +82,10 @@ impl<S: Space> ProblemSolver<S> {
             let Some(roundoff) = solved else {
                 return (false, count);
             };
-            let least = before.filter(|_| !last && shortens);
-            let (violation, is_whole) = self.shorten(problem, system, least);
+            let previous_violation = comparable.filter(|_| !last && shortens);
+            let (violation, is_full_step) = self.backtrack(problem, system, previous_violation);
             let refined = refine(problem, &self.forces);
-            let (changed, turn) = self.update_states(problem, system, roundoff, is_whole);
+            let (changed, rotation) = self.update_states(problem, system, roundoff, is_full_step);
             let activated = if activation.updates {
                 self.update_activation(problem, system, activation, roundoff.force)
             } else {
@@ -89,19 +93,22 @@ impl<S: Space> ProblemSolver<S> {
             };
             let contradicted = refined + changed;
             let changes = contradicted + activated;
-            last = changes == 0 && turn < NEARLY_TURNED && is_whole;
-            // Refined entries and other friction make it another problem.
-            before = (refined + activated == 0).then_some(violation);
+            last = changes == 0 && rotation < NEAR_CONVERGENCE_ANGLE && is_full_step;
+            // Changed coefficients or activation define a different problem, whose violations
+            // cannot be compared.
+            comparable = (refined + activated == 0).then_some(violation);
             if contradicted == 0 && activated > 0 {
-                // That is another problem.
-                (fewest, stalled, least_turn) = (usize::MAX, 0, f64::INFINITY);
-            } else if changes > 0 || turn > 0.0 || !is_whole {
-                let fewer = changes < fewest || changes == 0 && turn < TURNING * least_turn;
-                let lowered = least.is_some_and(|least| violation < PROGRESS * least);
+                // A changed activation defines a different problem: progress is reset.
+                (fewest, stalled, smallest_rotation) = (usize::MAX, 0, f64::INFINITY);
+            } else if changes > 0 || rotation > 0.0 || !is_full_step {
+                let fewer = changes < fewest
+                    || changes == 0 && rotation < ANGLE_REDUCTION * smallest_rotation;
+                let lowered = previous_violation
+                    .is_some_and(|previous| violation < VIOLATION_REDUCTION * previous);
                 stalled = if fewer || lowered { 0 } else { stalled + 1 };
                 fewest = fewest.min(changes);
-                least_turn = least_turn.min(turn);
-                if stalled == PATIENCE {
+                smallest_rotation = smallest_rotation.min(rotation);
+                if stalled == MAX_STALLED {
                     return (false, count);
                 }
             } else if roundoff.exact {
@@ -111,42 +118,48 @@ impl<S: Space> ProblemSolver<S> {
         (false, max_systems::<S>())
     }
 
-    /// Shortens the last step to the largest of the shares 1, ½, ¼, … that leaves a smaller violation than `least`.
+    /// Shortens the last step to the largest of the fractions 1, ½, ¼, … at which the violation is
+    /// below `previous_violation`.
     ///
-    /// In a layer it stays whole. Returns the violation, and whether the step is whole.
-    fn shorten(
+    /// In a layer the step is not shortened. Returns the violation, and whether the step is
+    /// complete.
+    fn backtrack(
         &mut self,
         problem: &Problem<S>,
         system: &impl System<S>,
-        least: Option<f64>,
+        previous_violation: Option<f64>,
     ) -> (f64, bool) {
         if S::TANGENTS == 1 {
             return (0.0, true);
         }
         let mut violation = self.forces.square_violation(problem, system);
-        let mut share = 1.0;
-        while least.is_some_and(|least| violation >= least) && share > LEAST_SHARE {
-            share *= 0.5;
+        let mut fraction = 1.0;
+        while previous_violation.is_some_and(|previous| violation >= previous)
+            && fraction > MIN_STEP_FRACTION
+        {
+            fraction *= 0.5;
             self.forces.halve_step(&self.previous);
             violation = self.forces.square_violation(problem, system);
         }
-        (violation, share == 1.0)
+        (violation, fraction == 1.0)
     }
 
-    /// Changes the states that the present forces contradict; how many, and by what angle at most slips turn that slide as before.
+    /// Updates the states that the current forces contradict. Returns their number, and the largest
+    /// angle by which the direction of a slide changed.
     ///
-    /// `is_whole`: whether the forces are those of the present states, not of a shortened step.
+    /// `is_full_step`: whether the forces solve the linear problem of the current states, i.e. the
+    /// step was not shortened.
     pub(super) fn update_states(
         &mut self,
         problem: &Problem<S>,
         system: &impl System<S>,
         roundoff: RoundoffThresholds,
-        is_whole: bool,
+        is_full_step: bool,
     ) -> (usize, f64) {
         let (forces, states) = (&self.forces, &mut self.states);
-        let (mut changes, mut turn) = (0, 0.0_f64);
+        let (mut changes, mut rotation) = (0, 0.0_f64);
         for (k, closed) in states.closed.iter_mut().enumerate() {
-            let contradicted = if !is_whole {
+            let contradicted = if !is_full_step {
                 *closed != (system.mobility(k) * forces.normal[k] > forces.slack[k])
             } else if *closed {
                 forces.normal[k] < -roundoff.force
@@ -158,7 +171,7 @@ impl<S: Space> ProblemSolver<S> {
         }
         for m in (0..states.friction.len()).step_by(S::TANGENTS) {
             let (row, state) = (&problem.tangential[m], states.friction[m]);
-            // A bound that is given holds whether the contact is closed or not.
+            // A fixed bound applies whether the contact is closed or open.
             let next = if !states.closed[row.contact] && row.follows_load() {
                 FrictionState::Inactive
             } else if S::TANGENTS == 1 {
@@ -167,17 +180,17 @@ impl<S: Space> ProblemSolver<S> {
                 let mobility = system.mobility(row.contact);
                 let slide = (state, &mut states.slides[m / 2]);
                 let (next, angle) = next_slide(problem, forces, m, slide, mobility, roundoff);
-                turn = turn.max(angle);
+                rotation = rotation.max(angle);
                 next
             };
             changes += usize::from(next != state);
             states.friction[m..m + S::TANGENTS].fill(next);
         }
-        (changes, turn)
+        (changes, rotation)
     }
 
-    /// Makes friction active where the load is above the critical one by more than `roundoff`, and
-    /// inactive where it is below; the number of changes.
+    /// Activates friction where the load exceeds the critical load by more than `roundoff`, and
+    /// deactivates it where the load is below; returns the number of changes.
     pub(super) fn update_activation(
         &mut self,
         problem: &mut Problem<S>,
@@ -203,8 +216,8 @@ impl<S: Space> ProblemSolver<S> {
             if closed {
                 changes += 1;
                 if active {
-                    let own = system.mobility(row.contact) + row.compliance;
-                    self.begin_friction(k, own, rows[0].bound(load));
+                    let self_mobility = system.mobility(row.contact) + row.compliance;
+                    self.activate_friction(k, self_mobility, rows[0].bound(load));
                 } else {
                     let m = S::TANGENTS * k;
                     self.states.friction[m..m + S::TANGENTS].fill(FrictionState::Inactive);
@@ -214,17 +227,23 @@ impl<S: Space> ProblemSolver<S> {
         changes
     }
 
-    /// Lets friction `k` begin to act: it slips where friction at its bound does not halt the contact, and sticks elsewhere.
+    /// Activates friction vector `k`: it slips where friction at its bound does not stop the slip,
+    /// and sticks elsewhere.
     ///
-    /// `own`: mobility and compliance of the contact.
-    fn begin_friction(&mut self, k: usize, own: f64, bound: f64) {
+    /// `self_mobility`: mobility plus compliance of the contact.
+    fn activate_friction(&mut self, k: usize, self_mobility: f64, bound: f64) {
         let m = S::TANGENTS * k;
         let slip = S::by_slip(&self.forces.slip)[k].as_ref();
-        let trial = slip.iter().fold(0.0_f64, |sum, z| sum.hypot(*z)) / own;
+        let trial = slip.iter().fold(0.0_f64, |sum, z| sum.hypot(*z)) / self_mobility;
         let state = match *slip {
             _ if bound <= 0.0 || trial <= bound => FrictionState::Stick,
             [x, y] => {
-                self.states.slides[k] = Slide::under([x / own, y / own], trial, bound, own);
+                self.states.slides[k] = Slide::from_trial(
+                    [x / self_mobility, y / self_mobility],
+                    trial,
+                    bound,
+                    self_mobility,
+                );
                 FrictionState::SlipPositive
             }
             _ => FrictionState::slipping(slip[0]),
@@ -233,7 +252,7 @@ impl<S: Space> ProblemSolver<S> {
     }
 }
 
-/// What row `m` of a closed candidate does next, by the forces of its present state.
+/// The next state of row `m` of a closed candidate, from the forces of its current state.
 fn next_state<S: Space>(
     problem: &Problem<S>,
     forces: &Forces,
@@ -251,7 +270,8 @@ fn next_state<S: Space>(
     let bound = row.slipping_force(SlipPositive, load);
     let jumps = row.intercept == 0.0;
     match state {
-        // Without an intercept a contact that has just closed sticks; with one it slips as it did.
+        // Without an intercept a contact that has just closed sticks first; with one it slips in
+        // its current direction.
         Inactive if jumps => Stick,
         Inactive if bound > roundoff.force => FrictionState::slipping(z),
         Inactive => Inactive,
@@ -263,13 +283,14 @@ fn next_state<S: Space>(
     }
 }
 
-/// The same for the slip of rows `m` and `m + 1` in a suspension, by its trial force:
+/// The next state of the friction vector in rows `m` and `m + 1` in a suspension, from its trial
+/// force:
 ///
 /// ```text
-/// p = t + z/G       it sticks where |p| ≤ ρ, and slips along p elsewhere
+/// p = t + z/G       sticks where |p| ≤ ρ, slips along p elsewhere
 /// ```
 ///
-/// Also the angle by which the direction of a slip has turned, 0 if that is rounding.
+/// Also returns the angle by which the direction of a slide changed, 0 if it is rounding error.
 ///
 /// `mobility`: G of the contact without the compliance of its friction.
 fn next_slide<S: Space>(
@@ -288,9 +309,9 @@ fn next_slide<S: Space>(
     if row.coefficient.is_infinite() {
         return (Stick, 0.0);
     }
-    let own = mobility + row.compliance;
-    // A contact that has just closed bears no force yet. Were it to stick at once, it could lift off again in the next
-    // system, and so on.
+    let self_mobility = mobility + row.compliance;
+    // A contact that has just closed has no force yet. If it stuck at once, it could open again in
+    // the next system, and the method could cycle.
     let load = forces.normal[row.contact].max(-forces.slack[row.contact] / mobility);
     let bound = row.slipping_force(SlipPositive, load);
     let jumps = row.intercept == 0.0;
@@ -298,24 +319,24 @@ fn next_slide<S: Space>(
         return (Inactive, 0.0);
     }
     let [t, z] = [&forces.tangential, &forces.slip].map(|list| [list[m], list[m + 1]]);
-    let trial = [0, 1].map(|k| t[k] + z[k] / own);
+    let trial = [0, 1].map(|k| t[k] + z[k] / self_mobility);
     let length = trial[0].hypot(trial[1]);
-    let rounding = roundoff.force + roundoff.velocity / own;
+    let rounding = roundoff.force + roundoff.velocity / self_mobility;
     let sticks = match state {
-        SlipPositive => length <= bound - roundoff.velocity / own,
+        SlipPositive => length <= bound - roundoff.velocity / self_mobility,
         _ => length <= bound + rounding,
     };
     if sticks || length == 0.0 {
         return (Stick, 0.0);
     }
     let before = *slide;
-    *slide = Slide::under(trial, length, bound, own);
+    *slide = Slide::from_trial(trial, length, bound, self_mobility);
     if state != SlipPositive {
         return (SlipPositive, 0.0);
     }
-    let [along, across] = before.turned(slide.direction);
+    let [along, across] = before.rotate(slide.direction);
     let angle = across.atan2(along).abs();
-    let is_rounding = angle <= TURNED || angle * length <= rounding;
+    let is_rounding = angle <= ANGLE_TOLERANCE || angle * length <= rounding;
     if is_rounding {
         *slide = before;
     }

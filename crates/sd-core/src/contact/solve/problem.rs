@@ -1,56 +1,58 @@
-//! The entries of the contact problem: what every law comes down to at one stage.
+//! The coefficients of the contact problem, to which every law reduces at one stage.
 
 use crate::contact::row::Row;
 use crate::contact::{Quality, Status};
 use crate::space::{Layer, Space};
 
-/// Normal part of one candidate: `w = C v + bias + compliance f`.
+/// Normal condition of one candidate: `w = C v + bias + compliance f`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Normal<S: Space = Layer> {
     /// Row of C.
     pub(crate) row: Row<S>,
-    /// What w has besides, in a·rate: the background's part, and the gap left over the time ahead.
+    /// Constant part of w, in a·rate: the background's contribution, and the gap over the time
+    /// span.
     pub(crate) bias: f64,
-    /// In a·rate per unit of force: the inverse of a spring's stiffness over the time ahead; a tiny
-    /// one for a rigid contact.
+    /// In a·rate per unit of force: the inverse of a spring's stiffness times the time span, or a
+    /// very small value for a rigid contact.
     pub(crate) compliance: f64,
 }
 
 /// A friction row of one candidate: `z = D v + shift − compliance t`, `|t| ≤ ρ(f)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tangential<S: Space = Layer> {
-    /// Its candidate.
+    /// Index of its candidate.
     pub(crate) contact: usize,
     /// Row of D.
     pub(crate) row: Row<S>,
-    /// What z has besides, in a·rate: the background's part, and the stretch of a spring over the
-    /// time ahead.
+    /// Constant part of z, in a·rate: the background's contribution, and that of the spring force
+    /// over the time span.
     pub(crate) shift: f64,
     /// In a·rate per unit of force.
     pub(crate) compliance: f64,
-    /// The bound `ρ(f) = max(0, coefficient f + intercept)` while friction is active. An infinite
-    /// coefficient means no bound while the contact is loaded.
+    /// Coefficient of the bound `ρ(f) = max(0, coefficient f + intercept)` while friction is
+    /// active. An infinite coefficient means no bound while the contact is loaded.
     pub(crate) coefficient: f64,
     /// See `coefficient`; in mu·a²·rate.
     pub(crate) intercept: f64,
-    /// Whether friction is active: whether the load is above the critical one.
+    /// Whether friction is active, i.e. the load is above the critical load.
     pub(crate) active: bool,
-    /// Whether friction was deactivated in this problem. That happens once: where the load is above
-    /// the critical one without friction and below it with friction, friction stays active.
+    /// Whether friction was deactivated in this problem, which is permitted once: where the load is
+    /// above the critical load without friction and below it with friction, friction then stays
+    /// active.
     pub(crate) was_deactivated: bool,
 }
 
 impl<S: Space> Tangential<S> {
-    /// Bound ρ of |t| at a normal force f.
+    /// Bound ρ on |t| at a normal force f.
     pub(crate) fn bound(&self, f: f64) -> f64 {
         if !self.active {
             return 0.0;
         }
-        let of_load = if f > 0.0 { self.coefficient * f } else { 0.0 };
-        (of_load + self.intercept).max(0.0)
+        let load_part = if f > 0.0 { self.coefficient * f } else { 0.0 };
+        (load_part + self.intercept).max(0.0)
     }
 
-    /// Friction in a state that does not stick, at a normal force of either sign.
+    /// Friction force in a state other than sticking, at a normal force of either sign.
     pub(crate) fn slipping_force(&self, state: FrictionState, f: f64) -> f64 {
         match state {
             FrictionState::Inactive | FrictionState::Stick => 0.0,
@@ -59,7 +61,8 @@ impl<S: Space> Tangential<S> {
         }
     }
 
-    /// Whether the bound follows the load. Otherwise it is given, as where bounds are held.
+    /// Whether the bound is proportional to the load. Otherwise it is a constant, as where bounds
+    /// are fixed.
     pub(crate) fn follows_load(&self) -> bool {
         self.coefficient > 0.0
     }
@@ -70,60 +73,62 @@ impl<S: Space> Tangential<S> {
 pub(crate) struct Problem<S: Space = Layer> {
     /// Candidates, ordered by (i, j).
     pub(crate) normal: Vec<Normal<S>>,
-    /// Friction rows, ordered by candidate; candidates without one have no friction. As many as slip has components follow each other,
-    /// along orthonormal directions: they are one vector, and its length is bounded.
+    /// Friction rows, ordered by candidate; candidates without a row have no friction. Consecutive
+    /// rows, as many as slip has components, are along orthonormal directions: together they are
+    /// one vector with a bounded length.
     pub(crate) tangential: Vec<Tangential<S>>,
-    /// Whether friction rows read the motion that normal forces alone leave, v_N, in place of v.
+    /// Whether friction rows act on the motion v_N under normal forces alone, instead of v.
     pub(crate) uses_frictionless_slip: bool,
 }
 
 impl<S: Space> Problem<S> {
-    /// Becomes equal to the other, without allocating once there is room.
+    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.tangential.clone_from(&other.tangential);
         self.uses_frictionless_slip = other.uses_frictionless_slip;
     }
 
-    /// Room for that many candidates and twice as many slips.
+    /// Reserves memory for that many candidates and twice as many friction vectors.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.normal.reserve(candidates);
         self.tangential.reserve(2 * S::TANGENTS * candidates);
     }
 }
 
-/// A row along or across the direction of a slide.
-pub(crate) struct TurnedRow<S: Space> {
+/// A friction row in the frame of a slide: along its direction or across it.
+pub(crate) struct RotatedRow<S: Space> {
     pub(crate) row: Row<S>,
     pub(crate) shift: f64,
-    /// Of the two rows of the slip in it.
-    pub(crate) shares: [f64; 2],
+    /// Components of this row in the two rows of the vector.
+    pub(crate) components: [f64; 2],
 }
 
 impl<S: Space> Problem<S> {
-    /// The first of the two rows of a slide, which row `m` is one of, turned to its direction, or the second, turned across it.
-    pub(crate) fn turned_row(&self, slide: &Slide, m: usize) -> TurnedRow<S> {
+    /// Row `m` rotated to the frame of its slide: the first of the two rows is along the direction,
+    /// the second across it.
+    pub(crate) fn rotated_row(&self, slide: &Slide, m: usize) -> RotatedRow<S> {
         let first = m - m % 2;
         let [a, b] = [&self.tangential[first], &self.tangential[first + 1]];
         let [c, s] = slide.direction;
-        let shares = if m == first { [c, s] } else { [-s, c] };
-        TurnedRow {
-            row: a.row.combined(shares[0], &b.row, shares[1]),
-            shift: shares[0] * a.shift + shares[1] * b.shift,
-            shares,
+        let components = if m == first { [c, s] } else { [-s, c] };
+        RotatedRow {
+            row: a.row.combined(components[0], &b.row, components[1]),
+            shift: components[0] * a.shift + components[1] * b.shift,
+            components,
         }
     }
 }
 
-/// The forces on the spheres besides those of contact, `[3N]` each.
+/// The forces on the spheres other than contact forces, `[3N]` each.
 #[derive(Clone, Copy)]
 pub struct AppliedForces<'a> {
     /// All external and background forces.
     pub all: &'a [f64],
-    /// Those of them that count for the motion that normal forces alone leave.
+    /// The part that applies to the motion under normal forces alone.
     pub frictionless: &'a [f64],
-    /// Residual at which the solution is exact enough, relative to the norm of these forces; 0: as
-    /// exact as rounding allows.
+    /// Residual at which the solution is accurate enough, relative to the norm of these forces; 0:
+    /// as accurate as rounding permits.
     pub relative_tolerance: f64,
 }
 
@@ -138,21 +143,21 @@ impl<'a> AppliedForces<'a> {
     }
 }
 
-/// What friction does in one row.
+/// Friction state of one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FrictionState {
-    /// No force: friction is not active, or there is no load.
+    /// No friction force: friction is not active, or there is no load.
     Inactive,
-    /// Within the bound, z = 0.
+    /// |t| below the bound and z = 0.
     Stick,
-    /// t = ρ; in a suspension t = ρ d with the direction d of a [`Slide`].
+    /// t = ρ; in a suspension t = ρ d, with the direction d of a [`Slide`].
     SlipPositive,
     /// t = −ρ.
     SlipNegative,
 }
 
 impl FrictionState {
-    /// The slipping state with a force of that sign.
+    /// The slipping state with a force of the given sign.
     pub(crate) fn slipping(towards: f64) -> Self {
         if towards > 0.0 {
             Self::SlipPositive
@@ -161,8 +166,8 @@ impl FrictionState {
         }
     }
 
-    /// The state of a row with that force, were it free of its bound.
-    pub(crate) fn of(force: f64, bound: f64) -> Self {
+    /// The state of a row, inferred from its unbounded force.
+    pub(crate) fn from_force(force: f64, bound: f64) -> Self {
         if bound == 0.0 {
             Self::Inactive
         } else if force.abs() < bound * (1.0 - 1e-12) {
@@ -182,85 +187,93 @@ impl FrictionState {
     }
 }
 
-/// The active set: what each candidate and each row does. The problem is linear once it is known.
+/// The active set: the state of each candidate and each friction row. For a given active set the
+/// problem is linear.
 #[derive(Debug, Default)]
 pub(crate) struct States {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
-    /// What each row does. In a suspension the rows of one slip do the same.
+    /// State of each row. In a suspension both rows of a vector have the same state.
     pub(crate) friction: Vec<FrictionState>,
-    /// How each slip slides where it does, in a suspension; none in a layer.
+    /// Linearised slip of each friction vector in a suspension; empty in a layer.
     pub(crate) slides: Vec<Slide>,
 }
 
-/// A slip along a direction that turns with the forces, by components along its two rows.
+/// Linearised slip in a suspension, where the direction rotates with the forces. Vectors are given
+/// by their components in the two rows.
 ///
 /// ```text
-/// t = ρ(f) p/|p|,  p = t + z/G       linearised about the present p, with d = p/|p| and e across d:
+/// t = ρ(f) p/|p|,  p = t + z/G       linearised about the current p, with d = p/|p| and e ⟂ d:
 /// t_d = ρ(f),      z_e = c t_e,      c = G (|p| − ρ)/ρ
 /// ```
-/// Along d it slips as in a layer; across d it sticks, with a compliance (Alart & Curnier 1991).
+/// Along d the contact slips as in a layer; along e it sticks, with a compliance (Alart & Curnier
+/// 1991).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Slide {
-    /// d, by components along the rows.
+    /// d, by its components in the rows.
     pub(crate) direction: [f64; 2],
     /// c, in a·rate per unit of force.
     pub(crate) compliance: f64,
 }
 
 impl Slide {
-    /// The direction is of no meaning yet.
+    /// A slide whose direction is not known yet.
     pub(crate) const NONE: Self = Self {
         direction: [1.0, 0.0],
         compliance: 0.0,
     };
 
-    /// The slide of a trial force p whose `length` is above the bound ρ ≥ 0; `own` is G.
-    pub(crate) fn under([x, y]: [f64; 2], length: f64, bound: f64, own: f64) -> Self {
+    /// The slide of a trial force p with a `length` above the bound ρ ≥ 0; `self_mobility` is G.
+    pub(crate) fn from_trial(
+        [x, y]: [f64; 2],
+        length: f64,
+        bound: f64,
+        self_mobility: f64,
+    ) -> Self {
         Self {
             direction: [x / length, y / length],
             compliance: if bound > 0.0 {
-                own * ((length - bound) / bound).max(0.0)
+                self_mobility * ((length - bound) / bound).max(0.0)
             } else {
                 f64::INFINITY
             },
         }
     }
 
-    /// Components along d and e of a vector by components along the rows.
-    pub(crate) fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    /// Components along d and e of a vector given by its components in the rows.
+    pub(crate) fn rotate(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.direction;
         [c * x + s * y, c * y - s * x]
     }
 
-    /// The way back.
-    pub(crate) fn turned_back(&self, [d, e]: [f64; 2]) -> [f64; 2] {
+    /// The inverse of [`Slide::rotate`].
+    pub(crate) fn rotate_back(&self, [d, e]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.direction;
         [c * d - s * e, s * d + c * e]
     }
 }
 
 impl States {
-    /// Forgets what friction does.
+    /// Removes all friction states.
     pub(crate) fn clear_friction(&mut self) {
         self.friction.clear();
         self.slides.clear();
     }
 
-    /// Adds the states of a slip that force shows, were it free of its bound.
+    /// Adds the state of a friction vector, inferred from its unbounded force.
     pub(crate) fn push_friction<S: Space>(&mut self, force: &S::PerTangent<f64>, bound: f64) {
         let [x, y] = *force.as_ref() else {
             let states = force.as_ref().iter();
             self.friction
-                .extend(states.map(|&t| FrictionState::of(t, bound)));
+                .extend(states.map(|&t| FrictionState::from_force(t, bound)));
             return;
         };
         let length = x.hypot(y);
         let mut slide = Slide::NONE;
-        let state = match FrictionState::of(length, bound) {
+        let state = match FrictionState::from_force(length, bound) {
             FrictionState::SlipPositive if length > 0.0 => {
                 slide.direction = [x / length, y / length];
-                slide.compliance = LIKELY_SLIP / bound;
+                slide.compliance = EXPECTED_SLIP / bound;
                 FrictionState::SlipPositive
             }
             FrictionState::Inactive => FrictionState::Inactive,
@@ -270,9 +283,9 @@ impl States {
         self.slides.push(slide);
     }
 
-    /// Sign of the force of row `m`, if that follows the load; 0 for others.
+    /// Sign of the force of row `m` if it is proportional to the load; 0 for others.
     pub(crate) fn sign(&self, m: usize) -> f64 {
-        // Of a slide, the first of its turned rows follows the load, and the other sticks.
+        // In the frame of a slide, the first row slips and the second sticks.
         if self.slide(m).is_some() && m % 2 == 1 {
             0.0
         } else {
@@ -280,18 +293,18 @@ impl States {
         }
     }
 
-    /// Whether row `m`, turned if it slides, sticks.
+    /// Whether row `m`, in the frame of its slide if it slides, sticks.
     pub(crate) fn sticks(&self, m: usize) -> bool {
         self.friction[m] == FrictionState::Stick || self.slide(m).is_some() && m % 2 == 1
     }
 
-    /// The direction and compliance of the slip that row `m` is a part of, if it slides in a suspension.
+    /// The slide of the vector that row `m` belongs to, if it slides in a suspension.
     pub(crate) fn slide(&self, m: usize) -> Option<&Slide> {
         let slide = self.slides.get(m / 2)?;
         (self.friction[m] == FrictionState::SlipPositive).then_some(slide)
     }
 
-    /// Room for that many candidates and twice as many rows.
+    /// Reserves memory for that many candidates and twice as many friction vectors.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.closed.reserve(candidates);
         self.friction.reserve(4 * candidates);
@@ -299,10 +312,10 @@ impl States {
     }
 }
 
-/// Slip velocity, in a·rate, that a slide is expected to have before the first system says it.
-const LIKELY_SLIP: f64 = 0.3;
+/// Slip velocity, in a·rate, expected of a slide before the first linear system.
+const EXPECTED_SLIP: f64 = 0.3;
 
-/// Forces, and the velocities that go with them.
+/// Forces, and the velocities that correspond to them.
 #[derive(Debug, Default)]
 pub(crate) struct Forces {
     /// f of each candidate, in mu·a²·rate.
@@ -316,7 +329,7 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
-    /// Takes all values of another, without allocating once there is room.
+    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.tangential.clone_from(&other.tangential);
@@ -324,7 +337,7 @@ impl Forces {
         self.slip.clone_from(&other.slip);
     }
 
-    /// Room for that many candidates and twice as many rows.
+    /// Reserves memory for that many candidates and twice as many friction vectors.
     pub(crate) fn reserve(&mut self, candidates: usize) {
         self.normal.reserve(candidates);
         self.slack.reserve(candidates);
@@ -332,7 +345,7 @@ impl Forces {
         self.slip.reserve(4 * candidates);
     }
 
-    /// No forces of no contacts.
+    /// Removes all forces.
     pub(crate) fn clear(&mut self) {
         for values in [
             &mut self.normal,
@@ -344,7 +357,7 @@ impl Forces {
         }
     }
 
-    /// Brings forces that are out of their bounds back into them.
+    /// Projects forces onto their bounds.
     pub(crate) fn project_onto_bounds<S: Space>(&mut self, problem: &Problem<S>) {
         for f in &mut self.normal {
             *f = f.max(0.0);
@@ -356,7 +369,7 @@ impl Forces {
         }
     }
 
-    /// Halves the step from other forces to these, whose slack and slip are known.
+    /// Halves the step from `from` to these forces, whose slack and slip are known.
     pub(crate) fn halve_step(&mut self, from: &Self) {
         for (values, from) in [
             (&mut self.normal, &from.normal),
@@ -370,8 +383,9 @@ impl Forces {
         }
     }
 
-    /// Reads off forces, whose slack and slip are known, what they violate: of each candidate
-    /// `min(G f, w)`, of each friction `|t − the nearest to t + z/G within ρ|`.
+    /// Evaluates the violation of the conditions by forces whose slack and slip are known:
+    /// `min(G f, w)` of each candidate, and `|t − P(t + z/G)|` of each friction vector, where P
+    /// projects onto the bound ρ.
     fn violations<S: Space>(
         &self,
         problem: &Problem<S>,
@@ -388,20 +402,21 @@ impl Forces {
         for ((t, z), rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
             let row = &rows[0];
             let bound = row.bound(self.normal[row.contact]);
-            let own = system.mobility(row.contact) + row.compliance;
+            let self_mobility = system.mobility(row.contact) + row.compliance;
             let mut trial = *t;
             for k in 0..S::TANGENTS {
-                trial[k] += z[k] / own;
+                trial[k] += z[k] / self_mobility;
             }
-            let mut missing = S::within(&trial, bound);
+            let mut difference = S::within(&trial, bound);
             for k in 0..S::TANGENTS {
-                missing[k] = t[k] - missing[k];
+                difference[k] = t[k] - difference[k];
             }
-            friction(S::length(&missing));
+            friction(S::length(&difference));
         }
     }
 
-    /// Sum of the squares of what these forces violate, whose slack and slip are known.
+    /// Sum of the squared violations of the conditions by these forces, whose slack and slip are
+    /// known.
     pub(crate) fn square_violation<S: Space>(
         &self,
         problem: &Problem<S>,
@@ -411,13 +426,13 @@ impl Forces {
         self.violations(
             problem,
             system,
-            |k, missing| normal += (missing / system.mobility(k)).powi(2),
-            |missing| friction += missing * missing,
+            |k, violation| normal += (violation / system.mobility(k)).powi(2),
+            |violation| friction += violation * violation,
         );
         normal + friction
     }
 
-    /// Violation of the conditions by these forces, whose slack and slip are known.
+    /// Largest violations of the conditions by these forces, whose slack and slip are known.
     pub(crate) fn violation<S: Space>(
         &self,
         problem: &Problem<S>,
@@ -428,32 +443,32 @@ impl Forces {
         self.violations(
             problem,
             system,
-            |_, missing| residual = worse(residual, missing.abs()),
-            |missing| error = worse(error, missing),
+            |_, violation| residual = worse(residual, violation.abs()),
+            |violation| error = worse(error, violation),
         );
-        let most = self
+        let largest = self
             .normal
             .iter()
             .copied()
             .fold(f64::MIN_POSITIVE, f64::max);
         Violation {
             residual,
-            friction_error: error / most,
+            friction_error: error / largest,
         }
     }
 }
 
-/// By how much forces violate the conditions of a problem.
+/// Violation of the conditions of a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Violation {
-    /// `max |min(G f, w)|`, G the mobility of the contact; in a·rate.
+    /// `max |min(G f, w)|`, with the mobility G of the contact; in a·rate.
     pub(crate) residual: f64,
-    /// `max |t − the nearest to t + z/G within ρ|` over the largest normal force.
+    /// `max |t − P(t + z/G)|` over the largest normal force, where P projects onto the bound ρ.
     pub(crate) friction_error: f64,
 }
 
 impl Violation {
-    /// What it says of a solution.
+    /// The status of a solution with this violation.
     pub(crate) fn status(self) -> Status {
         if self.residual > Quality::RESIDUAL_LIMIT {
             Status::Failed
@@ -472,12 +487,12 @@ pub(crate) struct RoundoffThresholds {
     pub(crate) force: f64,
     /// Velocities below this, in a·rate.
     pub(crate) velocity: f64,
-    /// Whether the forces are as exact as they can be.
+    /// Whether the linear system was solved as accurately as possible.
     pub(crate) exact: bool,
 }
 
 impl RoundoffThresholds {
-    /// Nothing is rounding.
+    /// No magnitude is treated as zero.
     pub(crate) const NONE: Self = Self {
         force: 0.0,
         velocity: 0.0,
@@ -485,12 +500,13 @@ impl RoundoffThresholds {
     };
 }
 
-/// The linear algebra behind a problem: how forces of contacts move contacts.
+/// Linear algebra of a contact problem: the response of contact velocities to contact forces.
 pub(crate) trait System<S: Space = Layer> {
-    /// Forces (of either sign) of an active set, with their slack and slip.
+    /// Solves the linear problem of an active set for the forces, of either sign, and their slack
+    /// and slip.
     ///
-    /// `last`: whether this active set is expected to be the last, so that the forces should be as
-    /// exact as they can be. `None` where the linear system has no solution.
+    /// `last`: whether this active set is expected to be final, so that it is solved as accurately
+    /// as possible. `None` where the linear system has no solution.
     fn solve(
         &mut self,
         problem: &Problem<S>,
@@ -499,15 +515,16 @@ pub(crate) trait System<S: Space = Layer> {
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds>;
 
-    /// Slack and slip of the motion of the solution before, where there is one; whether there is.
+    /// Sets slack and slip from the motion of the preceding solution; returns whether there is one.
     fn read_motion(&self, _problem: &Problem<S>, _forces: &mut Forces) -> bool {
         false
     }
 
-    /// Slack and slip of given forces.
+    /// Sets slack and slip of given forces.
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces);
 
-    /// How fast a unit of force moves its own candidate, about; in a·rate per unit of force.
+    /// Approximate normal velocity of a contact under a unit of its own force; in a·rate per unit
+    /// of force.
     fn mobility(&self, candidate: usize) -> f64;
 }
 

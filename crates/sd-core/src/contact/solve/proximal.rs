@@ -1,24 +1,25 @@
-//! The one fallback: the proximal point method, a sequence of problems whose contacts are softer.
+//! The fallback: the proximal point method, a sequence of problems with softened contacts.
 //!
 //! ```text
 //! w = C v + b + κ f + ε (f − f̂)          z = D v + d − μ t − ε (t − t̂)
 //! ```
 //!
-//! with the forces f̂ and t̂ of the problem before. Where f = f̂ and t = t̂ the solution is that of the
-//! problem itself, for any ε (augmented Lagrangian: Rockafellar, SIAM J. Control Optim. 14, 877 (1976)).
-//! Contacts that are soft enough have one solution, which [`super::newton`] finds: their own
-//! compliance outweighs what they do to each other. Hard ones take fewer problems. So a problem that is
-//! solved is followed by one a tenth as soft, one that is not by one ten times as soft.
+//! Here f̂ and t̂ are the forces of the preceding problem. Where f = f̂ and t = t̂, the solution is
+//! that of the original problem for any ε (augmented Lagrangian: Rockafellar, SIAM J. Control
+//! Optim. 14, 877 (1976)). If contacts are soft enough, their own compliance exceeds their
+//! interaction: the solution is unique, and [`super::newton`] finds it. Stiffer contacts require
+//! fewer problems. Therefore ε is divided by ten after a problem that was solved, and multiplied by
+//! ten after one that was not.
 //!
-//! Where Newton's method fails, the bounds of friction are held for one problem, at the present loads:
-//! friction is then that of Tresca, and the problem is the minimum of a convex function of
-//! the velocities, with one solution (Kunisch & Stadler, ESAIM: M2AN 39, 41 (2005)).
+//! Where Newton's method fails, the friction bounds are fixed for one problem at the current loads.
+//! This is Tresca friction: the problem is the minimisation of a convex function of the velocities,
+//! with a unique solution (Kunisch & Stadler, ESAIM: M2AN 39, 41 (2005)).
 //!
-//! With Coulomb's law the sequence mostly ends after a few problems, but a solution need not
-//! exist, and there can be several: it starts from the present forces, then from none. If it
-//! settles from neither, the bounds stay as the last loads have them. The method then
-//! converges wherever a motion keeps the gaps, and how far friction is from the law is measured. If no
-//! motion keeps the gaps, forces grow without bound.
+//! With Coulomb's law the sequence usually converges after a few problems, but a solution need not
+//! exist, and there can be several. The sequence is started from the current forces, and then from
+//! zero. If neither converges, the bounds are fixed at the last loads. The method then converges
+//! whenever an admissible motion exists, and the violation of the friction law is measured. If
+//! there is no admissible motion, forces grow without bound.
 
 use super::newton::FrictionActivation;
 use super::problem::{Forces, Problem, System, largest};
@@ -27,44 +28,45 @@ use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
 use crate::space::Space;
 
-/// Problems of one sequence at most. With 30 in its place friction stays inexact in 9 % instead of 2 % of the stages of layers of 100 at
-/// c = 0.76, ν = 0.3 and 1 together, with 15 in 20 %.
+/// Maximum number of problems in a sequence. In layers of 100 spheres at c = 0.76 with ν = 0.3 and
+/// 1, friction stays inexact in 2 % of the stages; with 30 problems in 9 %, with 15 in 20 %.
 const MAX_PROBLEMS: u32 = 60;
-/// The first ε, in a/(mu·a²·rate). Ten times more or less, like a factor of 4 or 30 for [`SOFTENING`], changes which hard stages of such
-/// layers stay inexact, and not how many within their scatter.
+/// The first ε, in a/(mu·a²·rate). Neither a factor of ten in it nor a factor of 4 or 30 for
+/// [`SOFTNESS_RATIO`] changes the number of inexact stages of such layers beyond its scatter.
 const FIRST_SOFTNESS: f64 = 1e-4;
-/// The largest ε: contacts are then softer than the motions of their spheres by far. The sequence starts over from the first.
+/// The largest ε, at which contacts are much softer than the motions of their spheres. Beyond it
+/// the sequence starts again from the first ε.
 const MAX_SOFTNESS: f64 = 1.0;
-/// Residual, in a·rate, and friction error from which on a solution may be final.
-const EXACT: f64 = 1e-8;
-/// By what ε changes from one problem to the next.
-const SOFTENING: f64 = 10.0;
-/// Largest coefficient of a bound that is held: an infinite one is no bound with a load, and 0 without.
+/// Residual, in a·rate, and friction error below which a solution may be final.
+const FINAL_ERROR: f64 = 1e-8;
+/// Factor between successive values of ε.
+const SOFTNESS_RATIO: f64 = 10.0;
+/// Largest coefficient of a fixed bound: with an infinite one, the bound would be infinite or zero.
 const MAX_COEFFICIENT: f64 = 100.0;
 
 impl<S: Space> Problem<S> {
-    /// Becomes another problem whose contacts are softer by ε about given forces.
-    fn soften(&mut self, other: &Self, softness: f64, about: &Forces) {
+    /// Becomes a copy of `other` with its contacts softened by ε about the forces `reference`.
+    fn soften(&mut self, other: &Self, softness: f64, reference: &Forces) {
         self.copy_from(other);
-        for (entry, f) in self.normal.iter_mut().zip(&about.normal) {
+        for (entry, f) in self.normal.iter_mut().zip(&reference.normal) {
             entry.bias -= softness * f;
             entry.compliance += softness;
         }
-        for (row, t) in self.tangential.iter_mut().zip(&about.tangential) {
+        for (row, t) in self.tangential.iter_mut().zip(&reference.tangential) {
             row.shift += softness * t;
             row.compliance += softness;
         }
     }
 
-    /// Makes friction active where it is in a copy.
+    /// Copies on which rows friction is active.
     fn copy_activation(&mut self, copy: &Self) {
         for (row, copied) in self.tangential.iter_mut().zip(&copy.tangential) {
             (row.active, row.was_deactivated) = (copied.active, copied.was_deactivated);
         }
     }
 
-    /// Holds the bounds of friction at given loads.
-    fn hold_bounds(&mut self, loads: &[f64]) {
+    /// Fixes the friction bounds at given loads.
+    fn fix_bounds(&mut self, loads: &[f64]) {
         for row in &mut self.tangential {
             row.coefficient = row.coefficient.min(MAX_COEFFICIENT);
             row.intercept = row.bound(loads[row.contact]);
@@ -75,7 +77,7 @@ impl<S: Space> Problem<S> {
 }
 
 impl<S: Space> ProblemSolver<S> {
-    /// Solves the problem from the present forces, which are then those found.
+    /// Solves the problem from the current forces, which become those of the solution.
     pub(super) fn solve_proximal(
         &mut self,
         problem: &mut Problem<S>,
@@ -94,39 +96,40 @@ impl<S: Space> ProblemSolver<S> {
         }
         if outcome.status != Status::Solved {
             if outcome.status == Status::NoAdmissibleMotion {
-                self.forces.copy_from(&self.start);
+                self.forces.copy_from(&self.initial);
             }
-            let mut held = std::mem::take(&mut self.held);
-            held.copy_from(problem);
-            held.hold_bounds(&self.forces.normal);
-            outcome = self.iterate(&mut held, system, None, refine);
+            let mut bounded = std::mem::take(&mut self.bounded);
+            bounded.copy_from(problem);
+            bounded.fix_bounds(&self.forces.normal);
+            outcome = self.iterate(&mut bounded, system, None, refine);
             systems += outcome.systems;
-            problem.normal.clone_from(&held.normal);
-            self.held = held;
+            problem.normal.clone_from(&bounded.normal);
+            self.bounded = bounded;
             outcome.violation = self.forces.violation(problem, system);
             if outcome.status == Status::Solved {
                 outcome.status = outcome.violation.status();
             }
         }
         if outcome.status == Status::Solved {
-            // Its active set is that of the problem itself, which Newton's method then solves as exactly as any.
-            self.start.copy_from(&self.forces);
-            self.read_states(problem);
+            // The active set is that of the original problem, which Newton's method then solves to
+            // full accuracy.
+            self.initial.copy_from(&self.forces);
+            self.infer_states(problem);
             let (converged, more) = self.newton(problem, system, activation, refine);
             systems += more;
             if converged {
                 outcome = self.accept(problem, system, systems);
             } else {
-                self.forces.copy_from(&self.start);
+                self.forces.copy_from(&self.initial);
                 system.measure(problem, &mut self.forces);
             }
         }
         Outcome { systems, ..outcome }
     }
 
-    /// The sequence of softer problems, from the present forces.
+    /// Solves the sequence of softened problems, from the current forces.
     ///
-    /// `activation`: none where the bounds of friction are held.
+    /// `activation`: `None` where the friction bounds are fixed.
     fn iterate(
         &mut self,
         problem: &mut Problem<S>,
@@ -136,40 +139,40 @@ impl<S: Space> ProblemSolver<S> {
     ) -> Outcome {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
-        let given = FrictionActivation::GIVEN;
-        let first = activation.unwrap_or(given);
-        let mut softer = std::mem::take(&mut self.softer);
+        let fixed = FrictionActivation::FIXED;
+        let first = activation.unwrap_or(fixed);
+        let mut softened = std::mem::take(&mut self.softened);
         let (mut softness, mut systems, mut failed) = (FIRST_SOFTNESS, 0, false);
         let mut before = f64::INFINITY;
         for count in 1.. {
-            self.about.copy_from(&self.forces);
-            softer.soften(problem, softness, &self.about);
+            self.reference.copy_from(&self.forces);
+            softened.soften(problem, softness, &self.reference);
             if failed {
-                self.read_states_of_motion(&softer);
+                self.infer_states_of_motion(&softened);
             } else {
-                self.read_states(problem);
+                self.infer_states(problem);
             }
-            let (mut solved, mut more) = self.newton(&mut softer, system, first, &mut |_, _| 0);
+            let (mut solved, mut more) = self.newton(&mut softened, system, first, &mut |_, _| 0);
             systems += more;
             failed = !solved;
             if solved {
-                problem.copy_activation(&softer);
+                problem.copy_activation(&softened);
             } else if activation.is_some() {
-                softer.soften(problem, softness, &self.about);
-                softer.hold_bounds(&self.about.normal);
-                self.forces.copy_from(&self.about);
-                self.forces.project_onto_bounds(&softer);
-                self.read_states(&softer);
-                (solved, more) = self.newton(&mut softer, system, given, &mut |_, _| 0);
+                softened.soften(problem, softness, &self.reference);
+                softened.fix_bounds(&self.reference.normal);
+                self.forces.copy_from(&self.reference);
+                self.forces.project_onto_bounds(&softened);
+                self.infer_states(&softened);
+                (solved, more) = self.newton(&mut softened, system, fixed, &mut |_, _| 0);
                 systems += more;
             }
             if solved {
-                self.forces.project_onto_bounds(&softer);
+                self.forces.project_onto_bounds(&softened);
                 if failed && first.updates {
                     self.update_activation(problem, system, first, 0.0);
                 }
             } else {
-                self.forces.copy_from(&self.about);
+                self.forces.copy_from(&self.reference);
             }
             system.measure(problem, &mut self.forces);
             let is_linearised = refine(problem, &self.forces) == 0;
@@ -183,12 +186,12 @@ impl<S: Space> ProblemSolver<S> {
             };
             let error = violation.residual.max(violation.friction_error);
             let gives_up = count == MAX_PROBLEMS || !solved && softness >= MAX_SOFTNESS;
-            // A solution is final once the next problem does not make it better.
-            let is_exact = status == Status::Solved && error < EXACT;
+            // A solution is final once the next problem does not improve it.
+            let is_exact = status == Status::Solved && error < FINAL_ERROR;
             let is_final = is_exact && !failed && error >= before || is_unbounded;
             before = error;
             if is_final || gives_up {
-                self.softer = softer;
+                self.softened = softened;
                 return Outcome {
                     status,
                     violation,
@@ -196,9 +199,9 @@ impl<S: Space> ProblemSolver<S> {
                 };
             }
             softness = if !failed {
-                COMPLIANCE.max(softness / SOFTENING)
+                COMPLIANCE.max(softness / SOFTNESS_RATIO)
             } else if softness < MAX_SOFTNESS {
-                SOFTENING * softness
+                SOFTNESS_RATIO * softness
             } else {
                 FIRST_SOFTNESS
             };
@@ -206,10 +209,10 @@ impl<S: Space> ProblemSolver<S> {
         unreachable!("the last problem ends the sequence")
     }
 
-    /// The active set that the present motion shows where contacts are as soft as those of a problem.
-    fn read_states_of_motion(&mut self, softer: &Problem<S>) {
+    /// Infers the active set from the current motion, with contacts as compliant as in `softened`.
+    fn infer_states_of_motion(&mut self, softened: &Problem<S>) {
         let (forces, states) = (&self.forces, &mut self.states);
-        let normal = softer.normal.iter().enumerate();
+        let normal = softened.normal.iter().enumerate();
         let loads = normal.map(|(k, entry)| forces.normal[k] - forces.slack[k] / entry.compliance);
         states.closed.clear();
         states.closed.extend(loads.map(|load| load > 0.0));
@@ -217,10 +220,10 @@ impl<S: Space> ProblemSolver<S> {
         let slips = S::by_slip(&forces.tangential)
             .iter()
             .zip(S::by_slip(&forces.slip));
-        for ((t, z), rows) in slips.zip(softer.tangential.chunks_exact(S::TANGENTS)) {
+        for ((t, z), rows) in slips.zip(softened.tangential.chunks_exact(S::TANGENTS)) {
             let (row, mut trial) = (&rows[0], *t);
             let k = row.contact;
-            let load = forces.normal[k] - forces.slack[k] / softer.normal[k].compliance;
+            let load = forces.normal[k] - forces.slack[k] / softened.normal[k].compliance;
             for (trial, z) in trial.as_mut().iter_mut().zip(z.as_ref()) {
                 *trial += z / row.compliance;
             }

@@ -1,23 +1,28 @@
-//! The contact problem of large layers: no matrix of contacts, one sparse factor in which closed contacts are stiff.
+//! The contact problem of large systems: no matrix of contacts is formed, and the preconditioner is
+//! one sparse factor in which closed contacts are stiff springs.
 //!
-//! For given states the velocities and forces solve one linear system, here with rows that slide left out of the unknowns:
+//! For a given active set, velocities and forces are the solution of one linear system. Slipping
+//! rows are eliminated from the unknowns:
 //!
 //! ```text
 //! R v − Cᵀ f + Dᵀ t = F                    all spheres
-//! C v + κ f = −b                           closed candidates
-//! D v − μ t = −d                           sticking rows; t = ±ν (f − f₀) on sliding ones
-//! R v_N − Cᵀ f = F_N                       where rows read the motion v_N that normal forces alone leave, in place of v
+//! C v + κ f = −b                           closed contacts
+//! D v − μ t = −d                           sticking rows; t = ±ν (f − f₀) on slipping ones
+//! R v_N − Cᵀ f = F_N                       where friction depends on the motion v_N under normal
+//!                                          forces alone, instead of v
 //! ```
 //!
-//! It is solved by [`Gmres`] in double precision. The preconditioner is the same system with the near part of R and without what makes it
-//! unsymmetric; eliminating the forces from it leaves `R + Cᵀ S C + Dᵀ S D` with the stiffnesses S = 1/κ of springs over the time
-//! ahead, or a large one for rigid contacts: a sparse Cholesky factor in single precision. So soft and rigid contacts cost the same.
+//! It is solved by [`Gmres`] in double precision. The preconditioner is the same system with only
+//! the near-field part of R and without the unsymmetric terms. Elimination of the forces leaves the
+//! Schur complement `R + Cᵀ S C + Dᵀ S D`, with the stiffnesses S = 1/κ of springs over the time
+//! span, or a large stiffness for rigid contacts. It is factored by a sparse Cholesky factorisation
+//! in single precision. Soft and rigid contacts therefore have the same cost.
 
 mod active;
 mod assembly;
 mod linear;
 
-use self::active::Active;
+use self::active::ActiveTerms;
 use self::linear::{BothMotions, Linear, Preconditioner};
 use super::problem::{
     AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
@@ -26,43 +31,48 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{
     Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance,
 };
-use crate::linalg::Until;
+use crate::linalg::StopCriteria;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
 use crate::space::Layer;
 use std::f64::consts::PI;
 
-/// Smallest compliance in the preconditioner, in a/(mu·a²·rate): single precision holds its inverse well.
-const LEAST_COMPLIANCE: f64 = 1e-6;
-/// Largest stiffness in the preconditioner, that of rigid contacts.
-const STIFF: f64 = 1.0 / LEAST_COMPLIANCE;
-/// What a velocity counts in the norm of the residual: the force that it takes, in mu·a.
-const WEIGHT: f64 = 30.0;
-/// By how much one call lowers the residual. With 1e-3 layers of 1000 take a fifth more linear systems, with 1e-5 an eighth more iterations.
-const GAIN: f64 = 1e-4;
-/// Residual that is small enough, over the norm of all forces.
-const ROUNDING: f64 = 1e-11;
-/// Velocity, in a·rate, below which it is small enough however large the forces are, unless it is lost in rounding.
-const SLOW: f64 = 1e-9;
-/// Residual that is rounding, over the norm of all forces.
-const LEAST_ROUNDING: f64 = 1e-14;
-/// Most iterations of one call.
-const MOST_ITERATIONS: usize = 40;
-/// Calls for the motion under given forces, whose residual is measured by it.
-const MOST_CALLS: u32 = 8;
-/// Forces are never judged against less than the drag on a sphere, in mu·a²·rate.
-const LEAST_FORCE: f64 = 6.0 * PI;
-/// Mobility of a contact, about, in 1/(mu·a).
+/// Minimum compliance in the preconditioner, in a/(mu·a²·rate): its inverse is well represented in
+/// single precision.
+const MIN_COMPLIANCE: f64 = 1e-6;
+/// Maximum stiffness in the preconditioner, that of rigid contacts.
+const MAX_STIFFNESS: f64 = 1.0 / MIN_COMPLIANCE;
+/// Weight of velocities relative to forces in the norm of the residual, in mu·a.
+const VELOCITY_WEIGHT: f64 = 30.0;
+/// Factor by which one call reduces the residual. With 1e-3, layers of 1000 spheres require 20 %
+/// more linear systems; with 1e-5, an eighth more iterations.
+const RESIDUAL_REDUCTION: f64 = 1e-4;
+/// Residual that is accurate enough, over the norm of all forces.
+const RESIDUAL_TOLERANCE: f64 = 1e-11;
+/// Residual velocity, in a·rate, that is accurate enough however large the forces are,
+/// unless it is below rounding error.
+const VELOCITY_TOLERANCE: f64 = 1e-9;
+/// Residual due to rounding, over the norm of all forces.
+const ROUNDOFF_RESIDUAL: f64 = 1e-14;
+/// Maximum number of iterations of one call.
+const MAX_ITERATIONS: usize = 40;
+/// Maximum number of calls for the motion under given forces, from which their residual is
+/// computed.
+const MAX_MEASURE_CALLS: u32 = 8;
+/// Minimum norm of the forces relative to which residuals are measured: the drag on one sphere, in
+/// mu·a²·rate.
+const MIN_FORCE: f64 = 6.0 * PI;
+/// Typical mobility of a contact, in 1/(mu·a).
 const MOBILITY: f64 = 0.02;
 
-/// What is at hand of the near part of R.
+/// Availability of the near-field part of R.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-enum HasNear {
+enum NearFieldStatus {
     #[default]
-    Nothing,
+    Missing,
     Matrix,
-    /// The matrix too.
+    /// Both the matrix and its factor.
     Factor,
 }
 
@@ -71,66 +81,70 @@ enum HasNear {
 pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// v, `[3N]`.
     velocities: Vec<f64>,
-    /// v_N, `[3N]`, where tangential rows read it.
+    /// v_N, `[3N]`, where friction depends on it.
     frictionless: Vec<f64>,
-    /// Whether these are a solution's.
+    /// Whether these velocities are those of a solution.
     has_motion: bool,
     /// F and F_N, `[3N]` each.
     applied: [Vec<f64>; 2],
-    /// Number of each candidate's pair in the pattern.
+    /// Index of each candidate's pair in the pattern.
     numbers: Vec<Option<usize>>,
-    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    held: NearMatrix<S>,
-    /// Stiffnesses of the candidates and rows in it, and whether it was made in this stage.
+    /// Factor of the preconditioner, the near-field part of `R + Cᵀ S C + Dᵀ S D`.
+    stiff_factor: NearMatrix<S>,
+    /// Stiffnesses of the candidates and rows in that factor, and whether it was computed in this
+    /// stage.
     factored: Vec<f64>,
     is_factored: bool,
-    /// Whether the matrix is of the candidates and rows at hand; spheres whose stiffness in it is another now.
+    /// Whether the matrix has the current candidates and rows; spheres whose stiffness has changed
+    /// since.
     is_same: bool,
     changed: Vec<bool>,
-    /// Stiffnesses that the states ask for.
+    /// Stiffnesses for the current active set.
     stiffness: Vec<f64>,
-    /// What the states put into the system.
-    active: Active<S>,
-    /// The near part of R, and what of it is that of the stage.
+    /// Terms of the linear system for the current active set.
+    active: ActiveTerms<S>,
+    /// The near-field part of R, and whether it belongs to the current stage.
     near: NearMatrix<S>,
-    has_near: HasNear,
+    near_status: NearFieldStatus,
     /// Solver of the system.
     gmres: Gmres,
-    /// Residual and correction: of v, of v_N, of f, of t.
+    /// Residual and correction, each of v, v_N, f and t.
     residual: Vec<f64>,
     correction: Vec<f64>,
     /// Forces on the spheres, `[3N]`.
     work: Vec<f64>,
     both: BothMotions<S>,
-    /// What belongs to the motion under given forces: applied forces with those of contacts, contacts that are open, no forces.
+    /// Workspace for the motion under given forces: applied and contact forces together, all
+    /// contacts open, no contact forces.
     given: [Vec<f64>; 2],
-    open: States,
-    none: Forces,
+    open_states: States,
+    no_forces: Forces,
 }
 
 impl<S: Fluid> SparseSystem<S> {
-    /// Begins a stage at new positions.
-    pub(crate) fn start(&mut self) {
-        self.has_near = HasNear::Nothing;
+    /// Starts a stage at new positions.
+    pub(crate) fn begin_stage(&mut self) {
+        self.near_status = NearFieldStatus::Missing;
         self.is_factored = false;
     }
 
-    /// Forgets the motion of the stage before: the next one begins with spheres at rest in the background.
-    pub(crate) fn forget(&mut self) {
+    /// Discards the motion of the preceding stage: the next solution starts from spheres that move
+    /// with the background.
+    pub(crate) fn clear_motion(&mut self) {
         self.velocities.clear();
         self.frictionless.clear();
         self.has_motion = false;
     }
 
-    /// Disturbance velocities `[3N]` of the last solution, and those that normal forces alone leave.
+    /// Disturbance velocities `[3N]` of the last solution, and those under normal forces alone.
     pub(crate) fn velocities(&self) -> [&[f64]; 2] {
         [&self.velocities, &self.frictionless]
     }
 }
 
 impl<S: Fluid> SparseSystem<S> {
-    /// The residual of the linear system at the velocities and forces at hand.
-    fn find_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces) {
+    /// Computes the residual of the linear system at the current velocities and forces.
+    fn compute_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.uses_frictionless_slip {
@@ -155,14 +169,14 @@ impl<S: Fluid> SparseSystem<S> {
             }
         }
         for entry in &linear.active.closed {
-            let (k, row) = (entry.at as usize, entry.row());
+            let (k, row) = (entry.index as usize, entry.row());
             let f = forces.normal[k];
             row.add(f, r_v);
             if problem.uses_frictionless_slip {
                 row.add(f, r_n);
             }
             let moved = row.read(&self.velocities) + entry.compliance * f;
-            r_f[k] = -WEIGHT * (moved + problem.normal[k].bias);
+            r_f[k] = -VELOCITY_WEIGHT * (moved + problem.normal[k].bias);
         }
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             if t != 0.0 {
@@ -175,14 +189,14 @@ impl<S: Fluid> SparseSystem<S> {
             &self.velocities
         };
         for entry in &linear.active.sticking {
-            let m = entry.at;
+            let m = entry.index;
             let moved = entry.row.read(flow) - entry.compliance * entry.force(&forces.tangential);
-            r_t[m] = -WEIGHT * (moved + entry.shift);
+            r_t[m] = -VELOCITY_WEIGHT * (moved + entry.shift);
         }
     }
 
-    /// Forces of states that carry none or that follow the load.
-    fn follow(linear: &Linear<'_, S>, forces: &mut Forces) {
+    /// Sets the forces that the active set prescribes: zero, or proportional to the load.
+    fn set_dependent_forces(linear: &Linear<'_, S>, forces: &mut Forces) {
         let problem = linear.problem;
         forces.normal.resize(problem.normal.len(), 0.0);
         forces.tangential.resize(problem.tangential.len(), 0.0);
@@ -202,16 +216,16 @@ impl<S: Fluid> SparseSystem<S> {
             let force = row.slipping_force(state, forces.normal[row.contact]);
             match (linear.states.slide(m), t.as_mut()) {
                 (Some(slide), [x, y]) => {
-                    let [_, across] = slide.turned([*x, *y]);
-                    [*x, *y] = slide.turned_back([force, across]);
+                    let [_, across] = slide.rotate([*x, *y]);
+                    [*x, *y] = slide.rotate_back([force, across]);
                 }
                 (_, t) => t.fill(force),
             }
         }
     }
 
-    /// Makes the factor that the states need, unless it is there.
-    fn prepare(
+    /// Updates the preconditioner for the current active set, if necessary.
+    fn update_preconditioner(
         &mut self,
         linear: &Linear<'_, S>,
         pattern: &NearPattern<S>,
@@ -223,12 +237,12 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             self.stiffness.len()
         };
-        // A slide that turns, or slips faster, changes little.
+        // A slide whose direction or compliance changes affects the matrix little.
         let slides = |at: usize| {
             let row = at.checked_sub(problem.normal.len());
             row.is_some_and(|m| linear.states.slide(m).is_some())
         };
-        let is_soft = |stiffness: f64| stiffness > 0.0 && stiffness < STIFF;
+        let is_soft = |stiffness: f64| stiffness > 0.0 && stiffness < MAX_STIFFNESS;
         let mut pairs = self.factored.iter().zip(&self.stiffness).enumerate();
         let fits = self.is_factored
             && self.factored.len() == rows
@@ -236,11 +250,11 @@ impl<S: Fluid> SparseSystem<S> {
                 .all(|(at, (&old, &new))| old == new || is_soft(old) && is_soft(new) && slides(at));
         if !fits {
             self.assemble((problem, linear.states), pattern, rows);
-            // Where it fails there is none.
+            // If the factorisation fails, there is no factor.
             if std::mem::take(&mut self.is_factored) {
-                self.held.factor_again(pattern)?;
+                self.stiff_factor.factor_again(pattern)?;
             } else {
-                self.held.factor(pattern)?;
+                self.stiff_factor.factor(pattern)?;
             }
             self.is_factored = true;
             self.factored.clear();
@@ -250,19 +264,20 @@ impl<S: Fluid> SparseSystem<S> {
     }
 }
 
-/// A [`SparseSystem`] with the network it belongs to.
-pub(crate) struct OnNetwork<'a, S: Fluid> {
-    /// R pair by pair.
+/// A [`SparseSystem`] with the hydrodynamic resistance of its stage.
+pub(crate) struct SparseSystemView<'a, S: Fluid> {
+    /// R as a sum over pairs.
     pub(crate) network: &'a PairwiseResistance<S>,
-    /// Its pattern.
+    /// Sparsity pattern of its near-field part.
     pub(crate) pattern: &'a NearPattern<S>,
     /// Velocities, factors and workspace.
     pub(crate) system: &'a mut SparseSystem<S>,
-    /// The residual that is enough, over the forces that drive the spheres; 0: as exact as can be.
-    pub(crate) enough: f64,
+    /// Residual that is accurate enough, over the norm of the applied forces; 0: as
+    /// accurate as possible.
+    pub(crate) relative_tolerance: f64,
 }
 
-impl<S: Fluid> System<S> for OnNetwork<'_, S> {
+impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
     fn solve(
         &mut self,
         problem: &Problem<S>,
@@ -284,8 +299,8 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     }
 
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
-        // The motion under these forces: no contact is closed, all forces are given.
-        let mut open = std::mem::take(&mut self.system.open);
+        // The motion under these forces: no contact is closed, and all forces are applied.
+        let mut open = std::mem::take(&mut self.system.open_states);
         open.closed.clear();
         open.closed.resize(problem.normal.len(), false);
         open.friction.clear();
@@ -302,19 +317,19 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
         for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
             entry.row.add(-t, &mut self.system.given[0]);
         }
-        let exchange = |system: &mut SparseSystem<S>| {
+        let swap_applied = |system: &mut SparseSystem<S>| {
             std::mem::swap(&mut system.applied, &mut system.given);
         };
-        exchange(self.system);
-        let mut none = std::mem::take(&mut self.system.none);
-        for _ in 0..MOST_CALLS {
-            let roundoff = self.solve(problem, &open, true, &mut none);
+        swap_applied(self.system);
+        let mut no_forces = std::mem::take(&mut self.system.no_forces);
+        for _ in 0..MAX_MEASURE_CALLS {
+            let roundoff = self.solve(problem, &open, true, &mut no_forces);
             if roundoff.is_none_or(|roundoff| roundoff.exact) {
                 break;
             }
         }
-        exchange(self.system);
-        (self.system.open, self.system.none) = (open, none);
+        swap_applied(self.system);
+        (self.system.open_states, self.system.no_forces) = (open, no_forces);
         self.read(problem, forces);
     }
 
@@ -330,8 +345,8 @@ impl<S: Fluid> System<S> for OnNetwork<'_, S> {
     }
 }
 
-impl<'a, S: Fluid> OnNetwork<'a, S> {
-    /// Takes the candidates of a stage and what drives the spheres.
+impl<'a, S: Fluid> SparseSystemView<'a, S> {
+    /// Sets up the candidates of a stage and the applied forces.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
@@ -342,7 +357,7 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         applied: AppliedForces<'_>,
     ) -> Result<Self, Error> {
         let Some(network) = resistance.pairwise() else {
-            unreachable!("a sparse system is made for what is held pair by pair")
+            unreachable!("a sparse system requires a pairwise resistance")
         };
         let given = [applied.all, applied.frictionless];
         for (target, given) in system.applied.iter_mut().zip(given) {
@@ -366,24 +381,24 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         system.numbers.extend(numbers);
         system.is_same = false;
         let pattern = network.pattern();
-        if system.has_near == HasNear::Nothing {
+        if system.near_status == NearFieldStatus::Missing {
             network.fill(pattern, &mut system.near);
-            system.has_near = HasNear::Matrix;
+            system.near_status = NearFieldStatus::Matrix;
         }
-        if problem.uses_frictionless_slip && system.has_near < HasNear::Factor {
+        if problem.uses_frictionless_slip && system.near_status < NearFieldStatus::Factor {
             let factored = system.near.factor(pattern);
             factored.map_err(|bad| Error::NotPositiveDefinite {
                 matrix: "near part of the resistance",
                 pivot: bad.pivot,
                 sphere: bad.pivot / S::MODES,
             })?;
-            system.has_near = HasNear::Factor;
+            system.near_status = NearFieldStatus::Factor;
         }
         Ok(Self {
             pattern,
             network,
             system,
-            enough: applied.relative_tolerance,
+            relative_tolerance: applied.relative_tolerance,
         })
     }
 
@@ -395,69 +410,70 @@ impl<'a, S: Fluid> OnNetwork<'a, S> {
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
         let (problem, system) = (linear.problem, &mut *self.system);
-        SparseSystem::follow(linear, forces);
-        system.find_residual(linear, forces);
+        SparseSystem::set_dependent_forces(linear, forces);
+        system.compute_residual(linear, forces);
         let square = |x: &[f64]| dot(x, x);
         let size = square(&system.applied[0])
             + square(&forces.normal)
             + square(&forces.tangential)
-            + LEAST_FORCE * LEAST_FORCE;
-        // Forces that contacts exchange among themselves, however large, are none of what an iteration from outside is wrong by.
-        let driven = square(&system.applied[0]).sqrt() + LEAST_FORCE;
+            + MIN_FORCE * MIN_FORCE;
+        // Self-balanced contact forces do not count in the tolerance relative to the applied
+        // forces.
+        let driven = square(&system.applied[0]).sqrt() + MIN_FORCE;
         let size = size.sqrt();
-        let floor = (ROUNDING * size)
-            .min(WEIGHT * SLOW)
-            .max(LEAST_ROUNDING * size)
-            .max(self.enough * driven);
+        let floor = (RESIDUAL_TOLERANCE * size)
+            .min(VELOCITY_WEIGHT * VELOCITY_TOLERANCE)
+            .max(ROUNDOFF_RESIDUAL * size)
+            .max(self.relative_tolerance * driven);
         let before = square(&system.residual).sqrt();
         let goal = if last {
             floor
         } else {
-            floor.max(GAIN * before)
+            floor.max(RESIDUAL_REDUCTION * before)
         };
-        let mut left = before;
+        let mut residual_norm = before;
         if before > floor {
-            system.prepare(linear, self.pattern).ok()?;
+            system.update_preconditioner(linear, self.pattern).ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
             let mut preconditioner = Preconditioner {
                 pattern: self.pattern,
-                held: &mut system.held,
+                stiff_factor: &mut system.stiff_factor,
                 near: &mut system.near,
                 stiffness: &system.stiffness,
                 work: &mut system.work,
             };
-            let reached = system.gmres.solve(
+            let info = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
-                Until::new(goal, MOST_ITERATIONS),
+                StopCriteria::new(goal, MAX_ITERATIONS),
                 |x, y| linear.apply(x, y, &mut system.both),
                 |r, z| linear.precondition(&mut preconditioner, r, z),
             );
-            left = reached.residual;
+            residual_norm = info.residual;
             let [v, v_n, f, t] = linear.split(&system.correction);
             let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
             add(&mut system.velocities, v);
             add(&mut system.frictionless, v_n);
             add(&mut forces.normal, f);
             for entry in &linear.active.sticking {
-                entry.add(t[entry.at], &mut forces.tangential);
+                entry.add(t[entry.index], &mut forces.tangential);
             }
-            SparseSystem::follow(linear, forces);
+            SparseSystem::set_dependent_forces(linear, forces);
         }
-        if !left.is_finite() {
+        if !residual_norm.is_finite() {
             return None;
         }
         system.has_motion = true;
         self.read(problem, forces);
         Some(RoundoffThresholds {
-            force: left.max(1e-13 * largest(&forces.normal)),
-            velocity: (left / WEIGHT).max(1e-13),
-            exact: left <= floor,
+            force: residual_norm.max(1e-13 * largest(&forces.normal)),
+            velocity: (residual_norm / VELOCITY_WEIGHT).max(1e-13),
+            exact: residual_norm <= floor,
         })
     }
 
-    /// Slack and slip of the present velocities.
+    /// Computes slack and slip from the current velocities.
     fn read(&self, problem: &Problem<S>, forces: &mut Forces) {
         let Forces {
             normal,

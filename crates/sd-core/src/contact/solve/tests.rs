@@ -10,7 +10,7 @@ use crate::contact::{Quality, Status};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-/// How contacts move each other in a made-up network: the Gram matrices of random columns.
+/// Mobility of the contacts in a synthetic network: Gram matrices of random columns.
 struct Network {
     normal: DMatrix<f64>,
     coupling: DMatrix<f64>,
@@ -18,7 +18,7 @@ struct Network {
 }
 
 impl Network {
-    /// `columns`: of the normal forces, then of friction, row by row of each contact.
+    /// `columns`: those of the normal forces, then those of friction, contact by contact.
     fn new(columns: &[Vec<f64>], law: Law) -> Self {
         let (rows, isolated) = (law.rows(), law.isolated);
         let count = columns.len() / (1 + rows);
@@ -36,7 +36,7 @@ impl Network {
         }
     }
 
-    /// w and z of forces, both of one vector.
+    /// w and z of given forces.
     fn velocities(&self, problem: &Problem, forces: &Forces) -> [DVector<f64>; 2] {
         let f = DVector::from_column_slice(&forces.normal);
         let t = DVector::from_column_slice(&forces.tangential);
@@ -123,30 +123,32 @@ impl System for Network {
     }
 }
 
-/// Columns of contacts that forces move as slowly as in a layer, at about 1e-3 a·rate for a unit: bounds on forces are for these.
+/// Scale of the columns at which contacts have the mobility of a layer, about 1e-3 a·rate per unit
+/// of force, for which the limits on forces are meant.
 const SCALE: f64 = 0.03;
 
-/// A law, in the entries of the problem.
+/// A law, as coefficients of the problem.
 #[derive(Debug, Clone, Copy)]
 struct Law {
     compliance: f64,
     tangential_compliance: f64,
     friction: f64,
-    /// Coefficient of a second row, as rolling friction has it; 0 without.
+    /// Coefficient of a second row, for rolling friction; 0 without it.
     rolling: f64,
     offset: f64,
     isolated: bool,
 }
 
 impl Law {
-    /// Friction rows of a contact.
+    /// Number of friction rows of a contact.
     fn rows(self) -> usize {
         1 + usize::from(self.rolling > 0.0)
     }
 }
 
-/// Every kind of law with a bound: rigid and soft, each with friction that rolls, sticks or has a spring, alone and with rolling friction besides. Without a bound friction that
-/// lifts contacts need not have a solution.
+/// Every kind of bounded law: rigid and soft contacts with roll-slip, Coulomb or spring friction,
+/// each with and without rolling friction. Without a bound, friction that opens contacts need not
+/// have a solution.
 fn laws() -> Vec<Law> {
     let mut all = Vec::new();
     for compliance in [1e-3, 0.3] {
@@ -173,7 +175,7 @@ fn laws() -> Vec<Law> {
     all
 }
 
-/// Rigid contacts with friction that halts slip, as a layer has them.
+/// Rigid contacts with Coulomb friction.
 fn rigid_coulomb(friction: f64) -> Law {
     Law {
         compliance: 1e-10,
@@ -218,13 +220,13 @@ fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
     problem
 }
 
-/// Friction that is active where the problem says.
-const HELD: FrictionActivation = FrictionActivation {
+/// Friction whose activation is fixed.
+const FIXED_ACTIVATION: FrictionActivation = FrictionActivation {
     critical_load: 0.0,
     updates: false,
 };
 
-/// The problem of a law, and its solution from all contacts closed.
+/// Solves the problem of a law, starting with all contacts closed.
 fn solve(
     law: Law,
     network: &mut Network,
@@ -244,7 +246,8 @@ fn solve(
 }
 
 proptest! {
-    /// High friction on rigid contacts, where Newton's method fails most and some networks are jammed.
+    /// High friction on rigid contacts, where Newton's method fails most often and some networks
+    /// are jammed.
     #[test]
     fn gaps_hold_under_high_friction_or_no_motion_is_admissible(
         columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 6), 12..20),
@@ -263,7 +266,7 @@ proptest! {
         for friction in [1.0, 10.0] {
             let law = rigid_coulomb(friction);
             let mut network = Network::new(&columns, law);
-            let (_, _, outcome) = solve(law, &mut network, &given, HELD);
+            let (_, _, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
             prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
             let jammed = outcome.status == Status::NoAdmissibleMotion;
             let residual = outcome.violation.residual;
@@ -272,7 +275,7 @@ proptest! {
     }
 
     #[test]
-    fn friction_is_active_where_loads_say(
+    fn friction_is_active_above_the_critical_load(
         columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
@@ -283,7 +286,7 @@ proptest! {
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
             for row in &problem.tangential {
                 let loaded = solver.forces.normal[row.contact] > activation.critical_load;
-                // One that was deactivated has got its friction back, and keeps it.
+                // Friction that was deactivated once and reactivated stays active.
                 prop_assert!(row.active == loaded || row.was_deactivated, "{law:?}: {row:?}");
             }
         }
@@ -296,9 +299,9 @@ proptest! {
     ) {
         for law in laws() {
             let mut network = Network::new(&columns, law);
-            let (problem, solver, outcome) = solve(law, &mut network, &given, HELD);
+            let (problem, solver, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
-            // The conditions themselves, whatever the solver says of them.
+            // The conditions are evaluated independently of the solver.
             let forces = &solver.forces;
             let [w, z] = network.velocities(&problem, forces);
             for (m, row) in problem.tangential.iter().enumerate() {
@@ -306,7 +309,7 @@ proptest! {
                 prop_assert!(f >= 0.0 && w > -1e-9 && f * w < 1e-8, "{law:?}: {f} {w}");
                 let acts = row.active && f > law.offset;
                 let bound = if acts { row.coefficient * (f - law.offset) } else { 0.0 };
-                // Friction is exact to this share of the largest force.
+                // Tolerance of friction, relative to the largest force.
                 let exact = Quality::FRICTION_LIMIT * largest(&forces.normal);
                 prop_assert!(t.abs() <= bound + exact, "{law:?}: {t} of {bound}");
                 if bound <= exact {
@@ -323,8 +326,9 @@ proptest! {
 }
 
 #[test]
-fn an_isolated_contact_is_solved_by_hand() {
-    // One contact, G = 1 in both directions, pressed at the rate 2 and rubbed at the rate 1.
+fn isolated_contact_has_the_solution_by_hand() {
+    // One contact with G = 1 in both directions, compressed at the rate 2 and sheared at the rate
+    // 1.
     let columns = vec![
         (0..24).map(|k| f64::from(u8::from(k == 0))).collect(),
         (0..24).map(|k| f64::from(u8::from(k == 1))).collect(),
@@ -384,7 +388,7 @@ fn an_isolated_contact_is_solved_by_hand() {
         ),
     ] {
         let mut network = Network::new(&columns, law);
-        let (_, solver, outcome) = solve(law, &mut network, &given, HELD);
+        let (_, solver, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
         let violation = outcome.violation;
         let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);
         assert!(violation.residual < 1e-14 && violation.friction_error < 1e-14);

@@ -1,4 +1,4 @@
-//! Which pairs take part in a contact problem.
+//! Selection of the pairs that take part in a contact problem.
 
 use super::super::laws::Overlap;
 use super::super::memory::WarmStart;
@@ -6,23 +6,29 @@ use super::super::pair::Contact;
 use super::{ContactSolver, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
 
-/// Approach velocity, in a·rate, at which a pair that would touch within the stage is a candidate from the first. With 1 in its place more
-/// pairs are found to close when all is solved, and layers of 1000 take 14 % more linear systems.
-const LIKELY_APPROACH: f64 = 3.0;
+/// Approach velocity, in a·rate: a pair that would touch within the stage at this velocity is an
+/// initial candidate. With 1 instead of 3, more pairs close only in the solution, and layers of
+/// 1000 spheres require 14 % more linear systems.
+const EXPECTED_APPROACH: f64 = 3.0;
 
 impl<S: Fluid> ContactSolver<S> {
-    /// The first candidates: pairs that bore forces in the stage before, and those that are near.
-    pub(super) fn choose(&mut self, input: &StageInput<'_, S>, warm_start: &WarmStart<S>) {
+    /// Selects the initial candidates: pairs that had forces in the preceding stage, and close
+    /// pairs.
+    pub(super) fn choose_candidates(
+        &mut self,
+        input: &StageInput<'_, S>,
+        warm_start: &WarmStart<S>,
+    ) {
         let (radii, pairs) = (input.resistance.radii(), input.resistance.neighbours());
         self.list.clear();
         if !input.laws.normal.law.touches() {
             return;
         }
-        let reach = input.laws.surface.roughness + LIKELY_APPROACH * input.span.time;
-        let mut known = warm_start.known(pairs).peekable();
+        let range = input.laws.surface.roughness + EXPECTED_APPROACH * input.span.time;
+        let mut known = warm_start.matching(pairs).peekable();
         for pair in pairs {
             let forces = known.next_if(|(other, _)| other.key() == pair.key());
-            if forces.is_some() || pair.gap < reach {
+            if forces.is_some() || pair.gap < range {
                 let mut contact = Contact::new(*pair, radii, input.background);
                 if let Some((_, (f, t))) = forces {
                     let across = |force| S::projected(&force, &pair.normal);
@@ -34,10 +40,11 @@ impl<S: Fluid> ContactSolver<S> {
         }
     }
 
-    /// Adds to `list` the pairs left out that would close within the time span after all; whether there were any.
+    /// Adds to `list` the omitted pairs that would close within the time span; returns whether
+    /// there were any.
     ///
-    /// Remembers the forces of the others.
-    pub(super) fn add_closing(
+    /// Stores the forces of the others for the next stage.
+    pub(super) fn add_closing_pairs(
         &mut self,
         input: &StageInput<'_, S>,
         velocities: &[f64],
@@ -50,7 +57,7 @@ impl<S: Fluid> ContactSolver<S> {
         let radii = input.resistance.radii();
         let before = self.list.len();
         let mut known = 0;
-        // Pairs and list are both ordered by (i, j).
+        // Both lists are ordered by (i, j).
         for pair in input.resistance.neighbours() {
             if let Some(contact) = self.list[..before].get(known)
                 && contact.pair.key() == pair.key()
@@ -62,7 +69,7 @@ impl<S: Fluid> ContactSolver<S> {
                 continue;
             }
             let contact = Contact::new(*pair, radii, input.background);
-            if contact.approach(velocities) < parting_velocity(input, &contact) {
+            if contact.approach(velocities) < separation_velocity(input, &contact) {
                 self.list.push(contact);
             }
         }
@@ -74,7 +81,7 @@ impl<S: Fluid> ContactSolver<S> {
     }
 }
 
-/// How much nearer than h a pair is, by the gap that counts.
+/// The overlap h − g of a pair, from the gap that enters its law.
 pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> Overlap {
     let roughness = input.laws.surface.roughness;
     let now = roughness - input.span.gap(contact, input.background);
@@ -87,8 +94,11 @@ pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<
 }
 
 /// The normal velocity above which a pair bears no force.
-fn parting_velocity<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
-    let (overlap, held) = (overlap_of(input, contact), input.span.takes_back_at_once());
+fn separation_velocity<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
+    let (overlap, immediately) = (
+        overlap_of(input, contact),
+        input.span.corrects_overlap_immediately(),
+    );
     let normal = &input.laws.normal;
-    normal.parting_velocity(&overlap, input.span.time, held)
+    normal.separation_velocity(&overlap, input.span.time, immediately)
 }

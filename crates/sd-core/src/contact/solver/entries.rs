@@ -1,4 +1,5 @@
-//! What the laws of the candidates come down to: entries of the contact problem, and what its solution says of them.
+//! Conversion of the laws of the candidates to coefficients of the contact problem, and of its
+//! solution to contact forces and states.
 
 use super::super::laws::{COMPLIANCE, Laws, Overlap};
 use super::super::memory::ContactMemory;
@@ -6,25 +7,25 @@ use super::super::pair::ContactState;
 use super::super::row::Row;
 use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
-use super::{ContactSolver, Pass, StageInput};
+use super::{ContactSolver, SolvePass, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
-use crate::law::Halt;
+use crate::law::FrictionConstraint;
 
-/// Distance of a force from a curved law, over the largest force or 1, at which linearisations end.
-const LINEARISED: f64 = 1e-9;
+/// Largest accepted difference between a force and its nonlinear law, over the largest force or 1.
+const LINEARISATION_TOLERANCE: f64 = 1e-9;
 
 impl<S: Fluid> ContactSolver<S> {
-    /// The entries of the present candidates, and the forces to start from.
-    pub(super) fn pose(
+    /// Sets up the coefficients of the current candidates and the initial forces.
+    pub(super) fn set_up_problem(
         &mut self,
         input: &StageInput<'_, S>,
         memory: &ContactMemory<S>,
-        pass: Pass,
+        pass: SolvePass,
     ) {
         let laws = input.laws;
-        let held = input.span.takes_back_at_once();
+        let immediately = input.span.corrects_overlap_immediately();
         let has_friction = laws.surface.has_friction();
-        self.problem.uses_frictionless_slip = laws.reads_isolated_motion() && has_friction;
+        self.problem.uses_frictionless_slip = laws.uses_frictionless_slip() && has_friction;
         self.problem.tangential.clear();
         self.problem.normal.clear();
         self.overlaps.clear();
@@ -34,7 +35,7 @@ impl<S: Fluid> ContactSolver<S> {
             overlap.reference = laws
                 .normal
                 .first_reference(overlap.now, contact.normal_force);
-            let [bias, compliance] = laws.normal.entry(&overlap, input.span.time, held);
+            let [bias, compliance] = laws.normal.entry(&overlap, input.span.time, immediately);
             self.overlaps.push(overlap);
             self.problem.normal.push(problem::Normal {
                 row: contact.normal_row(),
@@ -48,7 +49,7 @@ impl<S: Fluid> ContactSolver<S> {
                 self.add_rows(input, memory, pass, k);
             }
         }
-        self.solver.read_states(&self.problem);
+        self.solver.infer_states(&self.problem);
     }
 
     /// Adds the friction rows of one candidate.
@@ -56,33 +57,34 @@ impl<S: Fluid> ContactSolver<S> {
         &mut self,
         input: &StageInput<'_, S>,
         memory: &ContactMemory<S>,
-        pass: Pass,
+        pass: SolvePass,
         k: usize,
     ) {
         let (laws, contact) = (input.laws, &mut self.list[k]);
         let load = laws.surface.critical_load;
         let active = laws.is_smooth()
             || match pass {
-                Pass::First | Pass::Again => contact.normal_force > load,
-                Pass::Held => contact.friction_acts,
+                SolvePass::First | SolvePass::Repeat => contact.normal_force > load,
+                SolvePass::FixedActivation => contact.friction_acts,
             };
-        // What a spring of friction adds to the compliance of its rows, and by its force `base` before it looks ahead to their shifts.
+        // A tangential spring contributes to the compliance of its rows, and its force without the
+        // implicit term contributes to their shifts.
         let ahead = laws.tangential_stiffness * input.span.time;
-        let phase = input.span.phase;
+        let kind = input.span.kind;
         let mut compliance = COMPLIANCE;
         let mut shift = contact.background_slip;
-        match laws.tangential.halts() {
-            Halt::IsolatedSlip => {
+        match laws.tangential.constraint() {
+            FrictionConstraint::IsolatedSlip => {
                 if contact.slip_resistance == 0.0 {
                     contact.slip_resistance = input.resistance.slip_resistance(&contact.pair);
                 }
                 compliance = contact.slip_resistance.recip();
             }
-            Halt::SpringSlip => {
+            FrictionConstraint::SpringSlip => {
                 compliance += ahead.recip();
-                shift += memory.springs.base(contact, phase) / ahead;
+                shift += memory.springs.base(contact, kind) / ahead;
             }
-            Halt::Slip | Halt::SlipAndRotation => {}
+            FrictionConstraint::Slip | FrictionConstraint::SlipAndRotation => {}
         }
         let contact = &self.list[k];
         let directions = contact.directions();
@@ -109,26 +111,26 @@ impl<S: Fluid> ContactSolver<S> {
         let bound = laws.friction_bound();
         let slip = |d: &S::Vector| contact.slip_row(d);
         add(&slip, [shift, contact.tangential_force], compliance, bound);
-        let nothing = S::Tangent::default();
-        if laws.tangential.halts() == Halt::SlipAndRotation {
-            // The background turns both spheres alike.
+        let zero = S::Tangent::default();
+        if laws.tangential.constraint() == FrictionConstraint::SlipAndRotation {
+            // The background rotates both spheres equally.
             let spin = |d: &S::Vector| contact.spin_row(d);
-            add(&spin, [nothing; 2], compliance, bound);
+            add(&spin, [zero; 2], compliance, bound);
         }
         if laws.rolling_friction > 0.0 {
-            let (mut shift, mut compliance) = (nothing, COMPLIANCE);
+            let (mut shift, mut compliance) = (zero, COMPLIANCE);
             if laws.tangential.has_spring() {
                 compliance += ahead.recip();
-                shift = memory.rolling_springs.base(contact, phase) / ahead;
+                shift = memory.rolling_springs.base(contact, kind) / ahead;
             }
             let rolling = |d: &S::Vector| contact.rolling_row(d);
-            let given = [shift, contact.rolling_force];
-            add(&rolling, given, compliance, laws.rolling_bound());
+            let initial = [shift, contact.rolling_force];
+            add(&rolling, initial, compliance, laws.rolling_bound());
         }
     }
 
-    /// Remembers on which contacts friction acts; whether that has changed.
-    pub(super) fn keep_activation(&mut self) -> bool {
+    /// Stores which contacts have active friction; returns whether that set changed.
+    pub(super) fn store_activation(&mut self) -> bool {
         let mut changed = false;
         let mut rows = self.problem.tangential.iter().peekable();
         for (k, contact) in self.list.iter_mut().enumerate() {
@@ -142,13 +144,13 @@ impl<S: Fluid> ContactSolver<S> {
         changed
     }
 
-    /// Puts the forces found, and what their contacts do, into `list`.
-    pub(super) fn keep_forces(&mut self, laws: &Laws) {
+    /// Stores the forces of the solution and the friction states in `list`.
+    pub(super) fn store_forces(&mut self, laws: &Laws) {
         for (contact, &f) in self.list.iter_mut().zip(&self.solver.forces.normal) {
             contact.normal_force = f;
             contact.tangential_force = S::Tangent::default();
             contact.state = ContactState::Frictionless;
-            (contact.rolling_force, contact.rolling_halted) = (S::Tangent::default(), false);
+            (contact.rolling_force, contact.rolling_sticks) = (S::Tangent::default(), false);
         }
         let mut before = None;
         let slips = S::by_slip(&self.solver.forces.tangential);
@@ -159,7 +161,7 @@ impl<S: Fluid> ContactSolver<S> {
             before = Some(row.contact);
             let contact = &mut self.list[row.contact];
             let force = S::tangent(&contact.directions(), components);
-            // The second slip of a contact is that of its spin, or of rolling friction.
+            // The second vector of a contact is the relative rotation, or rolling friction.
             if first {
                 contact.tangential_force = force;
                 contact.state = match state {
@@ -171,35 +173,39 @@ impl<S: Fluid> ContactSolver<S> {
                 };
             } else if laws.rolling_friction > 0.0 {
                 contact.rolling_force = force;
-                contact.rolling_halted = state == FrictionState::Stick;
+                contact.rolling_sticks = state == FrictionState::Stick;
             }
         }
     }
 }
 
-/// Linearises curved laws about where the contacts are now, where they are not near enough; how many were not.
+/// Linearises nonlinear laws again about the current overlaps where the forces do not satisfy them;
+/// returns their number.
 pub(super) fn refine<S: Fluid>(
     input: &StageInput<'_, S>,
     problem: &mut Problem<S>,
     overlaps: &mut [Overlap],
     forces: &Forces,
-    enough: f64,
+    tolerance: f64,
 ) -> usize {
     let law = &input.laws.normal;
     if law.is_rigid() {
         return 0;
     }
     let time = input.span.time;
-    let largest = forces.normal.iter().fold(1.0_f64, |most, f| most.max(*f));
-    let near = LINEARISED.max(enough) * largest;
-    let mut found = 0;
+    let largest = forces
+        .normal
+        .iter()
+        .fold(1.0_f64, |largest, f| largest.max(*f));
+    let accepted = LINEARISATION_TOLERANCE.max(tolerance) * largest;
+    let mut refined_count = 0;
     for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
         let f = forces.normal[k];
         let velocity = forces.slack[k] - entry.bias - entry.compliance * f + overlap.background;
-        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], time, near) {
+        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], time, accepted) {
             [entry.bias, entry.compliance] = refined;
-            found += 1;
+            refined_count += 1;
         }
     }
-    found
+    refined_count
 }

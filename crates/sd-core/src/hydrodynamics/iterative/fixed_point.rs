@@ -46,7 +46,7 @@ pub trait FixedPointMap {
 }
 
 /// Maximum number of evaluations; near jamming about thirty are needed.
-const MOST_EVALUATIONS: u32 = 200;
+const MAX_EVALUATIONS: u32 = 200;
 /// Relative residual above which the result is rejected.
 const WORST: f64 = 0.1;
 /// Ratio of the residual to its minimum at which the acceleration is restarted.
@@ -102,7 +102,7 @@ impl<S: Fluid> IterativeFarField<S> {
             found.residual = work.relative_residual();
             found.converged = found.residual <= self.residual && !changed;
             if found.converged
-                || found.evaluations >= MOST_EVALUATIONS
+                || found.evaluations >= MAX_EVALUATIONS
                 || !found.residual.is_finite()
             {
                 break Ok(found.residual <= WORST);

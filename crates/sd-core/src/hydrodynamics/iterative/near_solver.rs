@@ -2,12 +2,12 @@
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, Resistance};
-use crate::linalg::Until;
+use crate::linalg::StopCriteria;
 use crate::linalg::conjugate_gradients::{ConjugateGradients, largest};
 
 /// Relative tolerance of conjugate gradients: largest residual force over the largest force.
 const RESIDUAL_TOLERANCE: f64 = 1e-10;
-const MOST_ITERATIONS: u32 = 500;
+const MAX_ITERATIONS: u32 = 500;
 
 /// Workspace of solves with the sparse `R_FU` below the iterated far field.
 #[derive(Default)]
@@ -59,7 +59,7 @@ impl<S: Fluid> NearSolver<S> {
         self.gradients.solve(
             &self.forces,
             x,
-            Until::new(RESIDUAL_TOLERANCE * largest, MOST_ITERATIONS as usize),
+            StopCriteria::new(RESIDUAL_TOLERANCE * largest, MAX_ITERATIONS as usize),
             |v, y| pairwise.apply(v, y),
             |r, z| factor.solve(pattern, r, z),
         );
@@ -69,7 +69,7 @@ impl<S: Fluid> NearSolver<S> {
         }
         Err(Error::NotConverged {
             quantity: "the motion under near-field hydrodynamics",
-            iterations: MOST_ITERATIONS,
+            iterations: MAX_ITERATIONS,
             residual: residual / largest,
             wanted: RESIDUAL_TOLERANCE,
         })

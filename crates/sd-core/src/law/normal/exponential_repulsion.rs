@@ -4,9 +4,9 @@
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "exponential-repulsion";
+pub const KEYWORD: &str = "exponential-repulsion";
 /// Description.
-pub const MEANING: &str = "Nothing but the repulsion `F = F0 exp(−g/l)`: the surfaces never touch.";
+pub const MEANING: &str = "The repulsion `F = F0 exp(−g/l)` alone: the surfaces never touch.";
 /// Those of the repulsion belong to every law that it is added to.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// There is no contact, and so no friction.

@@ -12,7 +12,7 @@ use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "hertz";
+pub const KEYWORD: &str = "hertz";
 /// Description.
 pub const MEANING: &str = "`F = k d^(3/2)`, the force of elastic spheres.";
 /// Its stiffness and its dashpot.

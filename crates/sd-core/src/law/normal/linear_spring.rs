@@ -12,7 +12,7 @@ use super::{DASHPOT, STIFFNESS};
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "linear-spring";
+pub const KEYWORD: &str = "linear-spring";
 /// Description.
 pub const MEANING: &str = "`F = k d`, a linear spring.";
 /// Its stiffness and its dashpot.

@@ -10,9 +10,9 @@
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "rigid";
+pub const KEYWORD: &str = "rigid";
 /// Description.
-pub const MEANING: &str = "Gaps are held at the roughness height.";
+pub const MEANING: &str = "The gap never falls below the roughness height.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// The surfaces touch.

@@ -7,17 +7,17 @@
 //! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of
 //! tangential springs in Cundall & Strack, Géotechnique 29, 47 (1979).
 
-use super::Halt;
+use super::FrictionConstraint;
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "coulomb";
+pub const KEYWORD: &str = "coulomb";
 /// Description.
-pub const MEANING: &str = "No slip at all within `|F_t| ≤ ν f`.";
+pub const MEANING: &str = "Coulomb's law: `|F_t| ≤ ν f`, without slip inside the bound.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// The slip of the pair in its layer.
-pub const HALTS: Halt = Halt::Slip;
+pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::Slip;
 
 /// Coulomb's limit.
 pub fn bound(friction: f64, load: f64) -> f64 {

@@ -8,17 +8,18 @@
 //! Forces in mu·a²·rate, K in mu·a. Source: Townsend & Wilson, Phys. Fluids 29, 121607 (2017),
 //! steps 4 to 6, with a sign error of (19) corrected: friction opposes slip.
 
-use super::Halt;
+use super::FrictionConstraint;
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "roll-slip";
+pub const KEYWORD: &str = "roll-slip";
 /// Description.
-pub const MEANING: &str = "The paper's: the force that lets the isolated pair roll, at most ν f.";
+pub const MEANING: &str =
+    "The paper's law: the force at which the isolated pair would roll, at most ν f.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// The slip of the isolated pair.
-pub const HALTS: Halt = Halt::IsolatedSlip;
+pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::IsolatedSlip;
 
 /// Coulomb's limit.
 pub fn bound(friction: f64, load: f64) -> f64 {

@@ -9,17 +9,17 @@
 //! the paper's introduction (its ref. 19). The couple does no work, as Ω_i = Ω_j, and adds nothing
 //! to the symmetric stress.
 
-use super::Halt;
+use super::FrictionConstraint;
 use crate::law::Quantity;
 
 /// Keyword in campaign files.
-pub const WORD: &str = "stick-rotate";
+pub const KEYWORD: &str = "stick-rotate";
 /// Description.
-pub const MEANING: &str = "Neither slip nor rolling while pressed.";
+pub const MEANING: &str = "Loaded contacts neither slip nor roll.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
 /// Slip and rotation.
-pub const HALTS: Halt = Halt::SlipAndRotation;
+pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::SlipAndRotation;
 
 /// There is no limit in loaded contact.
 pub fn bound(_friction: f64, load: f64) -> f64 {

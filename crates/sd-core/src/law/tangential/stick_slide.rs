@@ -24,19 +24,19 @@
 //! so that s follows u_t to second order while the spring sticks, and lands on a limit at which
 //! both stages slide.
 
-use super::Halt;
+use super::FrictionConstraint;
 use crate::law::Quantity;
 use crate::law::quantity::Range;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Keyword in campaign files.
-pub const WORD: &str = "stick-slide";
+pub const KEYWORD: &str = "stick-slide";
 /// Description.
-pub const MEANING: &str = "A tangential spring, at most ν f.";
+pub const MEANING: &str = "A tangential spring whose force is at most ν f.";
 /// The stiffness of its spring.
 pub const PARAMETERS: &[&Quantity] = &[&TANGENTIAL_STIFFNESS];
 /// The slip minus the deformation of the spring.
-pub const HALTS: Halt = Halt::SpringSlip;
+pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::SpringSlip;
 
 /// Stiffness k_t of the tangential spring over the normal stiffness k.
 pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {

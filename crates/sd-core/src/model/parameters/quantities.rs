@@ -3,7 +3,7 @@
 use crate::law::{Quantity, Range};
 
 /// Most spheres of a layer or configuration.
-pub(in crate::model) const MOST_SPHERES: usize = 10_000;
+pub(in crate::model) const MAX_SPHERES: usize = 10_000;
 
 /// N.
 pub(super) static SPHERES: Quantity = Quantity {
@@ -11,7 +11,7 @@ pub(super) static SPHERES: Quantity = Quantity {
     symbol: "N",
     unit: "1",
     meaning: "number of spheres N",
-    range: Range::from_to(1.0, MOST_SPHERES as f64),
+    range: Range::from_to(1.0, MAX_SPHERES as f64),
     note: "",
     example: "90",
     logarithmic: false,

@@ -2,7 +2,7 @@
 
 use super::{Sample, Simulation};
 use crate::contact::ContactState;
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::error::Error;
 use crate::run::started::Started;
 use crate::run::steppers::Stage;
@@ -80,7 +80,7 @@ impl<S: Started> Simulation<S> {
         // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.strain();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
-            if stage.phase == Phase::Middle {
+            if stage.kind == StageKind::Midpoint {
                 let spin = S::rotation(&S::by_sphere(&self.first)[sphere]);
                 S::turned(orientation, &((spin + self.background.spin()) * ahead))
             } else {

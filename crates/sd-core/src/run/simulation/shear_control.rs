@@ -7,7 +7,7 @@
 
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Laws;
-use crate::contact::{Pass, Quality, Status};
+use crate::contact::{Quality, SolvePass, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
@@ -21,9 +21,9 @@ use std::f64::consts::PI;
 const FIRST_VISCOSITY: f64 = 10.0;
 /// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of
 /// the law, no load may balance the stress.
-const MOST_DECISIONS: u32 = 6;
+const MAX_DECISIONS: u32 = 6;
 /// Number of solves of a stage after which it counts as unconverged.
-const MOST_SOLVES: u32 = 60;
+const MAX_SOLVES: u32 = 60;
 
 /// Control of the shear.
 #[derive(Debug, Clone, Copy)]
@@ -128,7 +128,7 @@ impl<S: Started> Simulation<S> {
         cell: &Cell<S>,
         centres: &[S::Vector],
     ) -> Result<Quality, Error> {
-        let mut pass = Pass::First;
+        let mut pass = SolvePass::First;
         let ShearControl::Stress {
             stress, mut load, ..
         } = self.shear_control
@@ -142,8 +142,8 @@ impl<S: Started> Simulation<S> {
         for count in 1.. {
             self.take_load(load);
             let mut quality = self.solve(stage, cell, centres, pass)?;
-            if pass == Pass::First {
-                pass = Pass::Again;
+            if pass == SolvePass::First {
+                pass = SolvePass::Repeat;
             }
             let mut viscosity = self.stress_of_stage().viscosity;
             if !quality.jammed() {
@@ -166,7 +166,7 @@ impl<S: Started> Simulation<S> {
                     quality.status = Status::NoAdmissibleMotion;
                     true
                 }
-                Next::Try(_) => count >= MOST_SOLVES,
+                Next::Try(_) => count >= MAX_SOLVES,
             };
             if done {
                 if next != Next::AtRest {
@@ -183,7 +183,7 @@ impl<S: Started> Simulation<S> {
                 dependence,
                 Dependence::Set | Dependence::Forces { jumps: true }
             );
-            if jumps && pass != Pass::Held && count >= MOST_DECISIONS {
+            if jumps && pass != SolvePass::FixedActivation && count >= MAX_DECISIONS {
                 if quality.jammed()
                     && let Some(flowing) = flowing
                 {
@@ -197,7 +197,7 @@ impl<S: Started> Simulation<S> {
                     self.take_load(balance.load_of(viscosity));
                     return Ok(quality);
                 }
-                pass = Pass::Held;
+                pass = SolvePass::FixedActivation;
                 balance = Balance::new(stress);
             }
         }

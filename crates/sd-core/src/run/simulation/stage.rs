@@ -4,7 +4,7 @@
 use super::shear_control::ShearControl;
 use super::{SchemeMemory, Simulation};
 use crate::contact::laws::Span;
-use crate::contact::{Pass, Quality};
+use crate::contact::{Quality, SolvePass};
 use crate::error::Error;
 use crate::run::started::Started;
 use crate::run::steppers::Stage;
@@ -26,7 +26,7 @@ impl<S: Started> Simulation<S> {
             self.stage.begin_step();
         }
         let quality = match &self.shear_control {
-            ShearControl::Rate => self.solve(stage, &cell, centres, Pass::First)?,
+            ShearControl::Rate => self.solve(stage, &cell, centres, SolvePass::First)?,
             ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
@@ -55,21 +55,21 @@ impl<S: Started> Simulation<S> {
         stage: Stage,
         cell: &Cell<S>,
         centres: &[S::Vector],
-        mut pass: Pass,
+        mut pass: SolvePass,
     ) -> Result<Quality, Error> {
         let (background, solver, laws) = (self.background, &mut self.stage, &self.laws);
-        if laws.act_at_a_distance() {
+        if laws.act_without_contact() {
             // They are a part of the forces, and a repulsion of the matrix.
-            pass = Pass::First;
+            pass = SolvePass::First;
         }
-        if pass == Pass::First {
+        if pass == SolvePass::First {
             solver.assemble(cell, centres)?;
         }
         match &mut self.memory {
             SchemeMemory::Laws(memory) => {
                 let span = Span {
                     time: stage.span,
-                    phase: stage.phase,
+                    kind: stage.kind,
                     first: &self.first,
                 };
                 let contact = Contact::Laws { laws, span, memory };
@@ -85,7 +85,7 @@ impl<S: Started> Simulation<S> {
                 let SchemeMemory::Procedure { listed: before, .. } = &mut self.remembered else {
                     unreachable!("made for the same scheme");
                 };
-                if pass == Pass::First {
+                if pass == SolvePass::First {
                     if stage.number == 0 && !velocities.is_empty() {
                         let roughness = self.params.roughness;
                         listed.add_approaching(

@@ -2,7 +2,7 @@
 
 use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::started::Started;
@@ -163,7 +163,7 @@ impl<S: Started> Simulation<S> {
     /// motions as spheres with at least two contacts have (Maxwell counting). Such a network
     /// carries any load, and does not flow with stiffer contacts either.
     fn is_held(&self) -> bool {
-        let halted = S::TANGENTS * self.laws.tangential.halts().motions();
+        let constrained = S::TANGENTS * self.laws.tangential.constraint().motions();
         let contacts = self.stage.contacts.list.iter();
         let loaded = || {
             contacts
@@ -176,18 +176,18 @@ impl<S: Started> Simulation<S> {
             partners[contact.pair.j] += 1;
         }
         let bears = |sphere: usize| partners[sphere] > 1;
-        let record: usize = loaded()
+        let constraints: usize = loaded()
             .filter(|contact| bears(contact.pair.i) && bears(contact.pair.j))
             .map(|contact| {
-                S::TANGENTS * usize::from(contact.rolling_halted)
+                S::TANGENTS * usize::from(contact.rolling_sticks)
                     + match contact.state {
-                        ContactState::Rolling => 1 + halted,
+                        ContactState::Rolling => 1 + constrained,
                         ContactState::Frictionless | ContactState::Slipping => 1,
                     }
             })
             .sum();
         let spheres = (0..partners.len()).filter(|&sphere| bears(sphere)).count();
-        spheres > 0 && record >= S::MODES * spheres
+        spheres > 0 && constraints >= S::MODES * spheres
     }
 
     /// Moves the state by one step of `stepper`, sampled at its first stage.
@@ -334,7 +334,7 @@ impl<S: Started> Simulation<S> {
             }
             self.begin_sample(quality.jammed(), record);
             let has_contact_forces = self.has_contact_forces();
-            if !has_contact_forces || stage.phase == Phase::Middle {
+            if !has_contact_forces || stage.kind == StageKind::Midpoint {
                 self.take_sample(&stage, centres, record);
             }
             Ok(has_contact_forces)

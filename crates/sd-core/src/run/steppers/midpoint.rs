@@ -17,7 +17,7 @@
 
 use super::runge_kutta::RungeKutta;
 use super::state::{Stage, State};
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::space::Space;
 
 /// Workspace of the integrator.
@@ -67,7 +67,7 @@ impl<S: Space> Midpoint<S> {
             number: 1,
             time: time + 0.5 * dt,
             span: dt,
-            phase: Phase::Middle,
+            kind: StageKind::Midpoint,
         };
         rhs(middle, &self.centres, second)?;
         state.advance(second, dt);
@@ -114,7 +114,7 @@ impl<S: Space> Midpoint<S> {
             number: 0,
             time,
             span: dt,
-            phase: Phase::Alone,
+            kind: StageKind::Single,
         };
         rhs(stage, &state.centres, &mut self.velocities[0])
     }

@@ -15,7 +15,7 @@
 //! O(τ²).
 
 use super::state::{Stage, State};
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::contact::springs::GAMMA;
 use crate::space::{Layer, Space};
 
@@ -48,10 +48,10 @@ impl<S: Space> Rosenbrock<S> {
             number,
             time: time + number as f64 * dt,
             span: GAMMA * dt,
-            phase: if number == 0 {
-                Phase::First
+            kind: if number == 0 {
+                StageKind::First
             } else {
-                Phase::Second
+                StageKind::Second
             },
         };
         rhs(stage(0), &state.centres, first)?;
@@ -94,10 +94,10 @@ mod tests {
             integrator
                 .step(&mut state, f64::from(k) * dt, dt, |stage, x, u| {
                     let pull = rate * share * stage.span;
-                    let taken_back = if stage.number == 1 { 2.0 * first } else { 0.0 };
+                    let twice_first_approach = if stage.number == 1 { 2.0 * first } else { 0.0 };
                     let force = -rate * (x[0].x - stage.time.cos());
                     // u = force − pull (u − taken back)
-                    u[0] = (force + pull * taken_back) / (1.0 + pull);
+                    u[0] = (force + pull * twice_first_approach) / (1.0 + pull);
                     first = u[0];
                     Ok::<(), ()>(())
                 })

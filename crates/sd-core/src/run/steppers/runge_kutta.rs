@@ -1,7 +1,7 @@
 //! Classical Runge-Kutta of order four.
 
 use super::state::{Stage, State};
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::space::{Layer, Space};
 
 /// Nodes of the stages, in steps.
@@ -56,7 +56,7 @@ impl<S: Space> RungeKutta<S> {
                 number,
                 time: time + NODES[number] * dt,
                 span: SPANS[number] * dt,
-                phase: Phase::Alone,
+                kind: StageKind::Single,
             };
             rhs(stage, &self.centres, &mut self.velocities)?;
             if number == 0 {

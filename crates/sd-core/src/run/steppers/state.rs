@@ -1,6 +1,6 @@
 //! The state of a method in time, and its evaluations.
 
-use crate::contact::laws::Phase;
+use crate::contact::laws::StageKind;
 use crate::space::{Layer, Space};
 
 /// Centres and orientations of the spheres.
@@ -40,5 +40,5 @@ pub struct Stage {
     /// velocities, γ steps of Rosenbrock.
     pub span: f64,
     /// Kind of the stage for contact laws.
-    pub phase: Phase,
+    pub kind: StageKind,
 }

@@ -1,7 +1,7 @@
 //! Known results about layers.
 
 use super::Check;
-use crate::contact::Pass;
+use crate::contact::SolvePass;
 use crate::contact::{Contact, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
@@ -223,7 +223,7 @@ fn shear(
         integrator.step(state, time, dt, |stage, centres, velocities| {
             let cell = cell(stage.time)?;
             motion.assemble(&cell, centres)?;
-            motion.solve(&background, &[], StageContact::None, Pass::First)?;
+            motion.solve(&background, &[], StageContact::None, SolvePass::First)?;
             velocities.copy_from_slice(motion.velocities());
             for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                 u[0] += background.velocity(x).x;

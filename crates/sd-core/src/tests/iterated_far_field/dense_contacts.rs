@@ -1,7 +1,7 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states
 //! of the contacts.
 
-use crate::contact::laws::{COMPLIANCE, RESTITUTION};
+use crate::contact::laws::{COMPLIANCE, OVERLAP_CORRECTION};
 use crate::contact::{Contact, Surface, tangent};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
@@ -87,7 +87,13 @@ impl<'a> DenseContacts<'a> {
         });
         let gap_bias = |c: &Contact| {
             let excess = c.pair.gap - surface.roughness;
-            excess * if excess < 0.0 { RESTITUTION } else { 1.0 } / time_span
+            excess
+                * if excess < 0.0 {
+                    OVERLAP_CORRECTION
+                } else {
+                    1.0
+                }
+                / time_span
         };
         Self {
             near,

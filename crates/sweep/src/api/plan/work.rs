@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// Assumed relative scatter between runs where none is measured yet.
 const DEFAULT_SCATTER: f64 = 0.12;
 /// Above this number of seeds, the seeds that a precision needs are not counted.
-const MOST_SEEDS: usize = 100_000;
+const MAX_SEEDS: usize = 100_000;
 /// Lengths of runs that are compared, over the length requested.
 const LENGTHS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
@@ -240,7 +240,7 @@ fn lengths(
     let strain = campaign.protocol.strain;
     // Not limited by the allowed number: runs of different lengths are compared.
     let rule = crate::statistics::Precision {
-        at_most: MOST_SEEDS,
+        at_most: MAX_SEEDS,
         ..rule
     };
     let mut lengths: Vec<(f64, usize, f64)> = LENGTHS

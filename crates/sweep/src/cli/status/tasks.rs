@@ -31,8 +31,8 @@ pub(super) fn write(
             job.tasks.len(),
             job.tasks.iter().filter(done).count(),
         )?;
-        if let Some(trouble) = &job.trouble {
-            writeln!(out, "its tasks are unknown: {trouble}")?;
+        if let Some(problem) = &job.problem {
+            writeln!(out, "its tasks are unknown: {problem}")?;
         }
         let open: Vec<&Task> = job.tasks.iter().filter(|task| !done(task)).collect();
         if open.is_empty() {
@@ -59,7 +59,7 @@ pub(super) fn write(
             writeln!(out, "and {} more tasks", open.len() - ROWS)?;
         }
         let waiting = open.iter().any(|task| task.state == "ended");
-        if waiting && job.trouble.is_none() {
+        if waiting && job.problem.is_none() {
             writeln!(
                 out,
                 "tasks ended with work left: after `sweep merge {}`, `sweep submit` continues; their logs are in {}",

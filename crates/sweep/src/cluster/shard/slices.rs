@@ -165,8 +165,8 @@ mod tests {
             let loads: Vec<f64> = slices.tasks.iter().map(load).collect();
             let most = loads.iter().copied().fold(0.0, f64::max);
             let least = loads.iter().copied().fold(f64::INFINITY, f64::min);
-            let dearest = costs.iter().copied().fold(0.0, f64::max);
-            prop_assert!(most - least <= dearest + 1e-9, "{most} {least} {dearest}");
+            let largest = costs.iter().copied().fold(0.0, f64::max);
+            prop_assert!(most - least <= largest + 1e-9, "{most} {least} {largest}");
         }
     }
 

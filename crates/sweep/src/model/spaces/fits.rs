@@ -69,7 +69,7 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
 /// width `side`. The largest of more spheres may be larger.
 fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
     let mut more = params.clone();
-    while more.spheres < Params::MOST_SPHERES {
+    while more.spheres < Params::MAX_SPHERES {
         let wanted = crate::format::count((more.spheres as f64 * (needed / side).powi(3)).ceil());
         more.spheres = wanted.max(more.spheres + 1);
         match Bulk::radii_and_side(&more) {

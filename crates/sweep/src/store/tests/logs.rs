@@ -123,8 +123,8 @@ fn damaged_log_is_reported_and_earlier_changes_are_kept() {
         std::fs::write(&log, bytes).unwrap();
         let _ = std::fs::remove_file(path.with_extension("sqlite-shm"));
         let store = Store::open_read_only(&path).unwrap();
-        let told = store.warning().unwrap_or_default().to_owned();
-        assert!(told.contains("lost"), "byte {at}: {told:?}");
+        let message = store.warning().unwrap_or_default().to_owned();
+        assert!(message.contains("lost"), "byte {at}: {message:?}");
         assert!((1..=3).contains(&store.counts().unwrap().done));
         kill(store);
     }

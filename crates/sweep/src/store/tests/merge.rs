@@ -262,7 +262,7 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
 }
 
 #[test]
-fn case_under_way_here_is_left_alone_by_half_of_it_and_ended_by_all_of_it() {
+fn case_running_here_is_unchanged_by_a_partial_copy_and_ended_by_a_complete_one() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let mut store = open(at);

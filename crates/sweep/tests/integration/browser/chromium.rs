@@ -183,14 +183,14 @@ impl Page<'_> {
     }
 
     /// Events of this page, by name.
-    fn told(&self, method: &str) -> impl Iterator<Item = &Value> {
+    fn events(&self, method: &str) -> impl Iterator<Item = &Value> {
         let own = self.browser.events.iter();
         own.filter(move |event| event["sessionId"] == self.session && event["method"] == method)
             .map(|event| &event["params"])
     }
 
     fn wait_for(&mut self, method: &str) {
-        while self.told(method).next().is_none() {
+        while self.events(method).next().is_none() {
             let event = self.browser.next(method);
             self.browser.events.push(event);
         }
@@ -245,14 +245,14 @@ impl Page<'_> {
 
     /// The addresses it requested, without data URIs.
     pub(crate) fn requests(&self) -> Vec<String> {
-        self.told("Network.requestWillBeSent")
+        self.events("Network.requestWillBeSent")
             .map(|event| event["request"]["url"].as_str().unwrap().to_owned())
             .filter(|address| !address.starts_with("data:"))
             .collect()
     }
 
     /// Its errors and console output.
-    pub(crate) fn trouble(&self) -> Vec<String> {
+    pub(crate) fn errors(&self) -> Vec<String> {
         let kinds = [
             "Runtime.exceptionThrown",
             "Runtime.consoleAPICalled",
@@ -260,7 +260,7 @@ impl Page<'_> {
         ];
         kinds
             .iter()
-            .flat_map(|kind| self.told(kind))
+            .flat_map(|kind| self.events(kind))
             .map(Value::to_string)
             .collect()
     }

@@ -59,7 +59,7 @@ fn everything_is_reached_and_done_with_keys_alone() {
         let missed = passed_over(&mut page);
         assert_eq!(missed, [""; 0], "{window:?}");
         assert_eq!(page.requests(), [address.as_str()]);
-        assert_eq!(page.trouble(), [""; 0]);
+        assert_eq!(page.errors(), [""; 0]);
         page.close();
     }
 }

@@ -94,7 +94,7 @@ fn the_phase_map_marks_what_jammed_and_what_failed() {
         let difference = apart(dot(x, y), dot(x + 14.0, y));
         assert!(difference > 60, "{window:?}: {difference}");
         assert_eq!(page.requests(), [address.as_str()]);
-        assert_eq!(page.trouble(), [""; 0]);
+        assert_eq!(page.errors(), [""; 0]);
         page.close();
     }
 }
@@ -169,7 +169,7 @@ fn maps_of_three_axes_are_small_multiples_and_plots_have_their_numbers() {
                 .contains("1 run at c = 0.5")
         );
         assert_eq!(seen["described"], true);
-        assert_eq!(page.trouble(), [""; 0]);
+        assert_eq!(page.errors(), [""; 0]);
         page.close();
     }
 }

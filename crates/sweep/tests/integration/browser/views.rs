@@ -71,8 +71,8 @@ fn page_draws_hovers_and_plays_without_requests() {
     let right = Uncertain::Interval(number("viscosity"), number("viscosity_ci95")).plain();
     assert_eq!((&seen["points"], &seen["curves"]), (&6.into(), &2.into()));
     let tip = seen["tip"].as_str().unwrap();
-    let told = tip.lines().find(|line| line.starts_with("viscosity"));
-    assert_eq!(told.unwrap(), format!("viscosity {right}"));
+    let line = tip.lines().find(|line| line.starts_with("viscosity"));
+    assert_eq!(line.unwrap(), format!("viscosity {right}"));
     assert!(tip.contains("ν = 0.3") && tip.contains("Γ = 1"), "{tip}");
     for fact in ["shown", "moved"] {
         assert_eq!(seen[fact], true, "{fact}");
@@ -85,7 +85,7 @@ fn page_draws_hovers_and_plays_without_requests() {
     assert_eq!(seen["along_friction"], 3);
     assert_eq!(seen["wide"], false);
     assert_eq!(page.requests(), [address]);
-    assert_eq!(page.trouble(), [""; 0]);
+    assert_eq!(page.errors(), [""; 0]);
 }
 
 #[test]
@@ -172,7 +172,7 @@ pub(crate) fn look_at_everything(
         let foreign: Vec<String> = page.requests();
         let foreign: Vec<&String> = foreign.iter().filter(|asked| !may_ask(asked)).collect();
         assert!(foreign.is_empty(), "{window:?}: {foreign:?}");
-        assert_eq!(page.trouble(), [""; 0], "{window:?}");
+        assert_eq!(page.errors(), [""; 0], "{window:?}");
         page.close();
     }
 }
@@ -228,8 +228,8 @@ fn check_views(seen: &Value, report: &Value, window: Window) {
     let negative = all.iter().filter(is_negative).count();
     assert!(negative > 0);
     let remark = seen["remark"].as_str().unwrap();
-    let told = format!("{negative} of 6 values are 0 or negative");
-    assert!(remark.starts_with(&told), "{remark}");
+    let expected = format!("{negative} of 6 values are 0 or negative");
+    assert!(remark.starts_with(&expected), "{remark}");
     assert_eq!(seen["remark_without"], "");
     let number = |name: &str| seen[name].as_f64().unwrap();
     assert!(number("viscosity_right") <= number("window"), "{window:?}");
@@ -350,7 +350,7 @@ fn hostile_text_is_shown_and_not_obeyed() {
     assert!(text.contains("</script><script>document.title = 1"));
     let drawn = page.value("document.getElementById('plot').textContent");
     assert!(drawn.as_str().unwrap().contains("no results yet"));
-    assert_eq!(page.trouble(), [""; 0]);
+    assert_eq!(page.errors(), [""; 0]);
 }
 
 /// A user who reads numbers.
@@ -404,5 +404,5 @@ fn physical_units_reach_every_view() {
     let rate = 10e-12 / (6.0 * std::f64::consts::PI * 2e-3 * 1e-12);
     assert!((shown[0] / rate - 1.0).abs() < 1e-9, "{row}");
     assert!((shown[1] / (2e-3 * relative) - 1.0).abs() < 1e-9, "{row}");
-    assert_eq!(page.trouble(), [""; 0]);
+    assert_eq!(page.errors(), [""; 0]);
 }

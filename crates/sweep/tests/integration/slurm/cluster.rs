@@ -86,8 +86,8 @@ impl Cluster {
                  requeue) echo \"$2\" >> '{said}/requeue';;\nesac"
             ),
         );
-        cluster.says("job", "4711\n");
-        cluster.says("limit", "1001\n");
+        cluster.set_reply("job", "4711\n");
+        cluster.set_reply("limit", "1001\n");
         cluster
     }
 
@@ -118,11 +118,11 @@ impl Cluster {
         self.home().join("results/small.sqlite")
     }
 
-    pub(crate) fn says(&self, name: &str, text: &str) {
+    pub(crate) fn set_reply(&self, name: &str, text: &str) {
         std::fs::write(self.said().join(name), text).unwrap();
     }
 
-    pub(crate) fn was_told(&self, name: &str) -> String {
+    pub(crate) fn input_of(&self, name: &str) -> String {
         std::fs::read_to_string(self.said().join(name)).unwrap_or_default()
     }
 

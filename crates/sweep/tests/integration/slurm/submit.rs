@@ -32,7 +32,7 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
     let printed = cluster.ok(&dry);
     let home: Vec<_> = std::fs::read_dir(cluster.home()).unwrap().collect();
     assert_eq!(home.len(), 1, "{home:?}");
-    assert!(cluster.was_told("sbatch.arguments").is_empty());
+    assert!(cluster.input_of("sbatch.arguments").is_empty());
     for line in [
         "#SBATCH --array=0-3%2",
         "#SBATCH --cpus-per-task=2",
@@ -46,8 +46,8 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
     contains(&printed, &["--scratch '/tmp/a b'", "--requeue"]);
     cluster.ok(&arguments);
     let (command, script) = printed.split_once("\n\n").unwrap();
-    let told = cluster.was_told("sbatch.arguments");
-    let submitted = told.lines().last().unwrap();
+    let given = cluster.input_of("sbatch.arguments");
+    let submitted = given.lines().last().unwrap();
     assert_eq!(std::fs::read_to_string(submitted).unwrap(), script);
     let shell = Command::new("sh")
         .args(["-c", &format!("printf '%s\\n' {command}")])
@@ -55,7 +55,7 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
         .unwrap();
     assert_eq!(
         String::from_utf8(shell.stdout).unwrap(),
-        format!("sbatch\n{told}")
+        format!("sbatch\n{given}")
     );
 }
 
@@ -104,11 +104,11 @@ fn nothing_of_the_environment_goes_along() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
-    let arguments = cluster.was_told("sbatch.arguments");
+    let arguments = cluster.input_of("sbatch.arguments");
     assert!(arguments.lines().any(|line| line == "--export=NONE"));
     let script = std::fs::read_to_string(arguments.lines().last().unwrap()).unwrap();
     assert!(!script.contains("hunter2"));
-    let environment = cluster.was_told("sbatch.environment");
+    let environment = cluster.input_of("sbatch.environment");
     assert!(!environment.contains("SBATCH_EXPORT") && !environment.contains("SLURM_ARRAY"));
     assert!(environment.contains("SBATCH_ACCOUNT=mine"));
     for argument in [
@@ -129,7 +129,7 @@ fn nothing_of_the_environment_goes_along() {
 }
 
 #[test]
-fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
+fn errors_of_slurm_are_named_and_the_same_command_recovers() {
     let cluster = Cluster::new(QUICK);
     let submit = ["submit", "small.toml", "--tasks", "5", "--quiet"];
     let empty = tempfile::tempdir().unwrap();
@@ -144,12 +144,12 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
         &["no `sbatch`", "login node", "--engine local"],
     );
     assert!(!cluster.store().exists(), "nothing was written");
-    cluster.says("limit", "4\n");
+    cluster.set_reply("limit", "4\n");
     contains(
         &cluster.not_ok(2, &submit),
         &["5 tasks", "4 a job may have", "--tasks 4"],
     );
-    cluster.says("limit", "1001\n");
+    cluster.set_reply("limit", "1001\n");
     for (said, advice) in [
         (
             "sbatch: error: invalid partition specified: gpu\nsbatch: error: Batch job submission failed: Invalid partition name specified",
@@ -172,7 +172,7 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
             "try again",
         ),
     ] {
-        cluster.says("rejected", said);
+        cluster.set_reply("rejected", said);
         let error = cluster.not_ok(2, &submit);
         contains(
             &error,
@@ -185,18 +185,18 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
         );
     }
     std::fs::remove_file(cluster.said().join("rejected")).unwrap();
-    cluster.says("job", "Submitted, I think\n");
+    cluster.set_reply("job", "Submitted, I think\n");
     contains(
         &cluster.not_ok(2, &submit),
         &["no job number", "squeue --me"],
     );
-    cluster.says("job", "4711;north\n");
+    cluster.set_reply("job", "4711;north\n");
     contains(
         &cluster.ok(&submit),
         &["job 4711;north: 6 open cases in 5 tasks"],
     );
     // The state of the job is unknown, so nothing is submitted.
-    cluster.says(
+    cluster.set_reply(
         "squeue.error",
         "slurm_load_jobs error: Unable to contact slurm controller",
     );
@@ -206,7 +206,7 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
         &["tasks are unknown"],
     );
     // The answer of Slurm for a job that ended some minutes ago.
-    cluster.says(
+    cluster.set_reply(
         "squeue.error",
         "slurm_load_jobs error: Invalid job id specified",
     );
@@ -217,7 +217,7 @@ fn trouble_with_slurm_is_named_and_the_same_command_recovers() {
 fn cases_of_tasks_at_work_are_left_to_them() {
     let cluster = Cluster::new(QUICK);
     cluster.submit(&["--tasks", "3"]);
-    cluster.says("squeue", "1|RUNNING|n1\n2|PENDING|\n");
+    cluster.set_reply("squeue", "1|RUNNING|n1\n2|PENDING|\n");
     let answer = cluster.json(&["submit", "small.toml", "--tasks", "3", "--quiet", "--json"]);
     assert_eq!(answer["cases"], 2);
     let answer = cluster.json(&[

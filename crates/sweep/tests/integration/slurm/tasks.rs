@@ -71,7 +71,7 @@ fn signalled_task_is_restarted_and_continues_elsewhere() {
     let script = cluster.submit(&["--tasks", "1"]);
     let mut task = Task::FIRST;
     for (signal, code, node) in [(Signal::USR1, 138, "n2"), (Signal::TERM, 143, "n1")] {
-        cluster.says("squeue", "COMPLETING|TimeLimit\n");
+        cluster.set_reply("squeue", "COMPLETING|TimeLimit\n");
         let child = cluster.start(&script, task);
         cluster.hold_at_steps(&child, task, 8 + 200 * i64::from(task.restart));
         send(&child, signal);
@@ -82,9 +82,9 @@ fn signalled_task_is_restarted_and_continues_elsewhere() {
         task.restart += 1;
         task.node = node;
     }
-    assert_eq!(cluster.was_told("requeue"), "4711_0\n4711_0\n");
+    assert_eq!(cluster.input_of("requeue"), "4711_0\n4711_0\n");
     // A plain scancel is no request for a restart.
-    cluster.says("squeue", "COMPLETING|None\n");
+    cluster.set_reply("squeue", "COMPLETING|None\n");
     let child = cluster.start(&script, task);
     cluster.hold_at_steps(&child, task, 400);
     send(&child, Signal::TERM);
@@ -92,7 +92,7 @@ fn signalled_task_is_restarted_and_continues_elsewhere() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(143), "{output:?}");
     contains(&words(&output.stderr), &["cancelled"]);
-    assert_eq!(cluster.was_told("requeue").lines().count(), 2);
+    assert_eq!(cluster.input_of("requeue").lines().count(), 2);
     std::fs::remove_file(cluster.said().join("squeue")).unwrap();
     // A new job continues from published shards, merged or not.
     let script = cluster.submit(&["--tasks", "1"]);
@@ -175,7 +175,7 @@ fn task_that_runs_twice_simultaneously_is_harmless() {
 fn status_shows_tasks_and_slices_and_cancel_ends_them() {
     let cluster = Cluster::new(&long());
     let script = cluster.submit(&["--tasks", "2"]);
-    cluster.says("squeue", "0|RUNNING|n1\n1|PENDING|\n");
+    cluster.set_reply("squeue", "0|RUNNING|n1\n1|PENDING|\n");
     let task = Task::FIRST;
     let child = cluster.start(&script, task);
     // Stopped during the check, or it would finish on a busy machine.
@@ -204,14 +204,14 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
         &cluster.ok(&["cancel", "small.toml"]),
         &["cancelled: 4711", "sweep submit"],
     );
-    assert_eq!(cluster.was_told("scancel"), "4711\n");
+    assert_eq!(cluster.input_of("scancel"), "4711\n");
     // Even without an answer of squeue: the mark exists.
-    cluster.says("squeue", "RUNNING|None\n");
+    cluster.set_reply("squeue", "RUNNING|None\n");
     send(&child, Signal::TERM);
     send(&child, Signal::CONT);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(143), "{output:?}");
-    assert!(cluster.was_told("requeue").is_empty());
+    assert!(cluster.input_of("requeue").is_empty());
     std::fs::remove_file(cluster.said().join("squeue")).unwrap();
     contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
     contains(

@@ -31,7 +31,7 @@ fn waves_end_by_themselves_with_the_results_of_a_local_run() {
         let job = 4711 + u32::try_from(waves.len()).unwrap();
         waves.push(cases);
         assert!(waves.len() < 12, "{waves:?}");
-        cluster.says("job", &format!("{}\n", job + 1));
+        cluster.set_reply("job", &format!("{}\n", job + 1));
         cluster.run_all(&script, job, tasks);
     }
     // First batches of both points; then only the seeds of the rule.
@@ -65,7 +65,7 @@ fn lost_task_of_a_wave_is_submitted_again_before_the_rule_looks() {
     cluster.hold_at_steps(&lost, two, 4);
     send(&lost, Signal::KILL);
     lost.wait().unwrap();
-    cluster.says("job", "4712\n");
+    cluster.set_reply("job", "4712\n");
     // Batches are not complete: no seed beyond them is submitted.
     let (script, again, tasks) = next_wave(&cluster).unwrap();
     assert!((1..6).contains(&again), "{again}");
@@ -74,7 +74,7 @@ fn lost_task_of_a_wave_is_submitted_again_before_the_rule_looks() {
     while let Some((script, _, tasks)) = next_wave(&cluster) {
         job += 1;
         assert!(job < 4724);
-        cluster.says("job", &format!("{}\n", job + 1));
+        cluster.set_reply("job", &format!("{}\n", job + 1));
         cluster.run_all(&script, job, tasks);
     }
     contains(

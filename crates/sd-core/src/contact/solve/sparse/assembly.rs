@@ -1,4 +1,4 @@
-//! The matrix of the preconditioner.
+//! Assembly of the preconditioner.
 
 use super::SparseSystem;
 use super::linear::row_of;
@@ -7,23 +7,26 @@ use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern};
 
 impl<S: Fluid> SparseSystem<S> {
-    /// The matrix of the preconditioner: the near part of R, and the stiffnesses of so many candidates and rows.
+    /// Assembles the preconditioner: the near-field part of R, and the stiffnesses of the first
+    /// `rows` candidates and friction rows.
     ///
-    /// Where the one before was of the same candidates, only blocks of spheres are made anew that have another stiffness now.
+    /// If the preceding matrix had the same candidates, only the blocks of spheres whose stiffness
+    /// changed are assembled.
     ///
-    /// Directions of slides turn in each system: in a suspension all blocks are made anew.
+    /// In a suspension all blocks are assembled, since the directions of slides change in every
+    /// system.
     pub(super) fn assemble(
         &mut self,
         (problem, states): (&Problem<S>, &States),
         pattern: &NearPattern<S>,
         rows: usize,
     ) {
-        let again = self.is_factored && self.is_same && S::TANGENTS == 1;
+        let is_update = self.is_factored && self.is_same && S::TANGENTS == 1;
         self.is_same = true;
         self.changed.clear();
-        self.changed.resize(pattern.spheres(), !again);
-        let (held, changed) = (&mut self.held, &mut self.changed);
-        if again {
+        self.changed.resize(pattern.spheres(), !is_update);
+        let (matrix, changed) = (&mut self.stiff_factor, &mut self.changed);
+        if is_update {
             for (at, (old, new)) in self.factored.iter().zip(&self.stiffness).enumerate() {
                 if old != new {
                     for sphere in row_of(problem, states, at).1.spheres {
@@ -32,39 +35,40 @@ impl<S: Fluid> SparseSystem<S> {
                 }
             }
             for (sphere, _) in changed.iter().enumerate().filter(|(_, changed)| **changed) {
-                held.copy_own(pattern, &self.near, sphere);
+                matrix.copy_own(pattern, &self.near, sphere);
             }
             for (entry, &number) in problem.normal.iter().zip(&self.numbers) {
                 let both = entry.row.spheres.iter().all(|&sphere| changed[sphere]);
                 if let Some(number) = number.filter(|_| both) {
-                    held.copy_coupling(pattern, &self.near, number);
+                    matrix.copy_coupling(pattern, &self.near, number);
                 }
             }
         } else {
-            held.copy_matrix(&self.near);
+            matrix.copy_matrix(&self.near);
         }
         for (at, &s) in self.stiffness[..rows].iter().enumerate() {
             if s != 0.0 {
                 let (contact, row) = row_of(problem, states, at);
-                let meant = row.spheres.map(|sphere| changed[sphere]);
-                if meant != [false, false] {
-                    add_stiffness(held, pattern, &row, self.numbers[contact], s, meant);
+                let selected = row.spheres.map(|sphere| changed[sphere]);
+                if selected != [false, false] {
+                    add_stiffness(matrix, pattern, &row, self.numbers[contact], s, selected);
                 }
             }
         }
     }
 }
 
-/// Adds `s rowᵀ row` to the diagonal blocks of those of its two spheres that are meant, and to the block between them where both are.
+/// Adds `s rowᵀ row` to the diagonal blocks of the selected spheres among its two, and to the block
+/// that couples them if both are selected.
 fn add_stiffness<S: Fluid>(
     matrix: &mut NearMatrix<S>,
     pattern: &NearPattern<S>,
     row: &Row<S>,
     number: Option<usize>,
     s: f64,
-    meant: [bool; 2],
+    selected: [bool; 2],
 ) {
-    let [i, j] = row.halves();
+    let [i, j] = row.sphere_weights();
     let block = |rows: &S::PerMode<f64>, columns: &S::PerMode<f64>| {
         let mut block = S::no_block();
         for column in 0..S::MODES {
@@ -74,12 +78,12 @@ fn add_stiffness<S: Fluid>(
         }
         block
     };
-    for ((sphere, weights), is_meant) in row.spheres.into_iter().zip([i, j]).zip(meant) {
-        if is_meant {
+    for ((sphere, weights), is_selected) in row.spheres.into_iter().zip([i, j]).zip(selected) {
+        if is_selected {
             matrix.add_own(pattern, sphere, &block(weights, weights));
         }
     }
-    if let (Some(number), [true, true]) = (number, meant) {
+    if let (Some(number), [true, true]) = (number, selected) {
         matrix.add_coupling(pattern, number, &block(j, i));
     }
 }
@@ -91,7 +95,7 @@ mod tests {
     use crate::space::Layer;
     use crate::space::modes::Vec2;
 
-    /// A ring of spheres, each in contact with the next, with friction at every second contact.
+    /// A ring of spheres, each in contact with the next, with friction on every second contact.
     fn ring(n: u32) -> (Problem, NearPattern<Layer>, SparseSystem) {
         let next = |i: u32| (i + 1) % n;
         let mut pairs: Vec<_> = (0..n).map(|i| (i.min(next(i)), i.max(next(i)))).collect();
@@ -101,8 +105,8 @@ mod tests {
         let mut system = SparseSystem::<Layer>::default();
         system.near.reset(&pattern);
         for i in 0..n {
-            let own = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
-            system.near.add_own(&pattern, i, &own);
+            let own_block = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
+            system.near.add_own(&pattern, i, &own_block);
         }
         let mut problem = Problem::<Layer>::default();
         for (k, &(i, j)) in pairs.iter().enumerate() {
@@ -132,12 +136,12 @@ mod tests {
                 });
             }
         }
-        // One pair is none of the pattern's.
+        // One pair is not in the pattern.
         system.numbers = (0..n).map(|k| (k != 5).then_some(k)).collect();
         (problem, pattern, system)
     }
 
-    /// The matrix of these stiffnesses, factored, read by a solve.
+    /// The solution of a system with the matrix of the current stiffnesses.
     fn read(
         system: &mut SparseSystem,
         problem: &Problem,
@@ -145,22 +149,22 @@ mod tests {
     ) -> Vec<f64> {
         let rows = system.stiffness.len();
         system.assemble((problem, &States::default()), pattern, rows);
-        system.held.factor(pattern).unwrap();
+        system.stiff_factor.factor(pattern).unwrap();
         system.is_factored = true;
         system.factored.clone_from(&system.stiffness);
         let forces: Vec<f64> = (0..3 * pattern.spheres())
             .map(|k| (k as f64).cos())
             .collect();
         let mut velocities = vec![0.0; forces.len()];
-        system.held.solve(pattern, &forces, &mut velocities);
+        system.stiff_factor.solve(pattern, &forces, &mut velocities);
         velocities
     }
 
     #[test]
-    fn a_matrix_of_other_stiffnesses_has_the_bits_of_one_made_anew() {
+    fn updated_matrix_has_the_bits_of_a_new_one() {
         let (problem, pattern, mut system) = ring(24);
         let rows = problem.normal.len() + problem.tangential.len();
-        // Five contacts are open, each time others.
+        // Five contacts are open, different ones each time.
         let stiffness = |number: usize| {
             let of = |at: usize| {
                 if at / 5 == number {
@@ -176,7 +180,11 @@ mod tests {
             system.stiffness = stiffness(number);
             let found = read(&mut system, &problem, &pattern);
             let kept = system.changed.iter().any(|changed| !changed);
-            assert_eq!(kept, number > 0, "only blocks that changed are made anew");
+            assert_eq!(
+                kept,
+                number > 0,
+                "only blocks that changed are assembled again"
+            );
             let (_, _, mut new) = ring(24);
             new.stiffness = stiffness(number);
             assert_eq!(found, read(&mut new, &problem, &pattern));

@@ -1,7 +1,7 @@
-//! The linear system of given states, as products with it and with its preconditioner.
+//! Products with the linear system of an active set and with its preconditioner.
 
-use super::active::Active;
-use super::{LEAST_COMPLIANCE, WEIGHT};
+use super::active::ActiveTerms;
+use super::{MIN_COMPLIANCE, VELOCITY_WEIGHT};
 use crate::contact::row::Row;
 use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{
@@ -9,15 +9,16 @@ use crate::hydrodynamics::resistance::{
 };
 use crate::space::Space;
 
-/// The spheres, contacts and what they do: all that the linear system is made of.
+/// The data that define the linear system.
 pub(super) struct Linear<'a, S: Fluid> {
     pub(super) network: &'a PairwiseResistance<S>,
     pub(super) problem: &'a Problem<S>,
     pub(super) states: &'a States,
-    pub(super) active: &'a Active<S>,
+    pub(super) active: &'a ActiveTerms<S>,
 }
 
-/// Candidate and row of a contact or friction row, numbered as stiffnesses are: candidates come first. Rows of slides are turned.
+/// Candidate and row of a normal or friction unknown, numbered like the stiffnesses: candidates
+/// come first. Rows of slides are rotated to their frames.
 pub(super) fn row_of<S: Space>(
     problem: &Problem<S>,
     states: &States,
@@ -29,26 +30,26 @@ pub(super) fn row_of<S: Space>(
             let entry = &problem.tangential[m];
             let turned = states
                 .slide(m)
-                .map(|slide| problem.turned_row(slide, m).row);
+                .map(|slide| problem.rotated_row(slide, m).row);
             (entry.contact, turned.unwrap_or(entry.row))
         }
     }
 }
 
-/// What the preconditioner is made of.
+/// The data that define the preconditioner.
 pub(super) struct Preconditioner<'a, S: Fluid> {
     pub(super) pattern: &'a NearPattern<S>,
-    /// Factor of the near part of `R + Cᵀ S C + Dᵀ S D`.
-    pub(super) held: &'a mut NearMatrix<S>,
-    /// The near part of R, factored.
+    /// Factor of the near-field part of `R + Cᵀ S C + Dᵀ S D`.
+    pub(super) stiff_factor: &'a mut NearMatrix<S>,
+    /// Factor of the near-field part of R.
     pub(super) near: &'a mut NearMatrix<S>,
-    /// Stiffness of each candidate, then of each row.
+    /// Stiffness of each candidate, then of each friction row.
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
     pub(super) work: &'a mut [f64],
 }
 
-/// Workspace for v and v_N side by side, and for the forces of both.
+/// Workspace for v and v_N, interleaved, and for the forces of both.
 #[derive(Default)]
 pub(super) struct BothMotions<S: Fluid> {
     velocities: Vec<Motion<S, 2>>,
@@ -56,7 +57,7 @@ pub(super) struct BothMotions<S: Fluid> {
 }
 
 impl<S: Fluid> BothMotions<S> {
-    /// The forces R v and R v_N.
+    /// Computes R v and R v_N.
     pub(super) fn multiply(&mut self, network: &PairwiseResistance<S>, v: &[f64], v_n: &[f64]) {
         for both in [&mut self.velocities, &mut self.forces] {
             both.resize(network.spheres(), S::each([0.0; 2]));
@@ -70,7 +71,7 @@ impl<S: Fluid> BothMotions<S> {
         network.multiply(&self.velocities, &mut self.forces);
     }
 
-    /// Puts the forces into vectors `[3N]`.
+    /// Copies the forces to vectors `[3N]`.
     pub(super) fn read(&self, y: &mut [f64], y_n: &mut [f64]) {
         let parts = S::by_sphere_mut(y).iter_mut().zip(S::by_sphere_mut(y_n));
         for ((y, y_n), both) in parts.zip(&self.forces) {
@@ -82,7 +83,7 @@ impl<S: Fluid> BothMotions<S> {
 }
 
 impl<S: Fluid> Linear<'_, S> {
-    /// Splits a vector into its parts: v, v_N, f, t.
+    /// Splits a vector into v, v_N, f and t.
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
         let n = S::MODES * self.network.spheres();
         let (v, rest) = x.split_at(n);
@@ -95,7 +96,7 @@ impl<S: Fluid> Linear<'_, S> {
         [v, v_n, f, t]
     }
 
-    /// The same, to write.
+    /// Splits a mutable vector into v, v_N, f and t.
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
         let n = S::MODES * self.network.spheres();
         let (v, rest) = x.split_at_mut(n);
@@ -108,7 +109,7 @@ impl<S: Fluid> Linear<'_, S> {
         [v, v_n, f, t]
     }
 
-    /// `y = A x` of the linear system; rows of velocities times [`WEIGHT`].
+    /// `y = A x`, the linear system with its velocity rows multiplied by [`VELOCITY_WEIGHT`].
     pub(super) fn apply(&self, x: &[f64], y: &mut [f64], both: &mut BothMotions<S>) {
         let [v, v_n, _, _] = self.split(x);
         let [y_v, y_n, y_f, y_t] = self.split_mut(y);
@@ -122,7 +123,8 @@ impl<S: Fluid> Linear<'_, S> {
         }
     }
 
-    /// What contacts and their forces add to `y = A x`; normal forces act in all L motions, friction in the first.
+    /// Adds the contributions of the contacts and their forces to `y = A x`. Normal forces act in
+    /// all L motions, friction only in the first.
     fn add_contacts<const L: usize>(
         &self,
         x: &[f64],
@@ -134,13 +136,13 @@ impl<S: Fluid> Linear<'_, S> {
         let forces = &x[x.len() - f.len() - t.len()..];
         y_f.fill(0.0);
         for closed in &self.active.closed {
-            let (k, row) = (closed.at as usize, closed.row());
+            let (k, row) = (closed.index as usize, closed.row());
             row.add_to_first::<L, L>(-f[k], y);
-            y_f[k] = WEIGHT * (row.read(v) + closed.compliance * f[k]);
+            y_f[k] = VELOCITY_WEIGHT * (row.read(v) + closed.compliance * f[k]);
         }
-        for acting in &self.active.acting {
-            let force = acting.factor * forces[acting.force];
-            acting.row.add_to_first::<1, L>(force, y);
+        for term in &self.active.force_terms {
+            let force = term.factor * forces[term.force];
+            term.row.add_to_first::<1, L>(force, y);
         }
         y_t.fill(0.0);
         let flow = if self.problem.uses_frictionless_slip {
@@ -149,22 +151,22 @@ impl<S: Fluid> Linear<'_, S> {
             v
         };
         for sticking in &self.active.sticking {
-            let m = sticking.at;
-            y_t[m] = WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
+            let m = sticking.index;
+            y_t[m] = VELOCITY_WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
         }
     }
 
-    /// Stiffness of each candidate, then of each row, in the preconditioner.
+    /// Computes the stiffness of each candidate, then of each friction row, for the preconditioner.
     pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
-        let of = |compliance: f64| compliance.max(LEAST_COMPLIANCE).recip();
+        let of = |compliance: f64| compliance.max(MIN_COMPLIANCE).recip();
         let (contacts, rows) = (self.problem.normal.len(), self.problem.tangential.len());
         stiffness.clear();
         stiffness.resize(contacts + rows, 0.0);
         for closed in &self.active.closed {
-            stiffness[closed.at as usize] = of(closed.compliance);
+            stiffness[closed.index as usize] = of(closed.compliance);
         }
         for sticking in &self.active.sticking {
-            stiffness[contacts + sticking.at] = of(sticking.compliance);
+            stiffness[contacts + sticking.index] = of(sticking.compliance);
         }
     }
 
@@ -174,41 +176,43 @@ impl<S: Fluid> Linear<'_, S> {
         let [r_v, r_n, r_f, r_t] = self.split(r);
         let [z_v, z_n, z_f, z_t] = self.split_mut(z);
         let (normal, tangential) = by.stiffness.split_at(self.problem.normal.len());
-        let isolated = self.problem.uses_frictionless_slip;
-        let Active {
+        let frictionless = self.problem.uses_frictionless_slip;
+        let ActiveTerms {
             closed, sticking, ..
         } = self.active;
         work.copy_from_slice(r_v);
         for entry in closed {
-            let k = entry.at as usize;
-            entry.row().add(normal[k] * r_f[k] / WEIGHT, work);
+            let k = entry.index as usize;
+            entry.row().add(normal[k] * r_f[k] / VELOCITY_WEIGHT, work);
         }
-        if !isolated {
+        if !frictionless {
             for entry in sticking {
-                let m = entry.at;
-                entry.row.add(tangential[m] * r_t[m] / WEIGHT, work);
+                let m = entry.index;
+                entry
+                    .row
+                    .add(tangential[m] * r_t[m] / VELOCITY_WEIGHT, work);
             }
         }
-        by.held.solve(pattern, work, z_v);
-        if isolated {
+        by.stiff_factor.solve(pattern, work, z_v);
+        if frictionless {
             work.copy_from_slice(r_n);
         }
         z_f.fill(0.0);
         for entry in closed {
-            let (k, row) = (entry.at as usize, entry.row());
-            z_f[k] = normal[k] * (r_f[k] / WEIGHT - row.read(z_v));
-            if isolated {
+            let (k, row) = (entry.index as usize, entry.row());
+            z_f[k] = normal[k] * (r_f[k] / VELOCITY_WEIGHT - row.read(z_v));
+            if frictionless {
                 row.add(z_f[k], work);
             }
         }
-        if isolated {
+        if frictionless {
             by.near.solve(pattern, work, z_n);
         }
-        let read_from: &[f64] = if isolated { z_n } else { z_v };
+        let read_from: &[f64] = if frictionless { z_n } else { z_v };
         z_t.fill(0.0);
         for entry in sticking {
-            let m = entry.at;
-            z_t[m] = tangential[m] * (entry.row.read(read_from) - r_t[m] / WEIGHT);
+            let m = entry.index;
+            z_t[m] = tangential[m] * (entry.row.read(read_from) - r_t[m] / VELOCITY_WEIGHT);
         }
     }
 }

@@ -12,8 +12,8 @@ use crate::report::states::{Flow, FlowCurve, grouped};
 /// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
 const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
 /// Minimum number of columns of a diagram, and of points in each, for slopes.
-const LEAST_COLUMNS: usize = 2;
-const LEAST_POINTS: usize = 3;
+const MIN_COLUMNS: usize = 2;
+const MIN_POINTS: usize = 3;
 
 /// The axes of a state diagram: those requested, or the area fraction and the stress, or the rate
 /// where no stress is imposed.
@@ -75,8 +75,8 @@ impl Draft<'_> {
             let sizes: Vec<usize> = curves.iter().map(|curve| curve.points().len()).collect();
             most_columns = most_columns.max(sizes.len());
             most_points = most_points.max(sizes.iter().copied().max().unwrap_or(0));
-            let long = sizes.iter().filter(|size| **size >= LEAST_POINTS).count();
-            enough |= long >= LEAST_COLUMNS;
+            let long = sizes.iter().filter(|size| **size >= MIN_POINTS).count();
+            enough |= long >= MIN_COLUMNS;
             lines.extend(self.markers(&curves, y, panel));
             lines.extend(self.limits(&curves, y, panel));
         }
@@ -84,7 +84,7 @@ impl Draft<'_> {
             return Err(ReportError::argument(
                 "--kind",
                 format!(
-                    "a state diagram needs at least {LEAST_COLUMNS} values of {} with {LEAST_POINTS} of {} each, as slopes are taken \
+                    "a state diagram needs at least {MIN_COLUMNS} values of {} with {MIN_POINTS} of {} each, as slopes are taken \
                      between neighbours; here are {most_columns} with {most_points} at most",
                     x.key, y.key
                 ),

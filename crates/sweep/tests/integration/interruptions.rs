@@ -147,7 +147,7 @@ fn a_signal_that_comes_twice_within_a_moment_counts_once() {
 }
 
 #[test]
-fn failures_that_are_the_same_for_every_shear_rate_are_told_once() {
+fn failures_that_are_the_same_for_every_shear_rate_are_reported_once() {
     let dense = QUICK
         .replace("area_fraction = 0.6", "area_fraction = 0.838")
         .replace("roughness = 0.01", "roughness = 0.02")
@@ -158,21 +158,21 @@ fn failures_that_are_the_same_for_every_shear_rate_are_told_once() {
     assert_eq!(ran.status.code(), Some(1), "{ran:?}");
     let lines = |bytes: &[u8]| {
         let text = String::from_utf8_lossy(bytes).into_owned();
-        let told: Vec<String> = text
+        let reports: Vec<String> = text
             .lines()
             .filter(|line| line.contains("no start could be made"))
             .map(String::from)
             .collect();
-        (told, text)
+        (reports, text)
     };
-    let (told, text) = lines(&ran.stderr);
-    assert_eq!(told.len(), 1, "{text}");
+    let (reports, text) = lines(&ran.stderr);
+    assert_eq!(reports.len(), 1, "{text}");
     assert!(text.contains("2 more runs failed as did"), "{text}");
     let status = run(directory.path(), &["status", "small.toml"]);
     for bytes in [&ran.stdout, &status.stdout] {
-        let (told, text) = lines(bytes);
-        assert_eq!(told.len(), 1, "{text}");
-        assert!(told[0].contains("3 runs at Γ = 0.1, 1, inf"), "{text}");
+        let (reports, text) = lines(bytes);
+        assert_eq!(reports.len(), 1, "{text}");
+        assert!(reports[0].contains("3 runs at Γ = 0.1, 1, inf"), "{text}");
     }
 }
 
@@ -211,7 +211,7 @@ fn status_works_while_a_run_writes_and_without_write_access() {
         for (path, mode) in [(readable.path(), 0o755), (&program, 0o755), (&store, 0o444)] {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         }
-        let nobody = |arguments: &[&str]| {
+        let unprivileged = |arguments: &[&str]| {
             Command::new("setpriv")
                 .args(["--reuid=65534", "--regid=65534", "--clear-groups"])
                 .arg(&program)
@@ -220,7 +220,7 @@ fn status_works_while_a_run_writes_and_without_write_access() {
                 .output()
                 .unwrap()
         };
-        let status = nobody(&["status", &store.display().to_string()]);
+        let status = unprivileged(&["status", &store.display().to_string()]);
         assert_eq!(status.status.code(), Some(0), "{status:?}");
     }
 }
@@ -292,7 +292,7 @@ fn failed_run_leaves_a_state_that_solve_reads() {
 }
 
 #[test]
-fn store_deleted_under_way_ends_with_3_and_leaves_nothing_behind() {
+fn store_deleted_during_a_run_ends_with_3_and_leaves_nothing_behind() {
     // In its first moments, and with checkpoints.
     for steps in [None, Some(0), Some(8)] {
         let directory = directory_with(QUICK);
