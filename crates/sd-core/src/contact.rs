@@ -16,20 +16,22 @@
 //! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
 //! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
 
-pub mod adhesion;
-pub mod laws;
-pub mod memory;
-pub mod pair;
-pub mod repulsion;
+pub(crate) mod adhesion;
+pub(crate) mod laws;
+pub(crate) mod memory;
+pub(crate) mod pair;
+pub(crate) mod repulsion;
 mod row;
 pub(crate) mod solve;
-pub mod solver;
-pub mod springs;
+pub(crate) mod solver;
+pub(crate) mod springs;
 
 pub use crate::model::Surface;
-pub use memory::ContactMemory;
-pub use pair::{Contact, ContactState, tangent};
-pub use solver::{ContactSolver, Pass};
+pub use laws::{Laws, NormalForce};
+pub(crate) use memory::ContactMemory;
+pub use memory::PairForces;
+pub use pair::{Contact, ContactState};
+pub(crate) use solver::{ContactSolver, Pass};
 
 /// What became of a contact problem. The same for every law and for dense, sparse and iterated
 /// hydrodynamics.

@@ -106,18 +106,16 @@ pub mod contact;
 mod error;
 mod hydrodynamics;
 pub mod law;
-pub mod linalg;
+mod linalg;
 pub mod model;
-pub mod procedure;
+mod procedure;
 mod run;
 mod space;
 mod stage;
 mod stress;
 
 pub use error::Error;
-pub use hydrodynamics::far_field::{FarField, FarResistance};
-pub use hydrodynamics::iterative::IterativeFarField;
-pub use hydrodynamics::resistance::{Fluid, NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::resistance::NearFields;
 pub use hydrodynamics::two_sphere;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
@@ -125,14 +123,32 @@ pub use model::{
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::started::Started;
-pub use run::steppers::rosenbrock::{self, Rosenbrock};
-pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{instant, pair, simulation, start, verify};
-pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
-pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
-pub use stress::{Stress, StressComponents, StressParts, StressWork};
+pub use stage::{Method, memory_bytes};
+pub use stress::{Stress, StressComponents, StressParts};
+
+/// What the tests and benchmarks of this crate measure one by one. No part of the interface: it may
+/// change in any version.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::contact::laws::{Phase, RESTITUTION, Span};
+    pub use crate::contact::memory::{ContactMemory, WarmStart};
+    pub use crate::contact::pair::tangent;
+    pub use crate::contact::solver::Pass;
+    pub use crate::contact::springs::Springs;
+    pub use crate::hydrodynamics::far_field::{FarField, FarResistance};
+    pub use crate::hydrodynamics::iterative::IterativeFarField;
+    pub use crate::hydrodynamics::resistance::Resistance;
+    pub use crate::linalg::{Matrix, StaggeredColumns, TiledCholesky, TiledMatrix, vectorised};
+    pub use crate::procedure::ContactList;
+    pub use crate::run::steppers::rosenbrock::Rosenbrock;
+    pub use crate::run::steppers::{RungeKutta, State};
+    pub use crate::space::neighbours::NeighbourList;
+    pub use crate::stage::{Contact as StageContact, StageSolver};
+    pub use crate::stress::StressWork;
+}
 
 #[cfg(test)]
 mod tests;

@@ -5,11 +5,12 @@
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::internals::Rosenbrock;
+use sd_core::internals::State;
 use sd_core::modes::{Background, Vec2};
-use sd_core::rosenbrock::Rosenbrock;
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Sample, Simulation, Snapshot, State, TangentialLaw,
+    Sample, Simulation, Snapshot, TangentialLaw,
 };
 use std::f64::consts::PI;
 

@@ -3,12 +3,14 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, Pass, Surface};
+use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::internals::Pass;
+use sd_core::internals::{Resistance, RungeKutta, StageContact, StageSolver, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
-    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Resistance, RungeKutta, Sample,
-    Simulation, Snapshot, StageContact, StageSolver, State, start,
+    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
+    start,
 };
 use std::f64::consts::PI;
 

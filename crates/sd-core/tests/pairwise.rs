@@ -8,16 +8,18 @@
 )]
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Surface};
+use sd_core::contact::Laws;
+use sd_core::contact::{Contact, ContactState, Surface};
+use sd_core::internals::ContactList;
+use sd_core::internals::Span;
+use sd_core::internals::{ContactMemory, Pass};
+use sd_core::internals::{IterativeFarField, Resistance, StageContact, StageSolver};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::procedure::ContactList;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
-    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
-    LeadingOrder, NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot, StageContact,
-    StageSolver, TangentialLaw,
+    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields,
+    NormalLaw, Params, Simulation, Snapshot, TangentialLaw,
 };
 
 /// Minimum number of spheres for pairwise storage.
@@ -486,7 +488,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
         assert!(w < 1e-8 || c.normal_force == 0.0, "{c:?}");
         assert!(c.tangential_force.abs() <= c.normal_force + 1e-7 * largest);
         // Contact forces on the spheres must balance the resistance of the fluid.
-        let (n, t) = (c.pair.normal, sd_core::contact::tangent(c.pair.normal));
+        let (n, t) = (c.pair.normal, sd_core::internals::tangent(c.pair.normal));
         let on_j = n * c.normal_force - t * c.tangential_force;
         for (sphere, lever, sign) in [(c.pair.i, c.levers[0], -1.0), (c.pair.j, c.levers[1], 1.0)] {
             forces[3 * sphere] -= sign * on_j.x;

@@ -10,17 +10,21 @@
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::memory::{PairForces, WarmStart};
-use sd_core::contact::springs::Springs;
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass, Quality};
+use sd_core::contact::Laws;
+use sd_core::contact::PairForces;
+use sd_core::contact::{Contact, ContactState, Quality};
+use sd_core::internals::ContactList;
+use sd_core::internals::Span;
+use sd_core::internals::Springs;
+use sd_core::internals::WarmStart;
+use sd_core::internals::{ContactMemory, Pass};
+use sd_core::internals::{IterativeFarField, Resistance, StageContact, StageSolver, StressWork};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::procedure::ContactList;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
-    ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
-    Params, Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
+    ContactScheme, Error, FrictionOnset, Hydrodynamics, Method, NearFields, Params, Simulation,
+    Snapshot,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;

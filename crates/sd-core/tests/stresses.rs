@@ -4,8 +4,9 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, Surface, tangent};
+use sd_core::contact::{Contact, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::internals::tangent;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, StressComponents,

@@ -1,14 +1,13 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{ContactMemory, Pass};
+use sd_core::contact::Laws;
+use sd_core::internals::Span;
+use sd_core::internals::{ContactMemory, Pass};
+use sd_core::internals::{StageContact, StageSolver};
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
-use sd_core::{
-    ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot, StageContact,
-    StageSolver,
-};
+use sd_core::{ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;

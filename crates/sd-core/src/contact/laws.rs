@@ -20,7 +20,7 @@ use crate::space::{ImposedFlow as _, Space};
 /// β: share of an overlap of rigid contacts taken back within one time span.
 pub const RESTITUTION: f64 = 0.2;
 /// Compliance of rigid contacts, in a/(mu·a²·rate): what limits the forces in a truly rigid network.
-pub const COMPLIANCE: f64 = 1e-10;
+pub(crate) const COMPLIANCE: f64 = 1e-10;
 /// Overlap at which an unloaded contact is first linearised, in a.
 const FIRST_OVERLAP: f64 = 1e-6;
 /// Smallest overlap at which one is linearised: nothing to the forces, but more than nothing to the slope.
@@ -124,7 +124,7 @@ impl Laws {
         Self::new(&ContactLaws::PAPER, surface)
     }
 
-    /// Whether forces depend on gaps: steps are then those of [`crate::Rosenbrock`].
+    /// Whether forces depend on gaps: steps are then those of `run::steppers::rosenbrock`.
     pub fn is_soft(&self) -> bool {
         !self.normal.is_rigid() || self.repulsion.is_some()
     }

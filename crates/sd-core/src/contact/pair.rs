@@ -27,7 +27,7 @@ pub struct Contact<S: Space = Layer> {
     /// Centre-to-contact distances l_i and l_j, in a.
     pub levers: [f64; 2],
     /// Inverse slip mobility K of the isolated pair, in mu·a; 0 where friction was never asked for.
-    pub slip_resistance: f64,
+    pub(crate) slip_resistance: f64,
     /// n·(u∞_j − u∞_i).
     pub background_approach: f64,
     /// The slip of the background itself.

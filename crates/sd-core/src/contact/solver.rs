@@ -17,11 +17,11 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
 
-pub use super::solve::problem::AppliedForces;
+pub(crate) use super::solve::problem::AppliedForces;
 
 /// What a contact problem is input in.
 #[derive(Clone, Copy)]
-pub struct StageInput<'a, S: Fluid> {
+pub(crate) struct StageInput<'a, S: Fluid> {
     /// Hydrodynamics, factored where they are.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// γ of two-stage steps: how far contact forces look ahead, in steps.
-pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
+pub(crate) const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// A spring within a step, of a pair with that line of centres.
 type Stretched<S> = (

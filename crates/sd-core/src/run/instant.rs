@@ -3,7 +3,7 @@
 use super::started::Started;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::memory::PairForces;
-use crate::contact::springs::Springs;
+use crate::contact::springs::{GAMMA, Springs};
 use crate::contact::{Contact, ContactMemory, Pass};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
@@ -95,6 +95,15 @@ impl<S: Space> ContactRequest<S> {
                 rolling_springs: PairForces::default(),
             },
         }
+    }
+}
+
+/// Time over which contact forces look ahead in the first stage of a run's step, in strain.
+pub fn look_ahead(params: &Params) -> f64 {
+    if params.contact.laws().is_soft() {
+        GAMMA * params.time_step
+    } else {
+        params.time_step
     }
 }
 

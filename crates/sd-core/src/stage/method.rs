@@ -113,6 +113,7 @@ impl Method {
         }
     }
 
+    #[doc(hidden)]
     /// A solver for spheres of the given radii.
     ///
     /// `pattern_pairs`: pairs of the near part's pattern where a run goes on, ordered; else empty.

@@ -13,9 +13,9 @@ mod rolling_pair;
 mod schemes;
 
 use sd_core::cell::Cell;
+use sd_core::contact::PairForces;
 use sd_core::contact::Surface;
-use sd_core::contact::laws::{Laws, NormalForce};
-use sd_core::contact::memory::PairForces;
+use sd_core::contact::{Laws, NormalForce};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};

@@ -1,8 +1,8 @@
 //! One instant of two spheres pressed together.
 
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved};
-use sd_core::contact::laws::{Laws, NormalForce};
 use sd_core::contact::{ContactState, Surface};
+use sd_core::contact::{Laws, NormalForce};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::modes::Vec2;
 use sd_core::{ContactLaws, FrictionOnset, NormalLaw, TangentialLaw};

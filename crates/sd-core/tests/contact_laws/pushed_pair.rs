@@ -2,15 +2,15 @@
 
 use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, NormalForce, Phase, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState, Pass};
+use sd_core::contact::{Contact, ContactState};
+use sd_core::contact::{Laws, NormalForce};
+use sd_core::internals::{ContactMemory, Pass};
+use sd_core::internals::{Phase, Span};
+use sd_core::internals::{Resistance, Rosenbrock, StageContact, StageSolver, State};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{
-    Hydrodynamics, NearFields, NormalLaw, Resistance, Rosenbrock, StageContact, StageSolver, State,
-    TangentialLaw,
-};
+use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
 
 /// A pair moved in time under constant forces along and across its line of centres.
 pub(super) struct Pushed {

@@ -4,15 +4,16 @@ use super::{LUBRICATION, laws, params, rigid, sheared, springs, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::memory::PairForces;
-use sd_core::contact::{ContactState, Pass};
+use sd_core::contact::ContactState;
+use sd_core::contact::Laws;
+use sd_core::contact::PairForces;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::internals::Pass;
+use sd_core::internals::Span;
+use sd_core::internals::StageContact;
 use sd_core::model::Surface;
 use sd_core::modes::{Background as Planar, Vec2};
-use sd_core::{
-    Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, StageContact, TangentialLaw,
-};
+use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, TangentialLaw};
 
 fn request<S: Space>(
     laws: &ContactLaws,

@@ -117,7 +117,7 @@ impl<S: Space> Problem<S> {
 
 /// The forces on the spheres besides those of contact, `[3N]` each.
 #[derive(Clone, Copy)]
-pub struct AppliedForces<'a> {
+pub(crate) struct AppliedForces<'a> {
     /// All external and background forces.
     pub all: &'a [f64],
     /// Those of them that count for the motion that normal forces alone leave.
@@ -129,7 +129,7 @@ pub struct AppliedForces<'a> {
 
 impl<'a> AppliedForces<'a> {
     /// The same forces for both motions.
-    pub fn both(forces: &'a [f64]) -> Self {
+    pub(crate) fn both(forces: &'a [f64]) -> Self {
         Self {
             all: forces,
             frictionless: forces,

@@ -84,8 +84,8 @@ impl Part {
 
 impl<S: Started> Simulation<S> {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its
-    /// start held, under soft ones by [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without
-    /// contact forces and under the paper's procedure.
+    /// start held, under soft ones by an implicit method of two stages, and by Runge-Kutta of order
+    /// four without contact forces and under the paper's procedure.
     ///
     /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts
     /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
