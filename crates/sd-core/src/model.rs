@@ -3,6 +3,7 @@
 //! Reading, checking and printing of parameters, here and in the programs that use this crate,
 //! follow from that table.
 
+mod builder;
 mod contact_laws;
 mod hydrodynamics;
 mod parameters;
@@ -16,6 +17,7 @@ pub use crate::error::Refusal;
 pub use crate::law::{
     FrictionOnset, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw, Word, Words,
 };
+pub use builder::ParamsBuilder;
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
@@ -135,7 +137,7 @@ impl Params {
     pub const LARGE_ABOVE: usize = 1000;
 
     /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.
-    pub const UNWRITTEN: Self = Self {
+    pub(crate) const UNWRITTEN: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
         volume_fraction: None,

@@ -28,22 +28,21 @@ fn crossed(start: f64, amplitude: f64, ratio: f64) -> Segment {
 
 /// A suspension of rough rigid spheres with friction.
 fn suspension(segments: &[Segment]) -> Params {
-    Params {
-        spheres: 100,
-        area_fraction: 0.0,
-        volume_fraction: Some(0.45),
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: f64::INFINITY,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Laws(ContactLaws {
+    Params::builder()
+        .spheres(100)
+        .volume_fraction(0.45)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Laws(ContactLaws {
             tangential: TangentialLaw::Coulomb,
             ..ContactLaws::PAPER
-        }),
-        time_step: 0.01,
-        segments: segments.to_vec(),
-        ..Params::UNWRITTEN
-    }
+        }))
+        .time_step(0.01)
+        .segments(segments.to_vec())
+        .build()
+        .unwrap()
 }
 
 /// The same with soft spheres, whose springs have a memory.

@@ -15,18 +15,17 @@ use sd_core::{
 use std::f64::consts::PI;
 
 fn params(contact: ContactScheme) -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.68,
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 0.0,
-        shear_stress: Some(3.0),
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.68)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_stress(3.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(contact)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// The same layer at an imposed rate.

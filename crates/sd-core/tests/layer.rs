@@ -15,19 +15,17 @@ use sd_core::{
 use std::f64::consts::PI;
 
 fn params() -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.693,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.693)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// Samples of a run over some steps, and its end.

@@ -28,19 +28,17 @@ const PAIRWISE: usize = 100;
 const ITERATED: usize = 160;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.01,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(friction)
+        .shear_rate(100.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.01)
+        .build()
+        .unwrap()
 }
 
 /// A layer after some steps, with cell and centres.

@@ -16,18 +16,18 @@ use sd_core::{
 
 /// A dense layer of rough rigid spheres with friction.
 fn layer(segments: &[Segment]) -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.70,
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 10.0,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.01,
-        segments: segments.to_vec(),
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.70)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(10.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.01)
+        .segments(segments.to_vec())
+        .build()
+        .unwrap()
 }
 
 /// The same with soft spheres, whose springs have a memory.

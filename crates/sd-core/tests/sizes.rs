@@ -11,18 +11,18 @@ use sd_core::{
 
 /// Parameters of a layer of these sizes.
 fn layer(spheres: usize, area_fraction: f64, sizes: &str) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: f64::INFINITY,
-        sizes: Some(sizes.parse().unwrap()),
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(f64::INFINITY)
+        .sizes(sizes.parse().unwrap())
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// The same of a suspension.

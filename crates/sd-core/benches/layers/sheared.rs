@@ -17,19 +17,17 @@ const STRAIN: f64 = 0.8;
 const COPIED_FROM: usize = 400;
 
 pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics,
-        contact: ContactScheme::Rigid,
-        time_step: TIME_STEP,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(hydrodynamics)
+        .contact(ContactScheme::Rigid)
+        .time_step(TIME_STEP)
+        .build()
+        .expect("valid parameters")
 }
 
 /// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer,

@@ -109,6 +109,8 @@ pub static PARAMETERS: [Parameter; 27] = [
         ..number(&SPHERES)
     },
     Parameter {
+        has_meaning: |p| p.volume_fraction.is_none(),
+        is_shown: |p| p.volume_fraction.is_none(),
         form: Form::Number(Number {
             quantity: &AREA_FRACTION,
             get: |p| p.area_fraction,
