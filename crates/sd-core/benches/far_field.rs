@@ -3,9 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;
-use sd_core::internals::Matrix;
-use sd_core::internals::{FarField, FarResistance};
-use sd_core::internals::{TiledCholesky, TiledMatrix};
+use sd_core::internals::{FarField, FarResistance, Matrix, TiledCholesky, TiledMatrix};
 use sd_core::modes::Vec2;
 use std::hint::black_box;
 

@@ -22,10 +22,9 @@ use layers::{Layer, TIME_STEP, layer, params};
 use sd_core::Hydrodynamics;
 use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
-use sd_core::internals::Matrix;
-use sd_core::internals::StaggeredColumns;
-use sd_core::internals::TiledCholesky;
-use sd_core::internals::{FarField, NeighbourList, RungeKutta, State, StressWork};
+use sd_core::internals::{
+    FarField, Matrix, NeighbourList, RungeKutta, StaggeredColumns, State, StressWork, TiledCholesky,
+};
 use sd_core::modes::{Background, Vec2};
 
 const STEPS: u32 = 60;

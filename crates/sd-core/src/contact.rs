@@ -27,7 +27,7 @@ pub(crate) mod solver;
 pub(crate) mod springs;
 
 pub use crate::model::Surface;
-pub use laws::{Laws, NormalForce};
+pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
 pub use memory::PairForces;
 pub use pair::{Contact, ContactState};

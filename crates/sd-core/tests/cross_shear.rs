@@ -8,8 +8,7 @@ mod resumed;
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::Laws;
-use sd_core::contact::PairForces;
+use sd_core::contact::{Laws, PairForces};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::{CrossShear, Segment, Surface};
 use sd_core::{

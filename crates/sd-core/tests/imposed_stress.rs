@@ -5,8 +5,7 @@
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::internals::Rosenbrock;
-use sd_core::internals::State;
+use sd_core::internals::{Rosenbrock, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,

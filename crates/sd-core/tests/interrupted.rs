@@ -10,8 +10,7 @@ mod schemes;
 
 use schemes::{rigid, schemes, spring};
 use sd_core::Started;
-use sd_core::internals::ContactList;
-use sd_core::internals::ContactMemory;
+use sd_core::internals::{ContactList, ContactMemory};
 use sd_core::simulation::{Counters, SchemeMemory};
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,

@@ -5,8 +5,7 @@
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::internals::Pass;
-use sd_core::internals::{Resistance, RungeKutta, StageContact, StageSolver, State};
+use sd_core::internals::{Pass, Resistance, RungeKutta, StageContact, StageSolver, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,

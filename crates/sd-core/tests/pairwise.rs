@@ -8,12 +8,11 @@
 )]
 
 use sd_core::cell::Cell;
-use sd_core::contact::Laws;
-use sd_core::contact::{Contact, ContactState, Surface};
-use sd_core::internals::ContactList;
-use sd_core::internals::Span;
-use sd_core::internals::{ContactMemory, Pass};
-use sd_core::internals::{IterativeFarField, Resistance, StageContact, StageSolver};
+use sd_core::contact::{Contact, ContactState, Laws, Surface};
+use sd_core::internals::{
+    ContactList, ContactMemory, IterativeFarField, Pass, Resistance, Span, StageContact,
+    StageSolver,
+};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;

@@ -10,15 +10,11 @@
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::Laws;
-use sd_core::contact::PairForces;
-use sd_core::contact::{Contact, ContactState, Quality};
-use sd_core::internals::ContactList;
-use sd_core::internals::Span;
-use sd_core::internals::Springs;
-use sd_core::internals::WarmStart;
-use sd_core::internals::{ContactMemory, Pass};
-use sd_core::internals::{IterativeFarField, Resistance, StageContact, StageSolver, StressWork};
+use sd_core::contact::{Contact, ContactState, Laws, PairForces, Quality};
+use sd_core::internals::{
+    ContactList, ContactMemory, IterativeFarField, Pass, Resistance, Span, Springs, StageContact,
+    StageSolver, StressWork, WarmStart,
+};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};

@@ -2,9 +2,8 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::Laws;
-use sd_core::internals::Span;
-use sd_core::internals::{ContactMemory, Pass};
-use sd_core::internals::{StageContact, StageSolver};
+use sd_core::internals::{ContactMemory, Pass, Span, StageContact, StageSolver};
+use sd_core::model::SolverSettings;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
 use sd_core::{ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot};
@@ -102,7 +101,8 @@ impl Layer {
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
         let method = Method::of(params);
-        let stage = method.solver(params.hydrodynamics, &cell, radii, &tables, &[]);
+        let settings = SolverSettings::default();
+        let stage = method.solver(params.hydrodynamics, &cell, radii, &tables, &[], &settings);
         Self {
             cell,
             centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),

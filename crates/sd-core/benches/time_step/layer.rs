@@ -3,9 +3,9 @@
 use super::methods::Method;
 use sd_core::cell::Cell;
 use sd_core::contact::Laws;
-use sd_core::internals::{ContactMemory, Pass};
-use sd_core::internals::{Phase, Span};
-use sd_core::internals::{Resistance, StageContact, StageSolver, StressWork};
+use sd_core::internals::{
+    ContactMemory, Pass, Phase, Resistance, Span, StageContact, StageSolver, StressWork,
+};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Snapshot};
 

@@ -13,7 +13,7 @@
 
 use super::pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{FrictionOnset, Halt, NormalLaw, TangentialLaw};
+use crate::law::{CustomNormalLaw, FrictionOnset, Halt, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{ImposedFlow as _, Space};
 
@@ -51,11 +51,60 @@ pub struct Laws {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalForce {
     /// The law.
-    pub law: NormalLaw,
+    pub law: ForceLaw,
     /// Its stiffness, in mu·a·rate times what the law asks for; infinite for rigid contacts.
     pub stiffness: f64,
     /// Dashpot c, in mu·a.
     pub dashpot: f64,
+}
+
+/// A law of the normal force: of the list, or implemented outside this crate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ForceLaw {
+    /// A law of the list.
+    Listed(NormalLaw),
+    /// A law of the user.
+    Custom(&'static dyn CustomNormalLaw),
+}
+
+impl From<NormalLaw> for ForceLaw {
+    fn from(law: NormalLaw) -> Self {
+        Self::Listed(law)
+    }
+}
+
+impl ForceLaw {
+    /// Whether surfaces can touch under it.
+    pub fn touches(self) -> bool {
+        match self {
+            Self::Listed(law) => law.touches(),
+            Self::Custom(_) => true,
+        }
+    }
+
+    /// Force at an overlap d, as [`CustomNormalLaw::force`].
+    pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.force(overlap, stiffness),
+            Self::Custom(law) => law.force(overlap, stiffness),
+        }
+    }
+
+    /// Slope dF/dd at an overlap d, as [`CustomNormalLaw::slope`].
+    pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.slope(overlap, stiffness),
+            Self::Custom(law) => law.slope(overlap, stiffness),
+        }
+    }
+
+    /// Overlap at a force, as [`CustomNormalLaw::overlap`].
+    pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.overlap(force, stiffness),
+            Self::Custom(law) => law.overlap(force, stiffness),
+        }
+    }
 }
 
 impl Laws {
@@ -67,7 +116,7 @@ impl Laws {
             critical_load: f64::INFINITY,
         },
         normal: NormalForce {
-            law: NormalLaw::ExponentialRepulsion,
+            law: ForceLaw::Listed(NormalLaw::ExponentialRepulsion),
             stiffness: f64::INFINITY,
             dashpot: 0.0,
         },
@@ -94,7 +143,7 @@ impl Laws {
                 ..surface
             },
             normal: NormalForce {
-                law: choice.normal,
+                law: choice.normal.into(),
                 stiffness,
                 dashpot: choice.dashpot,
             },
@@ -188,7 +237,7 @@ impl NormalForce {
 
     /// Whether contacts do not give way.
     pub fn is_rigid(&self) -> bool {
-        self.law == NormalLaw::Rigid
+        self.law == ForceLaw::Listed(NormalLaw::Rigid)
     }
 
     /// Overlap about which a contact is first linearised: `overlap` its own, `force` that of the stage before.

@@ -8,7 +8,7 @@ use crate::contact::{Contact, ContactMemory, Pass};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
-use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, SolverSettings};
 use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::strain_tensor;
@@ -270,7 +270,14 @@ pub(super) fn solve_with<S: Fluid>(
         .zip(&configuration.torques)
         .flat_map(|(f, t)| S::join(f, t).as_ref().to_vec())
         .collect();
-    let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
+    let mut stage = method.solver(
+        *hydrodynamics,
+        cell,
+        radii,
+        tables,
+        &[],
+        &SolverSettings::default(),
+    )?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);
     } else if let ContactRequest::Laws {

@@ -4,7 +4,7 @@ use super::StageSolver;
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{Fluid, NearFields, Resistance};
-use crate::model::{ContactScheme, Hydrodynamics, Params};
+use crate::model::{ContactScheme, Hydrodynamics, Params, SolverSettings};
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
@@ -127,14 +127,23 @@ impl Method {
         radii: &[f64],
         tables: &NearFields,
         pattern_pairs: &[PairKey],
+        settings: &SolverSettings,
     ) -> Result<StageSolver<S>, Error> {
         let pairwise =
             || Resistance::new_pairwise(hydrodynamics, cell, radii, tables, pattern_pairs);
         Ok(match self {
-            Self::Dense => StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?),
+            Self::Dense => {
+                let resistance = match (hydrodynamics, settings.far_field_tolerance) {
+                    (Hydrodynamics::StokesianDynamics, Some(tolerance)) => {
+                        Resistance::new_dense(cell, radii, tables, tolerance)?
+                    }
+                    _ => Resistance::new(hydrodynamics, cell, radii, tables)?,
+                };
+                StageSolver::new(resistance)
+            }
             Self::Pairwise => StageSolver::new(pairwise()?),
             Self::Iterated => {
-                let far = IterativeFarField::new(cell, radii, IterativeFarField::DEFAULT_RESIDUAL)?;
+                let far = IterativeFarField::new(cell, radii, settings.far_field_residual)?;
                 StageSolver::with_far_field(pairwise()?, far)
             }
         })

@@ -12,12 +12,9 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
-use sd_core::contact::Laws;
-use sd_core::contact::PairForces;
-use sd_core::contact::{Contact, ContactState};
+use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, ContactRequest};
-use sd_core::internals::RESTITUTION;
-use sd_core::internals::Resistance;
+use sd_core::internals::{RESTITUTION, Resistance};
 use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Simulation, Started};
 
 /// Weights of velocities, by number.
