@@ -13,8 +13,8 @@
 //! u_d = d·(U_j − U_i) − (n × d)·(l_i Ω_i + l_j Ω_j)          u_r,d = a_ij (n × d)·(Ω_j − Ω_i);  twist about n is free
 //! ```
 //!
-//! Every law is entries of one problem, stated at the top of `contact/solve.rs`. [`laws`] says what a law comes to at a stage, [`solver`] chooses the pairs that
-//! take part, poses the problem and takes its solution. [`crate::procedure`] stays apart: it is a protocol, not a law.
+//! Every law is entries of one problem, stated at the top of `contact/solve.rs`. `laws` says what a law comes to at a stage, `solver` chooses the pairs that
+//! take part, poses the problem and takes its solution. `procedure` stays apart: it is a protocol, not a law.
 
 pub(crate) mod adhesion;
 pub(crate) mod laws;
@@ -36,6 +36,7 @@ pub(crate) use solver::{ContactSolver, Pass};
 /// What became of a contact problem. The same for every law and for dense, sparse and iterated
 /// hydrodynamics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Status {
     /// All conditions hold.
     #[default]

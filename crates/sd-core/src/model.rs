@@ -46,6 +46,12 @@ pub enum ContactScheme {
 
 impl ContactScheme {
     /// Its laws; those of the paper for [`ContactScheme::Rigid`] and [`ContactScheme::Procedure`].
+    ///
+    /// ```
+    /// use sd_core::{ContactLaws, ContactScheme};
+    ///
+    /// assert_eq!(ContactScheme::Rigid.laws(), &ContactLaws::PAPER);
+    /// ```
     pub fn laws(&self) -> &ContactLaws {
         match self {
             Self::Rigid | Self::Procedure => &ContactLaws::PAPER,
@@ -166,6 +172,20 @@ impl Params {
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite
     /// at Γ = 0. Under imposed stress it is determined at every stage, and this value is
     /// meaningless.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    /// assert_eq!(params.critical_load(), 3.0 * std::f64::consts::PI); // Γ = 2
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
@@ -188,6 +208,26 @@ impl Params {
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
+    ///
+    /// ```
+    /// use sd_core::Error;
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let changed = Params { roughness: 0.7, ..params };
+    /// let Err(Error::Refused(refusal)) = changed.validate() else {
+    ///     panic!("a roughness height of 0.7 radii");
+    /// };
+    /// assert_eq!(refusal.key, "roughness");
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn validate(&self) -> Result<(), Error> {
         Ok(parameters::check(self)?)
     }
@@ -197,6 +237,24 @@ impl Params {
     /// Values without effect under the other choices get a fixed value, zeros lose their sign,
     /// springs of infinite stiffness are rigid contacts and tangential springs on rigid contacts
     /// are Coulomb's law.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// // At Γ = 0 friction never acts, so its coefficient has no effect.
+    /// let mut plateau = Params { shear_rate: 0.0, ..params };
+    /// plateau.settle();
+    /// assert_eq!(plateau.friction, 0.0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn settle(&mut self) {
         parameters::settle(self);
     }

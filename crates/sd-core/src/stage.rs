@@ -32,7 +32,7 @@ const MOST_CHANGES: u32 = 8;
 pub enum Contact<'a, S: Fluid = Layer> {
     /// Nothing but the fluid.
     None,
-    /// Laws: entries of the one contact problem, see [`crate::contact::laws`].
+    /// Laws: entries of the one contact problem, see `contact::laws`.
     Laws {
         /// The laws.
         laws: &'a Laws,
@@ -41,7 +41,7 @@ pub enum Contact<'a, S: Fluid = Layer> {
         /// What contacts remember.
         memory: &'a mut ContactMemory<S>,
     },
-    /// The paper's steps, see [`crate::procedure`].
+    /// The paper's steps, see `procedure`.
     Procedure {
         /// Roughness and friction.
         surface: Surface,

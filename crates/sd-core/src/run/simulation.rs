@@ -306,6 +306,25 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Counters so far.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// layer.step()?;
+    /// let counters = layer.counters();
+    /// assert!(counters.stages >= 2 && counters.unconverged_stages == 0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
@@ -317,6 +336,26 @@ impl<S: Started> Simulation<S> {
     }
 
     /// All that the next step needs.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let tables = NearFields::default();
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// layer.step()?;
+    /// let mut resumed = Simulation::from_snapshot(&params, layer.snapshot(), &tables)?;
+    /// assert_eq!(resumed.step()?, layer.step()?); // the same bits
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn snapshot(&self) -> Snapshot<S> {
         Snapshot {
             version: SNAPSHOT_VERSION,

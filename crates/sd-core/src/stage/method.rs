@@ -160,6 +160,24 @@ impl Method {
 /// ```
 ///
 /// with K ≈ 1.5 N candidates and P = 2 K forces, or 3 K where a contact halts two motions.
+///
+/// ```
+/// use sd_core::{Method, memory_bytes};
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+///
+/// assert!(memory_bytes(&params) < 1e8);
+/// let large = Params { spheres: 4000, ..params };
+/// assert_eq!(Method::of(&large), Method::Pairwise);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let motions = match params.contact {

@@ -314,6 +314,7 @@ fn custom_law_has_the_bits_of_the_listed_one_and_replaces_springs_only() {
             ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.01)
         };
         Params {
+            shear_rate: if shear_stress.is_some() { 0.0 } else { 5.0 },
             shear_stress,
             ..params(ContactScheme::Laws(laws))
         }

@@ -161,6 +161,28 @@ impl<S: Space> SchemeMemory<S> {
 
 impl Snapshot {
     /// The start layer for another run. `params` are those of this run.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let tables = NearFields::default();
+    /// let mut first = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// first.step()?;
+    /// let start = Some(Box::new(first.snapshot().layer(&params)));
+    /// let faster = Params { shear_rate: 20.0, start, ..params };
+    /// let second = Simulation::<Layer>::new(&faster, 1, &tables)?;
+    /// assert_eq!(second.radii(), first.radii());
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn layer(&self, params: &Params) -> StartLayer {
         let before = params.start.as_ref().map_or(0.0, |start| start.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
