@@ -27,7 +27,7 @@ fn crossed(start: f64, amplitude: f64, ratio: f64) -> Segment {
 
 /// A suspension of rough rigid spheres with friction.
 fn suspension(segments: &[Segment]) -> Params {
-    Params::builder()
+    let steady = Params::builder()
         .spheres(100)
         .volume_fraction(0.45)
         .roughness(0.01)
@@ -39,9 +39,12 @@ fn suspension(segments: &[Segment]) -> Params {
             ..ContactLaws::PAPER
         }))
         .time_step(0.01)
-        .segments(segments.to_vec())
         .build()
-        .unwrap()
+        .unwrap();
+    Params {
+        segments: segments.to_vec(),
+        ..steady
+    }
 }
 
 /// The same with soft spheres, whose springs have a memory.

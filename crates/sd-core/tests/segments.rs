@@ -16,7 +16,7 @@ use sd_core::{
 
 /// A dense layer of rough rigid spheres with friction.
 fn layer(segments: &[Segment]) -> Params {
-    Params::builder()
+    let steady = Params::builder()
         .spheres(40)
         .area_fraction(0.70)
         .roughness(0.01)
@@ -25,9 +25,12 @@ fn layer(segments: &[Segment]) -> Params {
         .hydrodynamics(Hydrodynamics::BallMelrose)
         .contact(ContactScheme::Rigid)
         .time_step(0.01)
-        .segments(segments.to_vec())
         .build()
-        .unwrap()
+        .unwrap();
+    Params {
+        segments: segments.to_vec(),
+        ..steady
+    }
 }
 
 /// The same with soft spheres, whose springs have a memory.

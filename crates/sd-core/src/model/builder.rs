@@ -121,9 +121,12 @@ impl ParamsBuilder {
         })
     }
 
-    /// Other sizes than one or two.
+    /// Several sizes or a distribution of them.
     pub fn sizes(self, sizes: Sizes) -> Self {
-        self.with(["sizes"], |p| p.sizes = Some(sizes))
+        match sizes.as_two() {
+            Some([ratio, large_fraction]) => self.two_sizes(ratio, large_fraction),
+            None => self.with(["sizes"], |p| p.sizes = Some(sizes)),
+        }
     }
 
     /// Hydrodynamics; [`Hydrodynamics::StokesianDynamics`] by default.

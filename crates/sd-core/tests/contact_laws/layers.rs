@@ -308,7 +308,7 @@ impl CustomNormalLaw for OwnHertz {
 #[test]
 fn custom_law_has_the_bits_of_the_listed_one_and_replaces_springs_only() {
     let tables = NearFields::default();
-    let with = |normal, shear_stress| {
+    let with = |normal, shear_stress: Option<f64>| {
         let laws = ContactLaws {
             normal,
             ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.01)
