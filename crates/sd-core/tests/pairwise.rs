@@ -287,7 +287,7 @@ fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
             size_ratio,
             hydrodynamics,
             area_fraction: if welds { 0.6 } else { area_fraction },
-            ..params(PAIRWISE, 0.0, 0.3)
+            ..params(PAIRWISE, 0.5, 0.3)
         };
         let [loose, dense] = [true, false].map(|welds| sheared(&at(welds), 40));
         for chosen in all_laws() {

@@ -30,7 +30,7 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     Params {
         area_fraction: 0.0,
         volume_fraction: Some(volume_fraction),
-        ..layer(spheres, 0.0, sizes)
+        ..layer(spheres, 0.5, sizes)
     }
 }
 
