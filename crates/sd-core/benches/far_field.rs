@@ -3,10 +3,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sd_core::cell::Cell;
-use sd_core::linalg::Matrix;
-use sd_core::linalg::{TiledCholesky, TiledMatrix};
+use sd_core::internals::{FarField, FarResistance, Matrix, TiledCholesky, TiledMatrix};
 use sd_core::modes::Vec2;
-use sd_core::{FarField, FarResistance};
 use std::hint::black_box;
 
 /// A sheared triangular layer of area fraction 0.693.

@@ -19,13 +19,13 @@ mod layers;
 
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
+use sd_core::Hydrodynamics;
 use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
-use sd_core::linalg::Matrix;
-use sd_core::linalg::StaggeredColumns;
-use sd_core::linalg::TiledCholesky;
+use sd_core::internals::{
+    FarField, Matrix, NeighbourList, RungeKutta, StaggeredColumns, State, StressWork, TiledCholesky,
+};
 use sd_core::modes::{Background, Vec2};
-use sd_core::{FarField, Hydrodynamics, NeighbourList, RungeKutta, State, StressWork};
 
 const STEPS: u32 = 60;
 

@@ -84,19 +84,17 @@ impl Law {
                 ..ContactLaws::PAPER
             }
         };
-        let mut params = Params {
-            spheres,
-            area_fraction: 0.693,
-            roughness: ROUGHNESS,
-            friction: 0.3,
-            shear_rate: 1.0,
-            hydrodynamics: Hydrodynamics::BallMelrose,
-            contact: ContactScheme::Laws(laws),
-            time_step: TIME_STEP,
-            ..Params::UNWRITTEN
-        };
-        params.settle();
-        params
+        Params::builder()
+            .spheres(spheres)
+            .area_fraction(0.693)
+            .roughness(ROUGHNESS)
+            .friction(0.3)
+            .shear_rate(1.0)
+            .hydrodynamics(Hydrodynamics::BallMelrose)
+            .contact(ContactScheme::Laws(laws))
+            .time_step(TIME_STEP)
+            .build()
+            .expect("valid parameters")
     }
 
     fn words(self) -> String {

@@ -25,7 +25,7 @@ mod layers;
 use cholesky::BareCholesky;
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
-use sd_core::linalg::vectorised;
+use sd_core::internals::vectorised;
 use sd_core::two_sphere::NearField;
 use sd_core::{Hydrodynamics, NearFields, Simulation, Snapshot};
 use std::hint::black_box;

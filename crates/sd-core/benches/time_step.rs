@@ -23,19 +23,17 @@ use sd_core::modes::Vec2;
 use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params, Simulation, Snapshot};
 
 fn params(time_step: f64) -> Params {
-    Params {
-        spheres: 90,
-        area_fraction: 0.693,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(90)
+        .area_fraction(0.693)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(time_step)
+        .build()
+        .expect("valid parameters")
 }
 
 /// Choice of the steps of a trial.

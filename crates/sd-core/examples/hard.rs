@@ -136,6 +136,16 @@ struct Case {
 impl Part {
     /// Its runs.
     fn cases(&self) -> Vec<Case> {
+        let valid = Params::builder()
+            .spheres(100)
+            .area_fraction(0.5)
+            .roughness(0.01)
+            .friction(1.0)
+            .shear_rate(SHEAR_RATE)
+            .hydrodynamics(Hydrodynamics::BallMelrose)
+            .time_step(TIME_STEP)
+            .build()
+            .expect("values within their ranges");
         let mut cases = Vec::new();
         for &law in &self.law {
             let unlimited = law.tangential.bound(1.0, 1.0).is_infinite();
@@ -149,19 +159,17 @@ impl Part {
                     for &roughness in &self.roughness {
                         for &friction in frictions {
                             for seed in self.first_seed..self.first_seed + self.seeds {
+                                // A case out of range is refused where it is run.
                                 let mut params = Params {
                                     spheres,
                                     area_fraction,
                                     roughness,
                                     friction,
-                                    shear_rate: SHEAR_RATE,
-                                    hydrodynamics: Hydrodynamics::BallMelrose,
                                     contact: ContactScheme::Laws(ContactLaws {
                                         rolling_friction: self.rolling_friction,
                                         ..law.choice(roughness, self.stiffness)
                                     }),
-                                    time_step: TIME_STEP,
-                                    ..Params::UNWRITTEN
+                                    ..valid.clone()
                                 };
                                 params.settle();
                                 cases.push(Case { law, params, seed });

@@ -3,23 +3,19 @@
 //! `cargo run --release -p sd-core --example layer`
 #![expect(clippy::print_stdout, reason = "examples print their results")]
 
-use sd_core::{ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation};
+use sd_core::{Error, Hydrodynamics, NearFields, Params, Simulation};
 
 /// Half a strain of a small layer.
 pub(crate) fn main() -> Result<(), Error> {
-    let params = Params {
-        spheres: 40,
-        area_fraction: 0.65,
-        roughness: 0.01,           // h, in radii
-        friction: 0.5,             // ν
-        shear_rate: f64::INFINITY, // Γ: friction acts on every contact
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005, // strain,
-        ..Params::UNWRITTEN
-    };
+    let params = Params::builder()
+        .spheres(40)
+        .area_fraction(0.65)
+        .roughness(0.01) // h, in radii
+        .friction(0.5) // ν
+        .shear_rate(f64::INFINITY) // Γ: friction acts on every contact
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .time_step(0.005) // strain
+        .build()?;
     let mut layer = Simulation::<sd_core::Layer>::new(&params, 1, &NearFields::default())?;
     let samples = (0..100)
         .map(|_| layer.step())

@@ -43,19 +43,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         ),
         other => return Err(format!("no law {other}").into()),
     };
-    let mut params = Params {
-        spheres,
-        area_fraction: 0.0,
-        volume_fraction: Some(volume_fraction),
-        roughness,
-        friction: 0.5,
-        shear_rate: f64::INFINITY,
-        hydrodynamics,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    };
-    params.settle();
+    let params = Params::builder()
+        .spheres(spheres)
+        .volume_fraction(volume_fraction)
+        .roughness(roughness)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(hydrodynamics)
+        .contact(contact)
+        .time_step(0.005)
+        .build()?;
     let mut suspension = Simulation::<Bulk>::new(&params, 1, &NearFields::default())?;
     let mut out = std::io::stdout();
     writeln!(

@@ -19,24 +19,27 @@
 //! take part, sets up the problem and stores its solution. [`crate::procedure`] is separate because
 //! it is a time-stepping procedure and not a law.
 
-pub mod adhesion;
-pub mod laws;
-pub mod memory;
-pub mod pair;
-pub mod repulsion;
+pub(crate) mod adhesion;
+pub(crate) mod laws;
+pub(crate) mod memory;
+pub(crate) mod pair;
+pub(crate) mod repulsion;
 mod row;
 pub(crate) mod solve;
-pub mod solver;
-pub mod springs;
+pub(crate) mod solver;
+pub(crate) mod springs;
 
 pub use crate::model::Surface;
-pub use memory::ContactMemory;
-pub use pair::{Contact, ContactState, tangent};
-pub use solver::{ContactSolver, SolvePass};
+pub use laws::{ForceLaw, Laws, NormalForce};
+pub(crate) use memory::ContactMemory;
+pub use memory::PairForces;
+pub use pair::{Contact, ContactState};
+pub(crate) use solver::{ContactSolver, SolvePass};
 
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Status {
     /// All conditions hold.
     #[default]

@@ -21,6 +21,12 @@ pub enum Error {
     /// A parameter of a run that is out of range or conflicts with others.
     #[error(transparent)]
     Refused(#[from] Box<Refusal>),
+    /// Required parameters without a value.
+    #[error("no value is given of {}", parameters.join(", "))]
+    Missing {
+        /// Their keys.
+        parameters: Vec<&'static str>,
+    },
     /// A list without exactly one entry per sphere.
     #[error("{field} has {found} entries for {expected} spheres")]
     Length {

@@ -9,6 +9,7 @@
 //! module.
 
 pub mod adhesion;
+mod custom;
 pub mod normal;
 pub mod onset;
 pub mod quantity;
@@ -18,6 +19,7 @@ pub mod stiffness_unit;
 pub mod tangential;
 mod words;
 
+pub use custom::CustomNormalLaw;
 pub use normal::NormalLaw;
 pub use onset::FrictionOnset;
 pub use quantity::{Quantity, Range};

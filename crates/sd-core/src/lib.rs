@@ -1,13 +1,98 @@
 //! Stokesian Dynamics of sheared layers and suspensions of rough, frictional spheres.
 //!
+//! # The viscosity of a layer
+//! ```
+//! use sd_core::{Hydrodynamics, Layer, NearFields, Params, Simulation};
+//!
+//! let params = Params::builder()
+//!     .spheres(40)
+//!     .area_fraction(0.65)
+//!     .roughness(0.01) // in radii
+//!     .friction(0.5)
+//!     .shear_rate(f64::INFINITY) // friction acts on every contact
+//!     .hydrodynamics(Hydrodynamics::BallMelrose)
+//!     .build()?;
+//! let seed = 1;
+//! let mut layer = Simulation::<Layer>::new(&params, seed, &NearFields::default())?;
+//!
+//! let (mut sum, mut samples) = (0.0, 0);
+//! while layer.strain() < 0.5 {
+//!     let sample = layer.step()?;
+//!     // The random start is not steady yet; real runs discard two strains.
+//!     if sample.strain > 0.2 {
+//!         sum += sample.viscosity;
+//!         samples += 1;
+//!     }
+//! }
+//! let viscosity = sum / f64::from(samples);
+//! assert!(viscosity > 4.0 && viscosity < 20.0, "{viscosity}");
+//! # Ok::<(), sd_core::Error>(())
+//! ```
+//! The viscosity is in units of that of the fluid, and the mean radius and the shear rate are 1. A
+//! value that is forgotten, out of range or in conflict with others is an [`Error`] that names it.
+//!
+//! # The viscosity of a suspension
+//! A suspension has a volume fraction in place of the area fraction. These spheres are soft, as in
+//! most published simulations:
+//! ```
+//! use sd_core::{
+//!     Bulk, ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder, NearFields, Params,
+//!     Simulation, StiffnessUnit, TangentialLaw,
+//! };
+//!
+//! let springs = ContactLaws {
+//!     stiffness_unit: StiffnessUnit::Flow,
+//!     ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.0)
+//! };
+//! let params = Params::builder()
+//!     .spheres(120)
+//!     .volume_fraction(0.45)
+//!     .two_sizes(1.4, 0.27) // ratio of the radii, number of large spheres over all
+//!     .roughness(0.0)
+//!     .friction(0.5)
+//!     .shear_rate(f64::INFINITY)
+//!     .hydrodynamics(Hydrodynamics::Lubrication(LeadingOrder::DEFAULT))
+//!     .contact(ContactScheme::Laws(springs))
+//!     .build()?;
+//! let mut suspension = Simulation::<Bulk>::new(&params, 1, &NearFields::default())?;
+//! let mut viscosity = 0.0;
+//! for _ in 0..10 {
+//!     viscosity = suspension.step()?.viscosity;
+//! }
+//! assert!(viscosity > 2.0, "{viscosity}");
+//! # Ok::<(), sd_core::Error>(())
+//! ```
+//!
+//! # More
+//! | Task | Start at |
+//! | --- | --- |
+//! | choose contact laws and hydrodynamics | [`ContactLaws`], [`Hydrodynamics`] |
+//! | impose a stress, reversals, oscillations | [`model::ParamsBuilder`], [`model::Segment`] |
+//! | read forces and gaps of contacts | [`Simulation::contacts`] |
+//! | read positions, stresslets and contacts of a sample | [`Simulation::step_with_frame`] |
+//! | store a run and resume it with the same bits | [`Simulation::snapshot`] |
+//! | solve the velocities at given positions | [`instant::solve`] |
+//! | move two spheres past each other | [`pair::pass`] |
+//! | look up two-sphere resistance functions | [`two_sphere::scalars`] |
+//! | implement a contact law | [`law::CustomNormalLaw`] |
+//! | compute more coarsely or more exactly | [`model::SolverSettings`] |
+//!
+//! `cargo run --release -p sd-core --example layer` shears a layer, `suspension` a suspension,
+//! `cone` a layer under a law of its own, `pair` two spheres. Parameter sweeps with error bars are
+//! the task of the program `sweep`, which is built on this crate.
+//!
+//! # The physics
 //! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under
 //! the shear flow `u∞ = y x̂`. Follows Townsend & Wilson, Phys. Fluids 29, 121607 (2017), "the
 //! paper"; its equations are cited as (n).
 //!
 //! A suspension fills a triply periodic cell instead, under the same flow. Both share one code,
 //! generic in the [`Space`]: [`Layer`], the default, or [`Bulk`]. Equations below are those of the
-//! layer, for a suspension, tensors and tangent planes are three-dimensional: friction is then a
+//! layer; for a suspension, tensors and tangent planes are three-dimensional: friction is then a
 //! vector, its bound a disc.
+//!
+//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`]
+//! and a seed.
 //!
 //! # Units and symbols
 //! Mean radius a, viscosity μ and shear rate are 1. x is the flow, y the gradient, z the vorticity.
@@ -71,53 +156,21 @@
 //! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
 //! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
 //! viscosity (`stress`), the next stage (`run::steppers`).
-//!
-//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`]
-//! and a seed.
-//!
-//! # Example
-//! `cargo run --release -p sd-core --example layer` shears a layer, `--example pair` moves two
-//! spheres past each other.
-//! ```
-//! use sd_core::{ContactScheme, Hydrodynamics, Layer, NearFields, Params, Simulation};
-//!
-//! let params = Params {
-//!     spheres: 20,
-//!     area_fraction: 0.6,
-//!     roughness: 0.01,
-//!     friction: 0.3,
-//!     shear_rate: f64::INFINITY,
-//!     size_ratio: 1.0,
-//!     large_fraction: 0.5,
-//!     hydrodynamics: Hydrodynamics::BallMelrose,
-//!     contact: ContactScheme::Rigid,
-//!     time_step: 0.005,
-//!     ..Params::UNWRITTEN
-//! };
-//! let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
-//! for _ in 0..20 {
-//!     let sample = layer.step()?;
-//!     assert!(sample.viscosity > 1.0 + 5.0 / 3.0 * params.area_fraction);
-//! }
-//! # Ok::<(), sd_core::Error>(())
-//! ```
 
 pub mod contact;
 mod error;
 mod hydrodynamics;
 pub mod law;
-pub mod linalg;
+mod linalg;
 pub mod model;
-pub mod procedure;
+mod procedure;
 mod run;
 mod space;
 mod stage;
 mod stress;
 
 pub use error::Error;
-pub use hydrodynamics::far_field::{FarField, FarResistance};
-pub use hydrodynamics::iterative::IterativeFarField;
-pub use hydrodynamics::resistance::{Fluid, NearFields, PairwiseResistance, Resistance};
+pub use hydrodynamics::resistance::NearFields;
 pub use hydrodynamics::two_sphere;
 pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
@@ -125,14 +178,32 @@ pub use model::{
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::started::Started;
-pub use run::steppers::rosenbrock::{self, Rosenbrock};
-pub use run::steppers::{RungeKutta, Stage, State};
 pub use run::{instant, pair, simulation, start, verify};
-pub use space::neighbours::NeighbourList;
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
-pub use stage::{Contact as StageContact, Method, StageSolver, memory_bytes};
-pub use stress::{Stress, StressComponents, StressParts, StressWork};
+pub use stage::{Method, memory_bytes};
+pub use stress::{Stress, StressComponents, StressParts};
+
+/// What the tests and benchmarks of this crate measure one by one. No part of the interface: it may
+/// change in any version.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::contact::laws::{OVERLAP_CORRECTION, Span, StageKind};
+    pub use crate::contact::memory::{ContactMemory, WarmStart};
+    pub use crate::contact::pair::tangent;
+    pub use crate::contact::solver::SolvePass;
+    pub use crate::contact::springs::Springs;
+    pub use crate::hydrodynamics::far_field::{FarField, FarResistance};
+    pub use crate::hydrodynamics::iterative::IterativeFarField;
+    pub use crate::hydrodynamics::resistance::Resistance;
+    pub use crate::linalg::{Matrix, StaggeredColumns, TiledCholesky, TiledMatrix, vectorised};
+    pub use crate::procedure::ContactList;
+    pub use crate::run::steppers::rosenbrock::Rosenbrock;
+    pub use crate::run::steppers::{RungeKutta, State};
+    pub use crate::space::neighbours::NeighbourList;
+    pub use crate::stage::{Contact as StageContact, StageSolver};
+    pub use crate::stress::StressWork;
+}
 
 #[cfg(test)]
 mod tests;

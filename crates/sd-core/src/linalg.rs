@@ -34,9 +34,7 @@ impl StopCriteria {
     }
 }
 
-pub use cholesky::skyline::SkylineCholesky;
 pub use cholesky::tiled::{TiledCholesky, TiledMatrix};
 pub use dense::Matrix;
-pub use error::BadPivot;
 pub use simd::vectorised;
 pub use staggered::StaggeredColumns;

@@ -3,11 +3,13 @@
 //! Reading, checking and printing of parameters, here and in the programs that use this crate,
 //! follow from that table.
 
+mod builder;
 mod contact_laws;
 mod hydrodynamics;
 mod parameters;
 mod published_units;
 mod segments;
+mod settings;
 mod sizes;
 mod start_layer;
 mod surface;
@@ -16,11 +18,13 @@ pub use crate::error::Refusal;
 pub use crate::law::{
     FrictionOnset, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw, Word, Words,
 };
+pub use builder::ParamsBuilder;
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
 pub use segments::{CrossShear, CrossStrain, Imposed, Segment, phase};
+pub use settings::SolverSettings;
 pub use sizes::{Distribution, Kind as KindOfSizes, Sizes};
 pub use start_layer::StartLayer;
 pub use surface::Surface;
@@ -42,6 +46,12 @@ pub enum ContactScheme {
 
 impl ContactScheme {
     /// Its laws; those of the paper for [`ContactScheme::Rigid`] and [`ContactScheme::Procedure`].
+    ///
+    /// ```
+    /// use sd_core::{ContactLaws, ContactScheme};
+    ///
+    /// assert_eq!(ContactScheme::Rigid.laws(), &ContactLaws::PAPER);
+    /// ```
     pub fn laws(&self) -> &ContactLaws {
         match self {
             Self::Rigid | Self::Procedure => &ContactLaws::PAPER,
@@ -135,7 +145,7 @@ impl Params {
     pub const LARGE_ABOVE: usize = 1000;
 
     /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.
-    pub const UNWRITTEN: Self = Self {
+    pub(crate) const UNWRITTEN: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
         volume_fraction: None,
@@ -162,6 +172,20 @@ impl Params {
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite
     /// at Γ = 0. Under imposed stress it is determined at every stage, and this value is
     /// meaningless.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    /// assert_eq!(params.critical_load(), 3.0 * std::f64::consts::PI); // Γ = 2
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn critical_load(&self) -> f64 {
         6.0 * std::f64::consts::PI / self.shear_rate.abs()
     }
@@ -184,6 +208,26 @@ impl Params {
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
+    ///
+    /// ```
+    /// use sd_core::Error;
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let changed = Params { roughness: 0.7, ..params };
+    /// let Err(Error::Refused(refusal)) = changed.validate() else {
+    ///     panic!("a roughness height of 0.7 radii");
+    /// };
+    /// assert_eq!(refusal.key, "roughness");
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn validate(&self) -> Result<(), Error> {
         Ok(parameters::check(self)?)
     }
@@ -193,6 +237,24 @@ impl Params {
     /// Values without effect under the other choices get a fixed value, zeros lose their sign,
     /// springs of infinite stiffness are rigid contacts and tangential springs on rigid contacts
     /// are Coulomb's law.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// // At Γ = 0 friction never acts, so its coefficient has no effect.
+    /// let mut plateau = Params { shear_rate: 0.0, ..params };
+    /// plateau.settle();
+    /// assert_eq!(plateau.friction, 0.0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn settle(&mut self) {
         parameters::settle(self);
     }

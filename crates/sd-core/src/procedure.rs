@@ -69,7 +69,7 @@ impl ContactList {
 
 /// Input of a stage.
 #[derive(Clone, Copy)]
-pub struct ProcedureInput<'a, S: Fluid = Layer> {
+pub(crate) struct ProcedureInput<'a, S: Fluid = Layer> {
     /// Hydrodynamics, factored.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.
@@ -81,7 +81,7 @@ pub struct ProcedureInput<'a, S: Fluid = Layer> {
 }
 
 /// Solver of the steps, with its workspace.
-pub struct ProcedureSolver<S: Fluid = Layer> {
+pub(crate) struct ProcedureSolver<S: Fluid = Layer> {
     problem: Problem<S>,
     states: States,
     forces: Forces,
@@ -90,7 +90,7 @@ pub struct ProcedureSolver<S: Fluid = Layer> {
 
 impl<S: Fluid> ProcedureSolver<S> {
     /// Workspace for all contacts of that many spheres.
-    pub fn new(spheres: usize) -> Self {
+    pub(crate) fn new(spheres: usize) -> Self {
         let contacts = reserved_contacts::<S>(spheres);
         let mut solver = Self {
             problem: Problem::default(),
@@ -116,7 +116,7 @@ impl<S: Fluid> ProcedureSolver<S> {
     ///
     /// # Errors
     /// [`Error::ProcedureNeedsDense`], where the resistance is stored pair by pair.
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
         input: &ProcedureInput<'_, S>,
         listed: &mut ContactList,

@@ -37,7 +37,7 @@ const MAX_ACTIVATION_CHANGES: u32 = 8;
 pub enum Contact<'a, S: Fluid = Layer> {
     /// No contacts: hydrodynamics only.
     None,
-    /// Contact laws, which define one contact problem: see [`crate::contact::laws`].
+    /// Contact laws, which define one contact problem: see `contact::laws`.
     Laws {
         /// The laws.
         laws: &'a Laws,
@@ -46,7 +46,7 @@ pub enum Contact<'a, S: Fluid = Layer> {
         /// State of the contacts.
         memory: &'a mut ContactMemory<S>,
     },
-    /// The paper's steps: see [`crate::procedure`].
+    /// The paper's steps: see `procedure`.
     Procedure {
         /// Roughness and friction.
         surface: Surface,

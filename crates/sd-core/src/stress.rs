@@ -46,6 +46,13 @@ pub struct StressParts {
 
 impl StressParts {
     /// The component itself.
+    ///
+    /// ```
+    /// use sd_core::StressParts;
+    ///
+    /// let parts = StressParts { hydrodynamic: 2.0, normal_contact: 0.5, ..StressParts::default() };
+    /// assert_eq!(parts.total(), 2.5);
+    /// ```
     pub fn total(&self) -> f64 {
         self.hydrodynamic + self.normal_contact + self.tangential_contact + self.repulsion
     }
@@ -76,6 +83,7 @@ pub struct StressComponents {
 
 /// Bulk stress of the layer at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Stress {
     /// η in full, in mu.
     pub viscosity: f64,

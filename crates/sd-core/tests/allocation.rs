@@ -16,19 +16,17 @@ use sd_core::{
 fn layer(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
     // Spheres under stick-rotate jam much earlier than others.
     let welds = contact.laws().tangential == TangentialLaw::StickRotate;
-    Params {
-        spheres: 40,
-        area_fraction: if welds { 0.5 } else { 0.65 },
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(if welds { 0.5 } else { 0.65 })
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(hydrodynamics)
+        .contact(contact)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// A suspension in which spheres touch.

@@ -8,8 +8,7 @@ mod resumed;
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::Laws;
-use sd_core::contact::memory::PairForces;
+use sd_core::contact::{Laws, PairForces};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::model::{CrossShear, Segment, Surface};
 use sd_core::{
@@ -28,21 +27,23 @@ fn crossed(start: f64, amplitude: f64, ratio: f64) -> Segment {
 
 /// A suspension of rough rigid spheres with friction.
 fn suspension(segments: &[Segment]) -> Params {
-    Params {
-        spheres: 100,
-        area_fraction: 0.0,
-        volume_fraction: Some(0.45),
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: f64::INFINITY,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Laws(ContactLaws {
+    let steady = Params::builder()
+        .spheres(100)
+        .volume_fraction(0.45)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Laws(ContactLaws {
             tangential: TangentialLaw::Coulomb,
             ..ContactLaws::PAPER
-        }),
-        time_step: 0.01,
+        }))
+        .time_step(0.01)
+        .build()
+        .unwrap();
+    Params {
         segments: segments.to_vec(),
-        ..Params::UNWRITTEN
+        ..steady
     }
 }
 

@@ -1,5 +1,7 @@
 //! The examples run.
 
+#[path = "../examples/cone.rs"]
+mod cone;
 #[path = "../examples/hard.rs"]
 #[expect(dead_code, reason = "its `main` reads the command line")]
 mod hard;
@@ -9,6 +11,11 @@ mod layer;
 mod pair;
 
 use clap::Parser as _;
+
+#[test]
+fn cones_are_sheared() {
+    cone::main().expect("the example of a law");
+}
 
 #[test]
 fn layer_is_sheared() {

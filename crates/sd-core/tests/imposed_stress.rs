@@ -5,27 +5,26 @@
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::internals::{Rosenbrock, State};
 use sd_core::modes::{Background, Vec2};
-use sd_core::rosenbrock::Rosenbrock;
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Sample, Simulation, Snapshot, State, TangentialLaw,
+    Sample, Simulation, Snapshot, TangentialLaw,
 };
 use std::f64::consts::PI;
 
 fn params(contact: ContactScheme) -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.68,
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 0.0,
-        shear_stress: Some(3.0),
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.68)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_stress(3.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(contact)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// The same layer at an imposed rate.

@@ -10,8 +10,7 @@ mod schemes;
 
 use schemes::{rigid, schemes, spring};
 use sd_core::Started;
-use sd_core::contact::ContactMemory;
-use sd_core::procedure::ContactList;
+use sd_core::internals::{ContactList, ContactMemory};
 use sd_core::simulation::{Counters, SchemeMemory};
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
@@ -52,22 +51,18 @@ fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     } else {
         0.5
     };
-    let mut params = Params {
-        spheres: 80,
-        area_fraction: 0.0,
-        volume_fraction: Some(volume_fraction),
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 20.0,
-        size_ratio: 1.2,
-        large_fraction: 0.5,
-        hydrodynamics,
-        contact,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    };
-    params.settle();
-    params
+    Params::builder()
+        .spheres(80)
+        .volume_fraction(volume_fraction)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(20.0)
+        .hydrodynamics(hydrodynamics)
+        .contact(contact)
+        .time_step(0.005)
+        .two_sizes(1.2, 0.5)
+        .build()
+        .unwrap()
 }
 
 /// A start for runs with these parameters: sheared until spheres touch, under springs and

@@ -3,29 +3,28 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, SolvePass, Surface};
+use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContact, StageSolver, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
-    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Resistance, RungeKutta, Sample,
-    Simulation, Snapshot, StageContact, StageSolver, State, start,
+    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
+    start,
 };
 use std::f64::consts::PI;
 
 fn params() -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.693,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.693)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// Samples of a run over some steps, and its end.

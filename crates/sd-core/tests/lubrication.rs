@@ -8,10 +8,11 @@ mod common;
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::internals::Resistance;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactLaws, ContactScheme, Error, Flow, FrictionOnset, Hydrodynamics, LeadingOrder,
-    NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
+    NearFields, NormalLaw, Params, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
 };
 use serde_json::Value;
 

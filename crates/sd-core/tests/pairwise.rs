@@ -8,16 +8,17 @@
 )]
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{Contact, ContactMemory, ContactState, SolvePass, Surface};
+use sd_core::contact::{Contact, ContactState, Laws, Surface};
+use sd_core::internals::{
+    ContactList, ContactMemory, IterativeFarField, Resistance, SolvePass, Span, StageContact,
+    StageSolver,
+};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::procedure::ContactList;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
-    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField,
-    LeadingOrder, NearFields, NormalLaw, Params, Resistance, Simulation, Snapshot, StageContact,
-    StageSolver, TangentialLaw,
+    ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields,
+    NormalLaw, Params, Simulation, Snapshot, TangentialLaw,
 };
 
 /// Minimum number of spheres for pairwise storage.
@@ -26,19 +27,17 @@ const PAIRWISE: usize = 100;
 const ITERATED: usize = 160;
 
 fn params(spheres: usize, area_fraction: f64, friction: f64) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.01,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(friction)
+        .shear_rate(100.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.01)
+        .build()
+        .unwrap()
 }
 
 /// A layer after some steps, with cell and centres.
@@ -288,7 +287,7 @@ fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
             size_ratio,
             hydrodynamics,
             area_fraction: if welds { 0.6 } else { area_fraction },
-            ..params(PAIRWISE, 0.0, 0.3)
+            ..params(PAIRWISE, 0.5, 0.3)
         };
         let [loose, dense] = [true, false].map(|welds| sheared(&at(welds), 40));
         for chosen in all_laws() {
@@ -486,7 +485,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
         assert!(w < 1e-8 || c.normal_force == 0.0, "{c:?}");
         assert!(c.tangential_force.abs() <= c.normal_force + 1e-7 * largest);
         // Contact forces on the spheres must balance the resistance of the fluid.
-        let (n, t) = (c.pair.normal, sd_core::contact::tangent(c.pair.normal));
+        let (n, t) = (c.pair.normal, sd_core::internals::tangent(c.pair.normal));
         let on_j = n * c.normal_force - t * c.tangential_force;
         for (sphere, lever, sign) in [(c.pair.i, c.levers[0], -1.0), (c.pair.j, c.levers[1], 1.0)] {
             forces[3 * sphere] -= sign * on_j.x;

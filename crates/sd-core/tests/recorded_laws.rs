@@ -10,17 +10,17 @@
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::memory::{PairForces, WarmStart};
-use sd_core::contact::springs::Springs;
-use sd_core::contact::{Contact, ContactMemory, ContactState, Quality, SolvePass};
+use sd_core::contact::{Contact, ContactState, Laws, PairForces, Quality};
+use sd_core::internals::{
+    ContactList, ContactMemory, IterativeFarField, Resistance, SolvePass, Span, Springs,
+    StageContact, StageSolver, StressWork, WarmStart,
+};
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::procedure::ContactList;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
-    ContactScheme, Error, FrictionOnset, Hydrodynamics, IterativeFarField, Method, NearFields,
-    Params, Resistance, Simulation, Snapshot, StageContact, StageSolver, StressWork,
+    ContactScheme, Error, FrictionOnset, Hydrodynamics, Method, NearFields, Params, Simulation,
+    Snapshot,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;

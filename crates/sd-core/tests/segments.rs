@@ -16,17 +16,20 @@ use sd_core::{
 
 /// A dense layer of rough rigid spheres with friction.
 fn layer(segments: &[Segment]) -> Params {
+    let steady = Params::builder()
+        .spheres(40)
+        .area_fraction(0.70)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(10.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.01)
+        .build()
+        .unwrap();
     Params {
-        spheres: 40,
-        area_fraction: 0.70,
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 10.0,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.01,
         segments: segments.to_vec(),
-        ..Params::UNWRITTEN
+        ..steady
     }
 }
 

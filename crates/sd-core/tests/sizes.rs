@@ -11,18 +11,18 @@ use sd_core::{
 
 /// Parameters of a layer of these sizes.
 fn layer(spheres: usize, area_fraction: f64, sizes: &str) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: f64::INFINITY,
-        sizes: Some(sizes.parse().unwrap()),
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(f64::INFINITY)
+        .sizes(sizes.parse().unwrap())
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// The same of a suspension.
@@ -30,7 +30,7 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     Params {
         area_fraction: 0.0,
         volume_fraction: Some(volume_fraction),
-        ..layer(spheres, 0.0, sizes)
+        ..layer(spheres, 0.5, sizes)
     }
 }
 

@@ -20,13 +20,12 @@ use data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, NormalForce};
-use sd_core::contact::memory::PairForces;
-use sd_core::contact::{ContactState, Surface};
+use sd_core::contact::{ContactState, Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::internals::{Resistance, StageSolver};
 use sd_core::{
     Bulk, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, Neighbours, NormalLaw,
-    Resistance, Space as _, StageSolver, TangentialLaw,
+    Space as _, TangentialLaw,
 };
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -370,7 +369,7 @@ fn spring_forces_are_those_of_a_published_code() {
                 critical_load: 0.0,
             },
             normal: NormalForce {
-                law: NormalLaw::LinearSpring,
+                law: sd_core::contact::ForceLaw::Listed(NormalLaw::LinearSpring),
                 stiffness: stiffness("kn"),
                 dashpot: 0.0,
             },

@@ -4,8 +4,9 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, Surface, tangent};
+use sd_core::contact::{Contact, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::internals::tangent;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, StressComponents,
@@ -15,23 +16,22 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Sliding springs with a repulsion: every part of the stress occurs.
 fn params() -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.66,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 10.0,
-        size_ratio: 1.4,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Laws(ContactLaws {
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.66)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(10.0)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Laws(ContactLaws {
             repulsion: 2.0,
             repulsion_length: 0.02,
             ..ContactLaws::linear_spring(1e4, TangentialLaw::Coulomb, 0.01)
-        }),
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+        }))
+        .time_step(0.005)
+        .two_sizes(1.4, 0.5)
+        .build()
+        .unwrap()
 }
 
 fn tables() -> NearFields {

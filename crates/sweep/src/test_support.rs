@@ -6,19 +6,17 @@ use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot, StressComp
 
 /// Parameters of the paper's layer.
 pub(crate) fn params() -> Params {
-    Params {
-        spheres: 90,
-        area_fraction: 0.693,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: f64::INFINITY,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(90)
+        .area_fraction(0.693)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Rigid)
+        .time_step(0.005)
+        .build()
+        .unwrap()
 }
 
 /// Plausible counters.

@@ -1,14 +1,12 @@
 //! Layers with a developed contact network: h = 0.01, ν = 0.3, Γ = 100, rigid contacts.
 
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::{ContactMemory, SolvePass};
+use sd_core::contact::Laws;
+use sd_core::internals::{ContactMemory, SolvePass, Span, StageContact, StageSolver};
+use sd_core::model::SolverSettings;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
-use sd_core::{
-    ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot, StageContact,
-    StageSolver,
-};
+use sd_core::{ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;
@@ -18,19 +16,17 @@ const STRAIN: f64 = 0.8;
 const COPIED_FROM: usize = 400;
 
 pub(crate) fn params(spheres: usize, area_fraction: f64, hydrodynamics: Hydrodynamics) -> Params {
-    Params {
-        spheres,
-        area_fraction,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: 100.0,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics,
-        contact: ContactScheme::Rigid,
-        time_step: TIME_STEP,
-        ..Params::UNWRITTEN
-    }
+    Params::builder()
+        .spheres(spheres)
+        .area_fraction(area_fraction)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(100.0)
+        .hydrodynamics(hydrodynamics)
+        .contact(ContactScheme::Rigid)
+        .time_step(TIME_STEP)
+        .build()
+        .expect("valid parameters")
 }
 
 /// A layer sheared by Ball-Melrose hydrodynamics; from 400 spheres on k × k copies of one of fewer,
@@ -105,7 +101,8 @@ impl Layer {
         let centres = snapshot.centres.iter();
         let (radii, tables) = (&snapshot.radii, NearFields::default());
         let method = Method::of(params);
-        let stage = method.solver(params.hydrodynamics, &cell, radii, &tables, &[]);
+        let settings = SolverSettings::default();
+        let stage = method.solver(params.hydrodynamics, &cell, radii, &tables, &[], &settings);
         Self {
             cell,
             centres: centres.map(|&[x, y]| Vec2::new(x, y)).collect(),

@@ -2,10 +2,12 @@
 
 use super::methods::Method;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span, StageKind};
-use sd_core::contact::{ContactMemory, SolvePass};
+use sd_core::contact::Laws;
+use sd_core::internals::{
+    ContactMemory, Resistance, SolvePass, Span, StageContact, StageKind, StageSolver, StressWork,
+};
 use sd_core::modes::{Background, Vec2};
-use sd_core::{NearFields, Params, Resistance, Snapshot, StageContact, StageSolver, StressWork};
+use sd_core::{NearFields, Params, Snapshot};
 
 /// Viscosity of a step: that of the method, at the first stage or with constrained gaps at the
 /// second; and that of the layer at its start, with contacts that look ahead by [`LOOK`].

@@ -17,14 +17,14 @@
 
 use super::pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
+use crate::law::{CustomNormalLaw, FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{ImposedFlow as _, Space};
 
 /// β: fraction of the overlap of rigid contacts that is corrected within one time span.
 pub const OVERLAP_CORRECTION: f64 = 0.2;
 /// Compliance of rigid contacts, in a/(mu·a²·rate). It limits the forces in a truly rigid network.
-pub const COMPLIANCE: f64 = 1e-10;
+pub(crate) const COMPLIANCE: f64 = 1e-10;
 /// Overlap about which an unloaded contact is first linearised, in a.
 const INITIAL_OVERLAP: f64 = 1e-6;
 /// Smallest overlap about which a contact is linearised, in a: its force is negligible, but its
@@ -56,12 +56,61 @@ pub struct Laws {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalForce {
     /// The law.
-    pub law: NormalLaw,
+    pub law: ForceLaw,
     /// Stiffness, in mu·a·rate times the power of a that the law requires; infinite for rigid
     /// contacts.
     pub stiffness: f64,
     /// Dashpot coefficient c, in mu·a.
     pub dashpot: f64,
+}
+
+/// A law of the normal force: of the list, or implemented outside this crate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ForceLaw {
+    /// A law of the list.
+    Listed(NormalLaw),
+    /// A law of the user.
+    Custom(&'static dyn CustomNormalLaw),
+}
+
+impl From<NormalLaw> for ForceLaw {
+    fn from(law: NormalLaw) -> Self {
+        Self::Listed(law)
+    }
+}
+
+impl ForceLaw {
+    /// Whether surfaces can touch under it.
+    pub fn touches(self) -> bool {
+        match self {
+            Self::Listed(law) => law.touches(),
+            Self::Custom(_) => true,
+        }
+    }
+
+    /// Force at an overlap d, as [`CustomNormalLaw::force`].
+    pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.force(overlap, stiffness),
+            Self::Custom(law) => law.force(overlap, stiffness),
+        }
+    }
+
+    /// Slope dF/dd at an overlap d, as [`CustomNormalLaw::slope`].
+    pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.slope(overlap, stiffness),
+            Self::Custom(law) => law.slope(overlap, stiffness),
+        }
+    }
+
+    /// Overlap at a force, as [`CustomNormalLaw::overlap`].
+    pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
+        match self {
+            Self::Listed(law) => law.overlap(force, stiffness),
+            Self::Custom(law) => law.overlap(force, stiffness),
+        }
+    }
 }
 
 impl Laws {
@@ -73,7 +122,7 @@ impl Laws {
             critical_load: f64::INFINITY,
         },
         normal: NormalForce {
-            law: NormalLaw::ExponentialRepulsion,
+            law: ForceLaw::Listed(NormalLaw::ExponentialRepulsion),
             stiffness: f64::INFINITY,
             dashpot: 0.0,
         },
@@ -100,7 +149,7 @@ impl Laws {
                 ..surface
             },
             normal: NormalForce {
-                law: choice.normal,
+                law: choice.normal.into(),
                 stiffness,
                 dashpot: choice.dashpot,
             },
@@ -130,7 +179,7 @@ impl Laws {
         Self::new(&ContactLaws::PAPER, surface)
     }
 
-    /// Whether forces depend on gaps. Steps are then taken by [`crate::Rosenbrock`].
+    /// Whether forces depend on gaps. Steps are then those of `run::steppers::rosenbrock`.
     pub fn is_soft(&self) -> bool {
         !self.normal.is_rigid() || self.repulsion.is_some()
     }
@@ -195,7 +244,7 @@ impl NormalForce {
 
     /// Whether contacts are rigid.
     pub fn is_rigid(&self) -> bool {
-        self.law == NormalLaw::Rigid
+        self.law == ForceLaw::Listed(NormalLaw::Rigid)
     }
 
     /// Overlap about which a contact is first linearised, from its current overlap and from its

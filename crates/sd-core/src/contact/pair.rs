@@ -28,7 +28,7 @@ pub struct Contact<S: Space = Layer> {
     /// Centre-to-contact distances l_i and l_j, in a.
     pub levers: [f64; 2],
     /// Inverse slip mobility K of the isolated pair, in mu·a; 0 until it is needed.
-    pub slip_resistance: f64,
+    pub(crate) slip_resistance: f64,
     /// n·(u∞_j − u∞_i).
     pub background_approach: f64,
     /// Slip velocity of the background.

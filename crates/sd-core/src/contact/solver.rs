@@ -18,11 +18,11 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
 
-pub use super::solve::problem::AppliedForces;
+pub(crate) use super::solve::problem::AppliedForces;
 
 /// Input of the contact problem at one stage.
 #[derive(Clone, Copy)]
-pub struct StageInput<'a, S: Fluid> {
+pub(crate) struct StageInput<'a, S: Fluid> {
     /// Hydrodynamic resistance, factored.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// γ of two-stage steps: the time span of implicit contact forces, in steps.
-pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
+pub(crate) const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// A spring within a step, with its pair and the line of centres at the first stage.
 type SpringEntry<S> = (

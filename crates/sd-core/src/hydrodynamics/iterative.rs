@@ -104,8 +104,6 @@ struct Work<S: Fluid> {
 }
 
 impl IterativeFarField {
-    /// Default of the relative residual to be reached.
-    pub const DEFAULT_RESIDUAL: f64 = 1e-6;
     /// Default limit of the iterations of one solve without contacts.
     pub const MAX_ITERATIONS: u32 = 300;
 }

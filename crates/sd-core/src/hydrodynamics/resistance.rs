@@ -41,10 +41,10 @@ use crate::space::neighbours::NeighbourList;
 use crate::space::pair::{Neighbours, PairKey};
 use dense::DenseResistance;
 use far_pairs::FarPairs;
-pub use fluid::Fluid;
+pub(crate) use fluid::Fluid;
 pub(crate) use fluid::{FarMatrix, FarProduct, ModeBlock, NearTerm};
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
-pub use pairwise::PairwiseResistance;
+pub(crate) use pairwise::PairwiseResistance;
 pub(crate) use pairwise::{Motion, side_by_side_mut};
 use skyline::SkylineResistance;
 
@@ -232,7 +232,7 @@ impl<S: Fluid> Resistance<S> {
         let twists = self.twists.as_ref();
         let finish = |term, [i, j]: [usize; 2], gap| {
             let twist = twists.map_or([0.0; 3], |twists| twists.evaluate([i, j], radii, gap));
-            S::term(term, twist)
+            S::term(&term, twist)
         };
         self.near.evaluate(radii, gaps, least, finish, terms);
         if let Some(far_pairs) = &mut self.far_pairs {

@@ -174,6 +174,15 @@ fn both_labellings(size_ratio: f64, xi: f64) -> [Scalars; 2] {
 ///
 /// # Source
 /// Jeffrey & Onishi (1984), Jeffrey (1992), solved instead of expanded; scaled as in [`Scalars`].
+///
+/// ```
+/// use sd_core::two_sphere::scalars;
+///
+/// // Far apart the force on a sphere is Stokes' drag; near contact it is that of lubrication.
+/// assert!((scalars(1.0, 200.0)?.x_a[0] - 1.0).abs() < 1e-3);
+/// assert!((scalars(1.0, 2.01)?.x_a[0] / (0.25 / 0.01) - 1.0).abs() < 0.1);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn scalars(size_ratio: f64, s_prime: f64) -> Result<Scalars, Error> {
     let size_ratio = check_size_ratio(size_ratio)?;
     check_s_prime(s_prime)?;
@@ -189,6 +198,15 @@ pub fn scalars(size_ratio: f64, s_prime: f64) -> Result<Scalars, Error> {
 /// # Returns     modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of j; mu·a, mu·a², mu·a³; symmetric positive definite
 /// # Accuracy    as [`scalars`]; for tests and single pairs, not for loops
 /// # Errors      [`Error::OutOfRange`]: size ratio, radii not positive, or spheres that touch
+///
+/// ```
+/// use sd_core::two_sphere::two_sphere_resistance;
+///
+/// let resistance = two_sphere_resistance(1.0, 1.0, 1e3)?;
+/// let drag = 6.0 * std::f64::consts::PI;
+/// assert!((resistance[(0, 0)] / drag - 1.0).abs() < 1e-4);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn two_sphere_resistance(
     radius_i: f64,
     radius_j: f64,

@@ -14,6 +14,7 @@ macro_rules! normal_laws {
 
         super::words! {
             /// Law of the normal contact force; d = h − g.
+            #[non_exhaustive]
             NormalLaw {
                 $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::KEYWORD, $file::MEANING;)+
             }
@@ -68,6 +69,14 @@ normal_laws! {
 
 impl NormalLaw {
     /// Whether it is a spring, which has a stiffness.
+    ///
+    /// ```
+    /// use sd_core::NormalLaw;
+    ///
+    /// assert!(NormalLaw::Hertz.is_spring() && !NormalLaw::Rigid.is_spring());
+    /// // An overlap of 0.01 a under k = 1e4 mu·rate.
+    /// assert_eq!(NormalLaw::LinearSpring.force(0.01, 1e4), 100.0);
+    /// ```
     pub fn is_spring(self) -> bool {
         self.parameters()
             .iter()

@@ -22,6 +22,14 @@ super::words! {
 
 impl FrictionOnset {
     /// Load that friction is proportional to, at a normal force f; 0 where friction does not act.
+    ///
+    /// ```
+    /// use sd_core::FrictionOnset;
+    ///
+    /// assert_eq!(FrictionOnset::CriticalLoad.load(3.0, 1.0), 3.0);
+    /// assert_eq!(FrictionOnset::Reduced.load(3.0, 1.0), 2.0);
+    /// assert_eq!(FrictionOnset::CriticalLoad.load(0.5, 1.0), 0.0);
+    /// ```
     pub fn load(self, normal_force: f64, critical_load: f64) -> f64 {
         let threshold = self.threshold(critical_load);
         if normal_force <= threshold {

@@ -3,6 +3,14 @@
 use std::fmt;
 
 /// An interval of numbers, used both for checks and for messages.
+///
+/// ```
+/// use sd_core::model::Range;
+///
+/// let range = Range::from_to(0.0, 10.0);
+/// assert!(range.contains(10.0) && !range.contains(f64::NAN));
+/// assert_eq!(range.to_string(), "from 0 to 10");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
     low: f64,

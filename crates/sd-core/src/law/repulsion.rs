@@ -41,6 +41,14 @@ pub const REPULSION_ALONE: f64 = 1.0;
 pub const DEFAULT_LENGTH: f64 = 0.02;
 
 /// The law, in the units of the solver.
+///
+/// ```
+/// use sd_core::law::repulsion::ExponentialRepulsion;
+///
+/// let repulsion = ExponentialRepulsion { force: 2.0, length: 0.02 };
+/// assert_eq!(repulsion.at(0.0), 2.0);
+/// assert_eq!(repulsion.slope(0.0), 100.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExponentialRepulsion {
     /// F0, in mu·a²·rate.

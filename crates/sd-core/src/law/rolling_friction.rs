@@ -37,6 +37,13 @@ pub fn radius([a_i, a_j]: [f64; 2]) -> f64 {
 
 /// Whether it can be combined with a tangential law: one that constrains the slip of the pair in
 /// its layer, but not its rolling.
+///
+/// ```
+/// use sd_core::TangentialLaw;
+/// use sd_core::law::rolling_friction::can_combine;
+///
+/// assert!(can_combine(TangentialLaw::Coulomb) && !can_combine(TangentialLaw::StickRotate));
+/// ```
 pub fn can_combine(law: TangentialLaw) -> bool {
     match law.constraint() {
         FrictionConstraint::Slip | FrictionConstraint::SpringSlip => true,

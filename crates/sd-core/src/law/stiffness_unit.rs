@@ -20,6 +20,13 @@ super::words! {
 
 impl StiffnessUnit {
     /// The unit of force, in mu·a²·rate.
+    ///
+    /// ```
+    /// use sd_core::StiffnessUnit;
+    ///
+    /// assert_eq!(StiffnessUnit::CriticalLoad.force(3.0), 3.0);
+    /// assert_eq!(StiffnessUnit::Flow.force(3.0), 6.0 * std::f64::consts::PI);
+    /// ```
     pub fn force(self, critical_load: f64) -> f64 {
         match self {
             Self::CriticalLoad => critical_load,

@@ -40,6 +40,7 @@ macro_rules! tangential_laws {
         super::words! {
             /// Law of the tangential contact force. Without friction (`friction = 0`) none of them
             /// acts.
+            #[non_exhaustive]
             TangentialLaw {
                 $(#[doc = concat!("The law of [`", stringify!($file), "`].")] $law = $file::KEYWORD, $file::MEANING;)+
             }
@@ -79,6 +80,14 @@ tangential_laws! {
 
 impl TangentialLaw {
     /// Whether it has a tangential spring, which requires a normal spring too.
+    ///
+    /// ```
+    /// use sd_core::TangentialLaw;
+    ///
+    /// assert!(TangentialLaw::StickSlide.has_spring());
+    /// // The bound of friction at ν = 0.5 under a load of 3.
+    /// assert_eq!(TangentialLaw::Coulomb.bound(0.5, 3.0), 1.5);
+    /// ```
     pub fn has_spring(self) -> bool {
         self.constraint() == FrictionConstraint::SpringSlip
     }

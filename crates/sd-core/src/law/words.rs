@@ -10,6 +10,14 @@ pub struct Word {
 }
 
 /// A closed list of choices, each declared once with its keyword.
+///
+/// ```
+/// use sd_core::NormalLaw;
+/// use sd_core::model::Words;
+///
+/// assert_eq!(NormalLaw::of_word("hertz"), Some(NormalLaw::Hertz));
+/// assert_eq!(NormalLaw::Hertz.word(), "hertz");
+/// ```
 pub trait Words: Copy + PartialEq + 'static {
     /// All choices, in the order of their declaration.
     const ALL: &'static [Self];

@@ -16,6 +16,18 @@ const SMOOTH_LUBRICATION_GAP: f64 = 1e-3;
 pub const DEEPEST_OVERLAP: f64 = 0.2;
 
 /// A choice of laws, in units in which they are material properties while Γ varies.
+///
+/// ```
+/// use sd_core::{ContactLaws, TangentialLaw};
+///
+/// // Rigid asperities with Coulomb friction and friction against rolling.
+/// let laws = ContactLaws {
+///     tangential: TangentialLaw::Coulomb,
+///     rolling_friction: 0.1,
+///     ..ContactLaws::PAPER
+/// };
+/// assert!(!laws.is_soft() && !laws.needs_critical_load());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactLaws {
@@ -95,6 +107,13 @@ impl ContactLaws {
     };
 
     /// Linear springs of a stiffness in F_crit/a, with defaults for a roughness height h.
+    ///
+    /// ```
+    /// use sd_core::{ContactLaws, TangentialLaw};
+    ///
+    /// let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    /// assert_eq!((laws.tangential_stiffness, laws.lubrication_gap), (0.5, 0.001));
+    /// ```
     pub fn linear_spring(stiffness: f64, tangential: TangentialLaw, roughness: f64) -> Self {
         Self {
             normal: NormalLaw::LinearSpring,
@@ -135,6 +154,20 @@ impl ContactLaws {
     ///
     /// # Errors
     /// [`Error::Refused`] names the first value refused and what is allowed.
+    ///
+    /// ```
+    /// use sd_core::model::Surface;
+    /// use sd_core::{ContactLaws, Hydrodynamics, TangentialLaw};
+    ///
+    /// let springs = ContactLaws::linear_spring(1e4, TangentialLaw::Coulomb, 0.01);
+    /// let surface = Surface { roughness: 0.01, friction: 0.5, critical_load: 1.0 };
+    /// springs.validate(&surface, Hydrodynamics::BallMelrose)?;
+    ///
+    /// // In units of the critical load springs have no stiffness where that is 0.
+    /// let without = Surface { critical_load: 0.0, ..surface };
+    /// assert!(springs.validate(&without, Hydrodynamics::BallMelrose).is_err());
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn validate(&self, surface: &Surface, hydrodynamics: Hydrodynamics) -> Result<(), Error> {
         let load = surface.critical_load;
         if self.needs_critical_load() && !(load > 0.0 && load.is_finite()) {

@@ -5,6 +5,14 @@ use crate::law::{Quantity, Range, Word, Words};
 use serde::{Deserialize, Serialize};
 
 /// Model of the grand resistance matrix.
+///
+/// ```
+/// use sd_core::{Hydrodynamics, LeadingOrder};
+///
+/// // Lubrication between surfaces that may overlap, as in published simulations.
+/// let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+/// assert!(lubrication.admits_overlap() && !Hydrodynamics::BallMelrose.admits_overlap());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hydrodynamics {

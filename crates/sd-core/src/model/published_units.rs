@@ -12,6 +12,24 @@ use super::Params;
 use std::f64::consts::PI;
 
 /// The conversion for one kind of layer.
+///
+/// ```
+/// use sd_core::model::PublishedUnits;
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+///
+/// let units = PublishedUnits::of(&params);
+/// // A layer whose spheres add nothing beyond their isolated stresslets.
+/// assert!((units.viscosity(1.0 + 5.0 / 3.0 * 0.6) - 1.0).abs() < 1e-12);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PublishedUnits {
     /// r: mean radius over that of the small spheres.

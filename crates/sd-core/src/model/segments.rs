@@ -383,6 +383,24 @@ impl Params {
     }
 
     /// Strain of the cell once `steps` of the run are done, backwards counted as negative.
+    ///
+    /// ```
+    /// use sd_core::model::Segment;
+    /// # use sd_core::{Hydrodynamics, Params};
+    ///
+    /// // Reversed at a strain of 1.
+    /// let back = Segment { start: 1.0, direction: Some(-1.0), ..Segment::default() };
+    /// # let reversed = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .segments(vec![Segment::default(), back]).build()?;
+    /// assert!((reversed.net_strain(150) - 0.5).abs() < 1e-12); // 150 steps of 0.01
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn net_strain(&self, steps: u64) -> f64 {
         let imposed = self.imposed(steps);
         imposed.net_strain(steps as f64 * self.time_step, self.time_step)

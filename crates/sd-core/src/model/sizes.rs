@@ -28,6 +28,16 @@ const ROUNDING: f64 = 1e-9;
 
 /// Sizes other than one or two. As text: `lognormal 0.2`, or species as `1:0.5 1.4:0.25 2:0.25`,
 /// each with its number fraction.
+///
+/// ```
+/// use sd_core::model::Sizes;
+///
+/// let sizes: Sizes = "lognormal 0.2".parse()?;
+/// let radii = sizes.radii(100);
+/// let mean = radii.iter().sum::<f64>() / 100.0;
+/// assert!((mean - 1.0).abs() < 1e-12 && radii[0] > radii[99]);
+/// # Ok::<(), sd_core::model::Refusal>(())
+/// ```
 #[derive(Clone, Copy)]
 pub struct Sizes(&'static Known);
 

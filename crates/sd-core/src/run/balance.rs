@@ -11,8 +11,6 @@
 
 use crate::stress::JAM_VISCOSITY;
 
-/// Tolerance of h over φ.
-const CLOSE: f64 = 1e-10;
 /// Maximum ratio of successive loads while only one side is known.
 const STRIDE: f64 = 8.0;
 /// Viscosity, over that of a jammed layer, at which the search stops.
@@ -34,6 +32,8 @@ pub(super) enum Next {
 pub(super) struct Balance {
     /// σ*.
     stress: f64,
+    /// Tolerance of h over φ.
+    close: f64,
     /// Largest load at which h > 0, and smallest at which h < 0.
     low: Option<f64>,
     high: Option<f64>,
@@ -42,9 +42,10 @@ pub(super) struct Balance {
 }
 
 impl Balance {
-    pub(super) fn new(stress: f64) -> Self {
+    pub(super) fn new(stress: f64, close: f64) -> Self {
         Self {
             stress,
+            close,
             low: None,
             high: None,
             last: None,
@@ -59,7 +60,7 @@ impl Balance {
     /// Adds the viscosity computed at a load.
     pub(super) fn after(&mut self, load: f64, viscosity: f64) -> Next {
         let excess = self.load_of(viscosity) - load;
-        if excess.abs() <= CLOSE * load {
+        if excess.abs() <= self.close * load {
             return Next::Found;
         }
         let secant = self.last.and_then(|[before, excess_before]| {
@@ -90,7 +91,7 @@ impl Balance {
                     return Next::AtRest;
                 }
                 // The guess of an unbracketed search is often slightly too small.
-                guess.clamp(low * (1.0 + 2.0 * CLOSE), STRIDE * low)
+                guess.clamp(low * (1.0 + 2.0 * self.close), STRIDE * low)
             }
             (None, Some(high)) => {
                 // The load in balance with this viscosity is a good guess from any distance above.
@@ -100,7 +101,7 @@ impl Balance {
                 } else {
                     high / STRIDE
                 };
-                guess.clamp(least, high * (1.0 - 2.0 * CLOSE))
+                guess.clamp(least, high * (1.0 - 2.0 * self.close))
             }
             (None, None) => unreachable!("one side was just found"),
         })
@@ -111,9 +112,11 @@ impl Balance {
 mod tests {
     use super::*;
 
+    const CLOSE: f64 = 1e-10;
+
     /// The resulting load, if any, and the number of viscosities evaluated.
     fn search(stress: f64, from: f64, viscosity: impl Fn(f64) -> f64) -> (Option<f64>, u32) {
-        let mut balance = Balance::new(stress);
+        let mut balance = Balance::new(stress, CLOSE);
         let mut load = from;
         for count in 1..200 {
             match balance.after(load, viscosity(load)) {
@@ -153,7 +156,7 @@ mod tests {
     fn jump_over_the_balance_is_bracketed() {
         // h jumps from above to below 0 at φ = 4.
         let viscosity = |load: f64| if load < 4.0 { 10.0 } else { 6.0 };
-        let mut balance = Balance::new(2.0);
+        let mut balance = Balance::new(2.0, CLOSE);
         let mut load = 1.0;
         for _ in 0..60 {
             match balance.after(load, viscosity(load)) {

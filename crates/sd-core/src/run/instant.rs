@@ -3,12 +3,12 @@
 use super::started::Started;
 use crate::contact::laws::{Laws, Span};
 use crate::contact::memory::PairForces;
-use crate::contact::springs::Springs;
+use crate::contact::springs::{GAMMA, Springs};
 use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
-use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params};
+use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, SolverSettings};
 use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::strain_tensor;
@@ -98,8 +98,33 @@ impl<S: Space> ContactRequest<S> {
     }
 }
 
+/// Time over which contact forces look ahead in the first stage of a run's step, in strain.
+///
+/// ```
+/// use sd_core::instant::look_ahead;
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+/// assert_eq!(look_ahead(&params), params.time_step); // rigid contacts
+/// # Ok::<(), sd_core::Error>(())
+/// ```
+pub fn look_ahead(params: &Params) -> f64 {
+    if params.contact.laws().is_soft() {
+        GAMMA * params.time_step
+    } else {
+        params.time_step
+    }
+}
+
 /// Motion, stresslets and contacts of a configuration.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SolvedConfiguration<S: Space = Layer> {
     /// `(U − u∞, Ω − Ω∞)` of each sphere, background at its own centre.
     pub disturbances: Vec<S::PerMode<f64>>,
@@ -231,6 +256,28 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactReque
 ///
 /// # Errors
 /// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
+///
+/// ```
+/// use sd_core::cell::Cell;
+/// use sd_core::instant::{Configuration, ContactRequest, solve};
+/// use sd_core::modes::{Background, Vec2};
+/// use sd_core::{Hydrodynamics, Layer, NearFields};
+///
+/// // The stresslet of one sphere in shear, (20/3)π E.
+/// let alone = Configuration::<Layer> {
+///     centres: vec![Vec2::new(0.0, 0.0)],
+///     radii: vec![1.0],
+///     cell: Cell::Unbounded,
+///     hydrodynamics: Hydrodynamics::StokesianDynamics,
+///     background: Background::SHEAR,
+///     forces: vec![Vec2::new(0.0, 0.0)],
+///     torques: vec![0.0],
+/// };
+/// let solved = solve(&alone, &ContactRequest::None, &NearFields::default())?;
+/// let (_, _, xy) = solved.stresslet(0);
+/// assert!((xy - 10.0 / 3.0 * std::f64::consts::PI).abs() < 1e-12);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn solve<S: Started>(
     configuration: &Configuration<S>,
     request: &ContactRequest<S>,
@@ -261,7 +308,14 @@ pub(super) fn solve_with<S: Fluid>(
         .zip(&configuration.torques)
         .flat_map(|(f, t)| S::join(f, t).as_ref().to_vec())
         .collect();
-    let mut stage = method.solver(*hydrodynamics, cell, radii, tables, &[])?;
+    let mut stage = method.solver(
+        *hydrodynamics,
+        cell,
+        radii,
+        tables,
+        &[],
+        &SolverSettings::default(),
+    )?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);
     } else if let ContactRequest::Laws {

@@ -32,6 +32,7 @@ pub struct PairScenario {
 
 /// The trajectories of the spheres.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct PairTrajectory {
     /// y of the first sphere at the end, in a.
     pub final_offset: f64,
@@ -54,6 +55,25 @@ pub struct PairTrajectory {
 ///
 /// # Errors
 /// Parameters out of range; spheres that overlap at the start or do not pass.
+///
+/// ```
+/// use sd_core::NearFields;
+/// use sd_core::pair::{PairScenario, pass};
+///
+/// let smooth = PairScenario {
+///     size_ratio: 1.0,
+///     contact: None,
+///     offset: 0.25,
+///     start: 5.0,
+///     time_step: 0.2,
+/// };
+/// let rough = PairScenario { contact: Some((0.05, 0.5)), ..smooth.clone() };
+/// let tables = NearFields::default();
+/// // The flow is reversible, so smooth spheres return to their paths; rough ones do not.
+/// assert!((pass(&smooth, &tables)?.final_offset - 0.25).abs() < 1e-3);
+/// assert!(pass(&rough, &tables)?.final_offset > 0.4);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 #[expect(
     clippy::missing_panics_doc,
     reason = "the computation never stops early"

@@ -17,7 +17,10 @@ use crate::contact::laws::Laws;
 use crate::contact::reserved_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
-use crate::model::{ContactScheme, DEEPEST_OVERLAP, Imposed, Params};
+use crate::law::CustomNormalLaw;
+use crate::model::{
+    ContactScheme, DEEPEST_OVERLAP, Imposed, Params, Refusal, SolverSettings, Words as _,
+};
 use crate::run::started::Started;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
@@ -45,6 +48,9 @@ pub enum Flow {
 pub struct Simulation<S: Started = Layer> {
     /// Parameters of the current step, or of the last one.
     params: Params,
+    settings: SolverSettings,
+    /// The law in place of the listed spring law, if there is one.
+    custom_law: Option<&'static dyn CustomNormalLaw>,
     /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,
     imposed: Imposed,
@@ -82,27 +88,7 @@ impl<S: Started> Simulation<S> {
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
     pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
-        params.validate()?;
-        S::check(params)?;
-        let start = S::start(params, seed)?;
-        let mut memory = SchemeMemory::new(&params.contact);
-        let first = params.in_step(&params.imposed(0));
-        let shear_control = ShearControl::new(&first, None);
-        memory.stretch(&start, shear_control.laws(&first).tangential_stiffness);
-        let snapshot = Snapshot {
-            version: SNAPSHOT_VERSION,
-            steps: 0,
-            radii: start.radii,
-            side: start.side,
-            centres: start.centres.iter().map(S::point).collect(),
-            orientations: start.orientations,
-            memory,
-            near_pairs: Vec::new(),
-            far_field: Vec::new(),
-            critical_load: None,
-            counters: Counters::default(),
-        };
-        Self::from_snapshot(params, snapshot, tables)
+        Self::from_snapshot(params, Snapshot::start(params, seed)?, tables)
     }
 
     /// Continues a run from a snapshot made with the same parameters.
@@ -114,7 +100,68 @@ impl<S: Started> Simulation<S> {
         snapshot: Snapshot<S>,
         tables: &NearFields,
     ) -> Result<Self, Error> {
-        S::continue_run(params, snapshot, tables)
+        Self::with_settings(params, snapshot, tables, &SolverSettings::default())
+    }
+
+    /// As [`Simulation::from_snapshot`], with other than the default settings. A run begins with
+    /// [`Snapshot::start`].
+    ///
+    /// ```
+    /// use sd_core::model::SolverSettings;
+    /// use sd_core::{Layer, NearFields, Params, Simulation, Snapshot};
+    ///
+    /// let params = Params::builder()
+    ///     .spheres(30)
+    ///     .area_fraction(0.4)
+    ///     .roughness(0.01)
+    ///     .friction(0.0)
+    ///     .shear_rate(0.0)
+    ///     .build()?;
+    /// let mut settings = SolverSettings::default();
+    /// settings.far_field_tolerance = Some(1e-5);
+    /// let start = Snapshot::<Layer>::start(&params, 1)?;
+    /// let tables = NearFields::default();
+    /// let mut coarse = Simulation::with_settings(&params, start, &tables, &settings)?;
+    /// let exact = Simulation::<Layer>::new(&params, 1, &tables)?.step()?.viscosity;
+    /// let error = coarse.step()?.viscosity / exact - 1.0;
+    /// assert!(error != 0.0 && error.abs() < 1e-5);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Those of [`Simulation::from_snapshot`] and [`SolverSettings::validate`].
+    pub fn with_settings(
+        params: &Params,
+        snapshot: Snapshot<S>,
+        tables: &NearFields,
+        settings: &SolverSettings,
+    ) -> Result<Self, Error> {
+        settings.validate()?;
+        S::continue_run(params, snapshot, tables, settings)
+    }
+
+    /// Puts a law of the normal force in place of the listed spring law of the parameters. It is no
+    /// part of a snapshot: a run that is resumed needs it again.
+    ///
+    /// `examples/cone.rs` shears a layer with one.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] if the contacts of the parameters are no springs.
+    pub fn use_normal_law(&mut self, law: &'static dyn CustomNormalLaw) -> Result<(), Error> {
+        let listed = self.params.contact.laws().normal;
+        if !listed.is_spring() {
+            return Err(Refusal {
+                key: "contact",
+                value: format!("{:?}", listed.word()),
+                problem: "is no spring that another law could replace".into(),
+                allowed: "\"linear-spring\" with the stiffness of that law".into(),
+                because: None,
+            }
+            .into());
+        }
+        self.custom_law = Some(law);
+        self.laws = self.laws_at_load();
+        Ok(())
     }
 
     /// [`Simulation::from_snapshot`], inlined into its caller.
@@ -122,6 +169,7 @@ impl<S: Started> Simulation<S> {
         params: &Params,
         mut snapshot: Snapshot<S>,
         tables: &NearFields,
+        settings: &SolverSettings,
     ) -> Result<Self, Error> {
         params.validate()?;
         S::check(params)?;
@@ -135,6 +183,7 @@ impl<S: Started> Simulation<S> {
             &snapshot.radii,
             tables,
             &snapshot.near_pairs,
+            settings,
         )?;
         stage.start_far_field_from(&snapshot.far_field);
         stage.resistance.expect_contacts(params.roughness);
@@ -157,6 +206,8 @@ impl<S: Started> Simulation<S> {
         let mut remembered = SchemeMemory::new(&params.contact);
         remembered.reserve(most);
         Ok(Self {
+            settings: *settings,
+            custom_law: None,
             run,
             imposed,
             steps: snapshot.steps,
@@ -255,6 +306,25 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Counters so far.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// layer.step()?;
+    /// let counters = layer.counters();
+    /// assert!(counters.stages >= 2 && counters.unconverged_stages == 0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
@@ -266,6 +336,26 @@ impl<S: Started> Simulation<S> {
     }
 
     /// All that the next step needs.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let tables = NearFields::default();
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// layer.step()?;
+    /// let mut resumed = Simulation::from_snapshot(&params, layer.snapshot(), &tables)?;
+    /// assert_eq!(resumed.step()?, layer.step()?); // the same bits
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn snapshot(&self) -> Snapshot<S> {
         Snapshot {
             version: SNAPSHOT_VERSION,

@@ -47,6 +47,25 @@ pub struct Start<S: Space = Layer> {
 ///
 /// # Errors
 /// [`Error::Refused`] about the number of spheres or the area fraction, with what is allowed.
+///
+/// ```
+/// use sd_core::start;
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+///
+/// start::check(&params)?;
+/// // A cell of ten spheres is too small for the range of lubrication.
+/// let few = Params { spheres: 10, ..params };
+/// assert!(start::check(&few).unwrap_err().to_string().contains("at least"));
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn check(params: &Params) -> Result<(), Error> {
     let n = params.spheres as f64;
     let refuse =

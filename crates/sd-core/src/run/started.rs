@@ -6,7 +6,7 @@ use super::start::suspension::Mixture;
 use super::start::{self, Start};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
-use crate::model::{Params, Refusal};
+use crate::model::{Params, Refusal, SolverSettings};
 use crate::space::{Bulk, Layer, Space as _};
 
 /// A space in which runs can be made.
@@ -32,7 +32,7 @@ pub trait Started: Fluid {
     /// Offset of the cell at strain 0, in a.
     fn offset(params: &Params) -> f64;
 
-    /// [`Simulation::from_snapshot`].
+    /// [`Simulation::with_settings`].
     ///
     /// # Errors
     /// Its errors.
@@ -40,6 +40,7 @@ pub trait Started: Fluid {
         params: &Params,
         snapshot: Snapshot<Self>,
         tables: &NearFields,
+        settings: &SolverSettings,
     ) -> Result<Simulation<Self>, Error>;
 
     /// [`Simulation::step`].
@@ -69,8 +70,9 @@ macro_rules! compile {
             params: &Params,
             snapshot: Snapshot<Self>,
             tables: &NearFields,
+            settings: &SolverSettings,
         ) -> Result<Simulation<Self>, Error> {
-            Simulation::continued(params, snapshot, tables)
+            Simulation::continued(params, snapshot, tables, settings)
         }
 
         #[inline(never)]

@@ -2,7 +2,7 @@
 //! forces that depend on the gaps.
 
 mod midpoint;
-pub mod rosenbrock;
+pub(crate) mod rosenbrock;
 mod runge_kutta;
 mod state;
 
@@ -10,7 +10,8 @@ use crate::space::Space;
 pub(crate) use midpoint::Midpoint;
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
-pub use state::{Stage, State};
+pub(crate) use state::Stage;
+pub use state::State;
 
 /// The method of a run, with its workspace.
 #[derive(Debug)]

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 /// One known result and our value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Check {
     /// The quantity.
     pub quantity: String,

@@ -81,6 +81,14 @@ impl Background {
     };
 
     /// Velocity at a point.
+    ///
+    /// ```
+    /// use nalgebra::Vector3;
+    /// use sd_core::bulk::Background;
+    ///
+    /// let velocity = Background::SHEAR.velocity(&Vector3::new(3.0, 2.0, 1.0));
+    /// assert_eq!(velocity, Vector3::new(2.0, 0.0, 0.0));
+    /// ```
     pub fn velocity(&self, x: &Vector3<f64>) -> Vector3<f64> {
         let TracelessTensor { xx, yy, xy, xz, yz } = self.rate_of_strain;
         Vector3::new(

@@ -33,6 +33,17 @@ impl<S: Space> Cell<S> {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the sides are positive and finite and the offset is finite.
+    ///
+    /// ```
+    /// use sd_core::Layer;
+    /// use sd_core::cell::Cell;
+    /// use sd_core::modes::Vec2;
+    ///
+    /// let cell = Cell::<Layer>::periodic(Vec2::new(10.0, 8.0), 0.0)?;
+    /// assert_eq!(cell.content(), Some(80.0));
+    /// assert!(Cell::<Layer>::periodic(Vec2::new(10.0, -8.0), 0.0).is_err());
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn periodic(sides: S::Vector, offset: f64) -> Result<Self, Error> {
         for (k, field) in SIDES.into_iter().enumerate().take(S::DIMENSIONS) {
             if !(sides[k] > 0.0 && sides[k].is_finite()) {
@@ -126,6 +137,17 @@ impl<S: Space> Cell<S> {
     /// that image.
     ///
     /// Every vector shorter than half of every side is found this way.
+    ///
+    /// ```
+    /// use sd_core::Layer;
+    /// use sd_core::cell::Cell;
+    /// use sd_core::modes::Vec2;
+    ///
+    /// let cell = Cell::<Layer>::periodic(Vec2::new(10.0, 8.0), 0.0)?;
+    /// let (separation, _) = cell.nearest(Vec2::new(9.0, 1.0));
+    /// assert_eq!(separation, Vec2::new(-1.0, 1.0));
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     #[inline(always)]
     pub fn nearest(&self, separation: S::Vector) -> (S::Vector, S::Image) {
         let (mut vector, mut image) = (separation, S::Image::default());
@@ -158,6 +180,17 @@ impl<S: Space> Cell<S> {
     }
 
     /// Moves a position into the cell, `0 ≤ x < sides`.
+    ///
+    /// ```
+    /// use sd_core::Layer;
+    /// use sd_core::cell::Cell;
+    /// use sd_core::modes::Vec2;
+    ///
+    /// // The images above are shifted by 3.
+    /// let cell = Cell::<Layer>::periodic(Vec2::new(10.0, 8.0), 3.0)?;
+    /// assert_eq!(cell.wrap(Vec2::new(5.0, 9.0)), Vec2::new(2.0, 1.0));
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn wrap(&self, position: S::Vector) -> S::Vector {
         let mut wrapped = position;
         if let Self::Periodic {

@@ -33,6 +33,13 @@ pub fn strain_modes(xx: f64, yy: f64, xy: f64) -> Vector3<f64> {
 }
 
 /// Components `(e1, e2, e3)` to the tensor's `(xx, yy, xy)`.
+///
+/// ```
+/// use sd_core::modes::{strain_modes, strain_tensor};
+///
+/// let (xx, yy, xy) = strain_tensor(&strain_modes(0.1, -0.2, 0.5));
+/// assert!((xx - 0.1).abs() < 1e-15 && (yy + 0.2).abs() < 1e-15 && (xy - 0.5).abs() < 1e-15);
+/// ```
 pub fn strain_tensor(e: &Vector3<f64>) -> (f64, f64, f64) {
     let difference = SQRT_2 * e[0];
     let sum = e[2] / 1.5_f64.sqrt();
@@ -101,6 +108,12 @@ impl Background {
     };
 
     /// Velocity at a point.
+    ///
+    /// ```
+    /// use sd_core::modes::{Background, Vec2};
+    ///
+    /// assert_eq!(Background::SHEAR.velocity(Vec2::new(3.0, 2.0)), Vec2::new(2.0, 0.0));
+    /// ```
     pub fn velocity(&self, x: Vec2) -> Vec2 {
         Vec2::new(
             self.xx * x.x + (self.xy - self.angular_velocity) * x.y,

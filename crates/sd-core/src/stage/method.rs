@@ -5,7 +5,7 @@ use super::StageSolver;
 use crate::error::Error;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::{Fluid, NearFields, Resistance};
-use crate::model::{ContactScheme, Hydrodynamics, Params};
+use crate::model::{ContactScheme, Hydrodynamics, Params, SolverSettings};
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
@@ -116,6 +116,7 @@ impl Method {
         }
     }
 
+    #[doc(hidden)]
     /// A solver for spheres of the given radii.
     ///
     /// `pattern_pairs`: pairs of the near-field pattern of a resumed run, ordered; else empty.
@@ -129,14 +130,23 @@ impl Method {
         radii: &[f64],
         tables: &NearFields,
         pattern_pairs: &[PairKey],
+        settings: &SolverSettings,
     ) -> Result<StageSolver<S>, Error> {
         let pairwise =
             || Resistance::new_pairwise(hydrodynamics, cell, radii, tables, pattern_pairs);
         Ok(match self {
-            Self::Dense => StageSolver::new(Resistance::new(hydrodynamics, cell, radii, tables)?),
+            Self::Dense => {
+                let resistance = match (hydrodynamics, settings.far_field_tolerance) {
+                    (Hydrodynamics::StokesianDynamics, Some(tolerance)) => {
+                        Resistance::new_dense(cell, radii, tables, tolerance)?
+                    }
+                    _ => Resistance::new(hydrodynamics, cell, radii, tables)?,
+                };
+                StageSolver::new(resistance)
+            }
             Self::Pairwise => StageSolver::new(pairwise()?),
             Self::Iterated => {
-                let far = IterativeFarField::new(cell, radii, IterativeFarField::DEFAULT_RESIDUAL)?;
+                let far = IterativeFarField::new(cell, radii, settings.far_field_residual)?;
                 StageSolver::with_far_field(pairwise()?, far)
             }
         })
@@ -155,6 +165,24 @@ impl Method {
 ///
 /// Here K ≈ 1.5 N is the number of candidates and P = 2 K the number of contact forces, or 3 K
 /// where a contact has two constrained motions.
+///
+/// ```
+/// use sd_core::{Method, memory_bytes};
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+///
+/// assert!(memory_bytes(&params) < 1e8);
+/// let large = Params { spheres: 4000, ..params };
+/// assert_eq!(Method::of(&large), Method::Pairwise);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn memory_bytes(params: &Params) -> f64 {
     let n = params.spheres as f64;
     let motions = match params.contact {

@@ -349,7 +349,7 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
     });
     let soft = Laws {
         normal: NormalForce {
-            law: NormalLaw::LinearSpring,
+            law: NormalLaw::LinearSpring.into(),
             stiffness: 1e5,
             dashpot: 0.0,
         },
@@ -411,7 +411,7 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
     let stiffness = 6.0 * PI * 100.0;
     let laws = Laws {
         normal: NormalForce {
-            law: NormalLaw::LinearSpring,
+            law: NormalLaw::LinearSpring.into(),
             stiffness,
             dashpot: 0.0,
         },

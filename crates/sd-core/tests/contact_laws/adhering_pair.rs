@@ -3,7 +3,7 @@
 use super::pushed_pair::{gap, pushed};
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved};
 use sd_core::TangentialLaw;
-use sd_core::contact::laws::{Laws, NormalForce};
+use sd_core::contact::{Laws, NormalForce};
 
 fn adhesive(normal: NormalForce, adhesion: f64) -> Laws {
     Laws {

@@ -4,10 +4,11 @@ use crate::schemes::{rigid, schemes, spring};
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::law::CustomNormalLaw;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
-    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Simulation, TangentialLaw,
+    ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, Layer, NearFields, NormalLaw,
+    Params, Simulation, TangentialLaw,
 };
 
 /// The layer of these tests.
@@ -284,4 +285,68 @@ fn adhering_asperities_hold_through_the_steps_of_a_layer() {
     println!("{loaded} loaded contacts, {pulled} of them pulled, at most {farthest} apart");
     assert!(loaded > 1000 && pulled > 100, "{loaded} {pulled}");
     assert!(farthest < 1.01 * params.roughness, "{farthest}");
+}
+
+/// Hertz's law, implemented outside the crate.
+#[derive(Debug)]
+struct OwnHertz;
+
+impl CustomNormalLaw for OwnHertz {
+    fn force(&self, overlap: f64, stiffness: f64) -> f64 {
+        NormalLaw::Hertz.force(overlap, stiffness)
+    }
+
+    fn slope(&self, overlap: f64, stiffness: f64) -> f64 {
+        NormalLaw::Hertz.slope(overlap, stiffness)
+    }
+
+    fn overlap(&self, force: f64, stiffness: f64) -> f64 {
+        NormalLaw::Hertz.overlap(force, stiffness)
+    }
+}
+
+#[test]
+fn custom_law_has_the_bits_of_the_listed_one_and_replaces_springs_only() {
+    let tables = NearFields::default();
+    let with = |normal, shear_stress: Option<f64>| {
+        let laws = ContactLaws {
+            normal,
+            ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.01)
+        };
+        Params {
+            shear_rate: if shear_stress.is_some() { 0.0 } else { 5.0 },
+            shear_stress,
+            ..params(ContactScheme::Laws(laws))
+        }
+    };
+    for shear_stress in [None, Some(10.0)] {
+        let mut listed =
+            Simulation::<Layer>::new(&with(NormalLaw::Hertz, shear_stress), 3, &tables).unwrap();
+        let mut custom =
+            Simulation::<Layer>::new(&with(NormalLaw::LinearSpring, shear_stress), 3, &tables)
+                .unwrap();
+        custom.use_normal_law(&OwnHertz).unwrap();
+        for _ in 0..40 {
+            assert_eq!(custom.step().unwrap(), listed.step().unwrap());
+        }
+        assert!(custom.contacts().count() > 0);
+    }
+    let mut rigid = Simulation::<Layer>::new(&params(ContactScheme::Rigid), 3, &tables).unwrap();
+    let refused = rigid.use_normal_law(&OwnHertz).unwrap_err().to_string();
+    assert!(refused.contains("is no spring"), "{refused}");
+}
+
+#[test]
+fn contacts_are_those_of_the_stage_solved_last() {
+    let tables = NearFields::default();
+    let mut layer = Simulation::<Layer>::new(&params(ContactScheme::Rigid), 3, &tables).unwrap();
+    assert_eq!(layer.contacts().count(), 0);
+    for _ in 0..40 {
+        let (sample, frame) = layer.step_with_frame().unwrap();
+        // Rigid layers with loaded contacts are sampled in the middle of the step, its last stage.
+        if sample.contacts > 0 {
+            assert_eq!(layer.contacts().collect::<Vec<_>>(), frame.contacts);
+        }
+    }
+    assert!(layer.contacts().count() > 0);
 }

@@ -13,25 +13,23 @@ mod rolling_pair;
 mod schemes;
 
 use sd_core::cell::Cell;
-use sd_core::contact::Surface;
-use sd_core::contact::laws::{Laws, NormalForce};
-use sd_core::contact::memory::PairForces;
+use sd_core::contact::{Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
 
 const RIGID: NormalForce = NormalForce {
-    law: NormalLaw::Rigid,
+    law: sd_core::contact::ForceLaw::Listed(NormalLaw::Rigid),
     stiffness: f64::INFINITY,
     dashpot: 0.0,
 };
 const SPRING: NormalForce = NormalForce {
-    law: NormalLaw::LinearSpring,
+    law: sd_core::contact::ForceLaw::Listed(NormalLaw::LinearSpring),
     stiffness: 2000.0,
     dashpot: 0.0,
 };
 const HERTZ: NormalForce = NormalForce {
-    law: NormalLaw::Hertz,
+    law: sd_core::contact::ForceLaw::Listed(NormalLaw::Hertz),
     stiffness: 40_000.0,
     dashpot: 0.0,
 };

@@ -1,8 +1,7 @@
 //! One instant of two spheres pressed together.
 
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved};
-use sd_core::contact::laws::{Laws, NormalForce};
-use sd_core::contact::{ContactState, Surface};
+use sd_core::contact::{ContactState, Laws, NormalForce, Surface};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::modes::Vec2;
 use sd_core::{ContactLaws, FrictionOnset, NormalLaw, TangentialLaw};
@@ -39,7 +38,7 @@ fn pressed_pair_is_in_exact_balance() {
         repulsion: Some(repulsion),
         ..laws(
             NormalForce {
-                law: NormalLaw::ExponentialRepulsion,
+                law: NormalLaw::ExponentialRepulsion.into(),
                 ..RIGID
             },
             TangentialLaw::Coulomb,

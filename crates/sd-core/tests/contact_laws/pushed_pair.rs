@@ -2,15 +2,15 @@
 
 use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, NormalForce, Span, StageKind};
-use sd_core::contact::{Contact, ContactMemory, ContactState, SolvePass};
+use sd_core::contact::{Contact, ContactState, ForceLaw, Laws, NormalForce};
+use sd_core::internals::{
+    ContactMemory, Resistance, Rosenbrock, SolvePass, Span, StageContact, StageKind, StageSolver,
+    State,
+};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
-use sd_core::{
-    Hydrodynamics, NearFields, NormalLaw, Resistance, Rosenbrock, StageContact, StageSolver, State,
-    TangentialLaw,
-};
+use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
 
 /// A pair moved in time under constant forces along and across its line of centres.
 pub(super) struct Pushed {
@@ -164,9 +164,9 @@ fn spring_stores_what_work_leaves_over() {
             let d = (0.01 - gap).max(0.0);
             let NormalForce { law, stiffness, .. } = laws.normal;
             let contact = match law {
-                NormalLaw::LinearSpring => 0.5 * stiffness * d * d,
-                NormalLaw::Hertz => 0.4 * stiffness * d.powf(2.5),
-                NormalLaw::Rigid | NormalLaw::ExponentialRepulsion => 0.0,
+                ForceLaw::Listed(NormalLaw::LinearSpring) => 0.5 * stiffness * d * d,
+                ForceLaw::Listed(NormalLaw::Hertz) => 0.4 * stiffness * d.powf(2.5),
+                _ => 0.0,
             };
             // The pair adheres all the time: it works against the attraction where it opens.
             contact + laws.repulsion.map_or(0.0, |r| r.energy(gap)) + laws.adhesion * gap

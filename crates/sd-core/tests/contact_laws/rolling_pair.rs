@@ -2,7 +2,7 @@
 
 use super::pushed_pair::{pushed_by, stretched};
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved, stick_slide};
-use sd_core::contact::laws::{Laws, NormalForce};
+use sd_core::contact::{Laws, NormalForce};
 use sd_core::instant::SolvedConfiguration;
 use sd_core::{FrictionOnset, TangentialLaw};
 

@@ -12,11 +12,10 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, OVERLAP_CORRECTION};
-use sd_core::contact::memory::PairForces;
-use sd_core::contact::{Contact, ContactState};
+use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, ContactRequest};
-use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Resistance, Simulation, Started};
+use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
+use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Simulation, Started};
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -244,21 +243,20 @@ fn recorded_layers_move_as_an_interior_point_method_finds() {
 fn suspensions_with_friction_move_as_an_interior_point_method_finds() {
     let mut slide = 0;
     for (friction, seed) in [(0.3, 1), (1.0, 2)] {
-        let params = Params {
-            spheres: 64,
-            area_fraction: 0.0,
-            volume_fraction: Some(0.5),
-            friction,
-            roughness: 0.01,
-            shear_rate: f64::INFINITY,
-            time_step: 0.005,
-            contact: sd_core::ContactScheme::Laws(sd_core::ContactLaws {
+        let params = Params::builder()
+            .spheres(64)
+            .volume_fraction(0.5)
+            .friction(friction)
+            .roughness(0.01)
+            .shear_rate(f64::INFINITY)
+            .time_step(0.005)
+            .contact(sd_core::ContactScheme::Laws(sd_core::ContactLaws {
                 tangential: sd_core::TangentialLaw::Coulomb,
                 ..sd_core::ContactLaws::PAPER
-            }),
-            hydrodynamics: sd_core::Hydrodynamics::BallMelrose,
-            ..Params::UNWRITTEN
-        };
+            }))
+            .hydrodynamics(sd_core::Hydrodynamics::BallMelrose)
+            .build()
+            .unwrap();
         let mut run = Simulation::<Bulk>::new(&params, seed, &NearFields::default()).unwrap();
         for _ in 0..40 {
             run.step().unwrap();

@@ -4,15 +4,12 @@ use super::{LUBRICATION, laws, params, rigid, sheared, springs, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
-use sd_core::contact::laws::{Laws, Span};
-use sd_core::contact::memory::PairForces;
-use sd_core::contact::{ContactState, SolvePass};
+use sd_core::contact::{ContactState, Laws, PairForces};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
-use sd_core::model::Surface;
+use sd_core::internals::{SolvePass, Span, StageContact};
+use sd_core::model::{SolverSettings, Surface};
 use sd_core::modes::{Background as Planar, Vec2};
-use sd_core::{
-    Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, StageContact, TangentialLaw,
-};
+use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, TangentialLaw};
 
 fn request<S: Space>(
     laws: &ContactLaws,
@@ -387,7 +384,14 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
         };
         let cell = suspension.cell_at(suspension.strain()).unwrap();
         let mut stage = Method::of(&params)
-            .solver::<Bulk>(params.hydrodynamics, &cell, &snapshot.radii, &tables, &[])
+            .solver::<Bulk>(
+                params.hydrodynamics,
+                &cell,
+                &snapshot.radii,
+                &tables,
+                &[],
+                &SolverSettings::default(),
+            )
             .unwrap();
         stage.assemble(&cell, suspension.centres()).unwrap();
         let contact = StageContact::Laws {

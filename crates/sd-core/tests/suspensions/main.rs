@@ -71,22 +71,18 @@ fn laws() -> Vec<(&'static str, ContactLaws)> {
 
 /// A small dense suspension of two sizes.
 fn params(laws: ContactLaws, hydrodynamics: Hydrodynamics) -> Params {
-    let mut params = Params {
-        spheres: 120,
-        area_fraction: 0.0,
-        volume_fraction: Some(0.5),
-        roughness: 0.01,
-        friction: 0.5,
-        shear_rate: 20.0,
-        size_ratio: 1.4,
-        large_fraction: 0.26,
-        hydrodynamics,
-        contact: ContactScheme::Laws(laws),
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    };
-    params.settle();
-    params
+    Params::builder()
+        .spheres(120)
+        .volume_fraction(0.5)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(20.0)
+        .hydrodynamics(hydrodynamics)
+        .contact(ContactScheme::Laws(laws))
+        .time_step(0.005)
+        .two_sizes(1.4, 0.26)
+        .build()
+        .unwrap()
 }
 
 /// Roughness and friction without a critical load.

@@ -105,6 +105,7 @@ impl Error {
             Self::Physics(error) | Self::Runner(RunnerError::Tables(error)) => match error {
                 Physics::OutOfRange { .. }
                 | Physics::Refused(_)
+                | Physics::Missing { .. }
                 | Physics::Length { .. }
                 | Physics::NoSpheres
                 | Physics::Overlap { .. }

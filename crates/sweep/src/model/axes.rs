@@ -173,12 +173,12 @@ impl Axis {
     /// Whether a table of these parameters has it as a column.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;
-        params.any(|p| (self.is_shown)(p) && !volume_fraction::is_of_layers(self.key, p))
+        params.any(self.is_shown)
     }
 
     /// Whether it has an effect at a point.
     pub fn means_something(&self, params: &Params) -> bool {
-        (self.has_meaning)(params) && !volume_fraction::is_of_layers(self.key, params)
+        (self.has_meaning)(params)
     }
 
     /// Whether its value varies among these parameters, where it has a meaning.
@@ -256,6 +256,12 @@ pub enum InvalidCombination {
     Refused(Refusal),
 }
 
+impl From<Refusal> for InvalidCombination {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
 /// The parameters with these values, one per axis; `None` stands for the default.
 ///
 /// # Errors
@@ -273,35 +279,19 @@ pub(crate) fn folded_params_of(
     values: &[Option<Value>],
     segments: &[Segment],
 ) -> Result<(Params, Option<Params>), InvalidCombination> {
-    let mut params = Params::UNWRITTEN;
+    let mut builder = Params::builder();
     // The last axis first, since a choice precedes the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
         if let Some(value) = value {
-            axis.put(&mut params, *value)
-                .map_err(InvalidCombination::Refused)?;
+            builder.put(axis, |params| axis.put(params, *value))?;
         }
     }
-    let mut missing = Vec::new();
-    for (axis, value) in AXES.iter().zip(values) {
-        if value.is_some() || !axis.means_something(&params) {
-            continue;
-        }
-        match &axis.form {
-            Form::Choice(choice) => {
-                (choice.put)(&mut params, choice.default).map_err(InvalidCombination::Refused)?;
-            }
-            Form::Number(number) => match number.default {
-                None => missing.push(axis),
-                Some(default) => {
-                    let value = default(&params);
-                    (number.put)(&mut params, value);
-                }
-            },
-        }
-    }
+    let missing = builder.fill(AXES.iter().map(Deref::deref))?;
     if !missing.is_empty() {
-        return Err(InvalidCombination::Missing(missing));
+        let axes = AXES.iter().filter(|axis| missing.contains(&axis.key));
+        return Err(InvalidCombination::Missing(axes.collect()));
     }
+    let mut params = builder.as_given();
     params.impose(segments);
     let (friction, shear_rate) = (params.friction, params.shear_rate);
     params.settle();

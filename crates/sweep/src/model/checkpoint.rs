@@ -137,19 +137,17 @@ mod tests {
 
     /// A small layer after a few steps, and its parameters.
     static LAYER: LazyLock<(Params, AnySnapshot)> = LazyLock::new(|| {
-        let params = Params {
-            spheres: 16,
-            area_fraction: 0.4,
-            roughness: 0.05,
-            friction: 0.3,
-            shear_rate: 1.0,
-            size_ratio: 1.0,
-            large_fraction: 0.5,
-            hydrodynamics: Hydrodynamics::BallMelrose,
-            contact: ContactScheme::Procedure,
-            time_step: 0.005,
-            ..Params::UNWRITTEN
-        };
+        let params = Params::builder()
+            .spheres(16)
+            .area_fraction(0.4)
+            .roughness(0.05)
+            .friction(0.3)
+            .shear_rate(1.0)
+            .hydrodynamics(Hydrodynamics::BallMelrose)
+            .contact(ContactScheme::Procedure)
+            .time_step(0.005)
+            .build()
+            .unwrap();
         let mut layer = AnySimulation::new(&params, 3, &NearFields::default()).unwrap();
         for _ in 0..20 {
             layer.step().unwrap();

@@ -2,7 +2,7 @@
 //! studied separately.
 
 use crate::spaces::{AnySnapshot, of_either};
-use sd_core::contact::springs::GAMMA;
+use sd_core::instant::look_ahead;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{ContactScheme, Params, Snapshot, Space};
 use serde_json::json;
@@ -35,10 +35,9 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
     });
     match p.contact {
         ContactScheme::Procedure => {}
-        ContactScheme::Rigid => contact["time_span"] = json!(p.time_step),
+        ContactScheme::Rigid => contact["time_span"] = json!(look_ahead(p)),
         ContactScheme::Laws(laws) => {
-            let share = if laws.is_soft() { GAMMA } else { 1.0 };
-            contact["time_span"] = json!(share * p.time_step);
+            contact["time_span"] = json!(look_ahead(p));
             contact["laws"] = json!(laws);
             if let SchemeMemory::Laws(memory) = &snapshot.memory {
                 contact["springs"] = json!(memory.springs);

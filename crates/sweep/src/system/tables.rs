@@ -116,14 +116,16 @@ mod tests {
 
     #[test]
     fn two_sizes_need_their_ratio_in_layers_and_suspensions() {
-        let layer = Params {
-            size_ratio: 1.4,
-            large_fraction: 0.25,
-            spheres: 200,
-            area_fraction: 0.5,
-            hydrodynamics: Hydrodynamics::BallMelrose,
-            ..Params::UNWRITTEN
-        };
+        let layer = Params::builder()
+            .spheres(200)
+            .area_fraction(0.5)
+            .roughness(0.01)
+            .friction(0.3)
+            .shear_rate(1.0)
+            .hydrodynamics(Hydrodynamics::BallMelrose)
+            .two_sizes(1.4, 0.25)
+            .build()
+            .unwrap();
         let suspension = Params {
             area_fraction: 0.0,
             volume_fraction: Some(0.4),

@@ -122,7 +122,7 @@ impl<S: Space> Problem<S> {
 
 /// The forces on the spheres other than contact forces, `[3N]` each.
 #[derive(Clone, Copy)]
-pub struct AppliedForces<'a> {
+pub(crate) struct AppliedForces<'a> {
     /// All external and background forces.
     pub all: &'a [f64],
     /// The part that applies to the motion under normal forces alone.
@@ -134,7 +134,7 @@ pub struct AppliedForces<'a> {
 
 impl<'a> AppliedForces<'a> {
     /// The same forces for both motions.
-    pub fn both(forces: &'a [f64]) -> Self {
+    pub(crate) fn both(forces: &'a [f64]) -> Self {
         Self {
             all: forces,
             frictionless: forces,

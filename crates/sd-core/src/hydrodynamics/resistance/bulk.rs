@@ -34,7 +34,7 @@ impl Fluid for Bulk {
     }; 2];
 
     #[inline(always)]
-    fn term(term: PairTerm, twist: [f64; 3]) -> BulkTerm {
+    fn term(term: &PairTerm, twist: [f64; 3]) -> BulkTerm {
         BulkTerm(term.couplings(twist))
     }
 

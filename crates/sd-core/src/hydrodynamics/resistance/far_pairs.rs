@@ -97,7 +97,7 @@ impl<S: Fluid> FarPairs<S> {
         for (number, pair) in pairs.iter().enumerate() {
             if pair.distance < 0.5 * NEAR * (radii[pair.i] + radii[pair.j]) {
                 let (term, weight) = self.tables.evaluate(pair, radii);
-                self.terms.push((number, S::term(term, NO_TWIST)));
+                self.terms.push((number, S::term(&term, NO_TWIST)));
                 self.totals[pair.i] += weight;
                 self.totals[pair.j] += weight;
             }

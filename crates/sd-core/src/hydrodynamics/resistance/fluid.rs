@@ -29,7 +29,7 @@ pub trait Fluid: Space {
     const REACHES: [Reach; 2];
 
     /// The resistance of a pair; `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
-    fn term(term: PairTerm, twist: [f64; 3]) -> Self::Term;
+    fn term(term: &PairTerm, twist: [f64; 3]) -> Self::Term;
 
     /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
     fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);

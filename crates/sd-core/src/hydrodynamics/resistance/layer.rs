@@ -46,8 +46,8 @@ impl Fluid for Layer {
     ];
 
     #[inline(always)]
-    fn term(term: PairTerm, _: [f64; 3]) -> PairTerm {
-        term
+    fn term(term: &PairTerm, _: [f64; 3]) -> PairTerm {
+        *term
     }
 
     fn isolated(radius: f64) -> ([f64; 3], f64) {

@@ -15,6 +15,16 @@ use std::sync::{Arc, OnceLock};
 const FEW_SIZES: usize = 6;
 
 /// Near-field tables by size ratio, shared between runs.
+///
+/// ```
+/// use sd_core::NearFields;
+/// use sd_core::two_sphere::NearField;
+///
+/// let mut tables = NearFields::default();
+/// tables.insert(NearField::new(1.4)?);
+/// assert!(tables.contains(1.4) && !tables.contains(2.0));
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct NearFields {
     /// Tables of unequal spheres; that of equal ones is built in.

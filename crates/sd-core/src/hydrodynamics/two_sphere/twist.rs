@@ -77,6 +77,14 @@ fn functions(size_ratio: f64, xi: f64) -> [[f64; 2]; 2] {
 ///
 /// # Errors
 /// [`Error::OutOfRange`] if an argument is, or is not a number.
+///
+/// ```
+/// use sd_core::two_sphere::twist;
+///
+/// let [own, other] = twist(1.0, 100.0)?;
+/// assert!((own - 1.0).abs() < 1e-5 && other.abs() < 1e-5);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub fn twist(size_ratio: f64, s_prime: f64) -> Result<[f64; 2], Error> {
     let size_ratio = check_size_ratio(size_ratio)?;
     super::check_s_prime(s_prime)?;

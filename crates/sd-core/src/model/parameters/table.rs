@@ -25,6 +25,13 @@ use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, Lead
 ///
 /// A choice precedes the numbers that have a meaning under it. Values are therefore set in
 /// [`crate::Params`] from the last entry to the first.
+///
+/// ```
+/// use sd_core::model::PARAMETERS;
+///
+/// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
+/// assert_eq!(friction.map(|parameter| parameter.symbol), Some("ν"));
+/// ```
 pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         key: "hydrodynamics",
@@ -109,6 +116,8 @@ pub static PARAMETERS: [Parameter; 27] = [
         ..number(&SPHERES)
     },
     Parameter {
+        has_meaning: |p| p.volume_fraction.is_none(),
+        is_shown: |p| p.volume_fraction.is_none(),
         form: Form::Number(Number {
             quantity: &AREA_FRACTION,
             get: |p| p.area_fraction,

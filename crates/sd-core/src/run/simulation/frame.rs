@@ -60,11 +60,72 @@ impl<S: Started> Simulation<S> {
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// let (sample, frame) = layer.step_with_frame()?;
+    /// assert_eq!(frame.stresslets.len(), 40);
+    /// assert_eq!(frame.contacts.len(), sample.contacts as usize);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn step_with_frame(&mut self) -> Result<(Sample, Frame<S>), Error> {
         self.frame = Some(Box::default());
         let result = self.step();
         let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
         Ok((result?, frame))
+    }
+
+    /// The loaded contacts, without a frame: their gaps and forces at the stage solved last, the
+    /// middle of the last step or its second stage. None before the first step.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Layer, NearFields, Params, Simulation};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.7)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(f64::INFINITY)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// for _ in 0..10 {
+    ///     layer.step()?;
+    /// }
+    /// let largest = layer.contacts().map(|contact| contact.normal_force).fold(0.0, f64::max);
+    /// for contact in layer.contacts() {
+    ///     assert!(contact.gap > 0.009 && contact.normal_force <= largest);
+    ///     let bound = params.friction * contact.normal_force;
+    ///     assert!(contact.tangential_force.abs() <= bound * (1.0 + 1e-9));
+    /// }
+    /// assert!(layer.contacts().count() > 0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn contacts(&self) -> impl Iterator<Item = FrameContact<S>> {
+        let loaded = self.stage.contacts.list.iter();
+        loaded
+            .filter(|contact| contact.normal_force > 0.0)
+            .map(|contact| FrameContact {
+                i: contact.pair.i,
+                j: contact.pair.j,
+                normal: S::point(&contact.pair.normal),
+                gap: contact.pair.gap,
+                normal_force: contact.normal_force,
+                tangential_force: contact.tangential_force,
+                rolling_force: contact.rolling_force,
+                state: contact.state,
+            })
     }
 
     /// Fills in the frame at the stage solved last.
@@ -88,7 +149,6 @@ impl<S: Started> Simulation<S> {
             }
         };
         let orientations = self.before.orientations.iter().enumerate();
-        let contacts = self.stage.contacts.list.iter();
         let frame = Frame {
             strain: stage.time,
             side: self.side,
@@ -98,19 +158,7 @@ impl<S: Started> Simulation<S> {
             centres: centres.iter().map(S::point).collect(),
             orientations: orientations.map(turned).collect(),
             stresslets: self.stress.stresslets.iter().map(S::tensor).collect(),
-            contacts: contacts
-                .filter(|contact| contact.normal_force > 0.0)
-                .map(|contact| FrameContact {
-                    i: contact.pair.i,
-                    j: contact.pair.j,
-                    normal: S::point(&contact.pair.normal),
-                    gap: contact.pair.gap,
-                    normal_force: contact.normal_force,
-                    tangential_force: contact.tangential_force,
-                    rolling_force: contact.rolling_force,
-                    state: contact.state,
-                })
-                .collect(),
+            contacts: self.contacts().collect(),
         };
         self.frame = Some(Box::new(frame));
     }

@@ -5,7 +5,6 @@
 //! step is sampled, whose forces hold the initial gaps over the whole step and so are their mean.
 //! Other layers are sampled at the first stage.
 
-use super::step::is_inexact;
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::run::started::Started;
@@ -40,11 +39,12 @@ impl StepRecord {
 impl<S: Started> Simulation<S> {
     /// Counts a contact problem.
     pub(super) fn count(&mut self, quality: Quality) {
+        let inexact = self.is_inexact(quality);
         let counters = &mut self.counters;
         counters.stages += 1;
         let unconverged = matches!(quality.status, Status::InexactFriction | Status::Failed);
         counters.unconverged_stages += u64::from(unconverged);
-        counters.inexact_stages += u64::from(is_inexact(quality));
+        counters.inexact_stages += u64::from(inexact);
         counters.jammed_stages += u64::from(quality.jammed());
         if !quality.jammed() {
             counters.worst_residual = counters.worst_residual.max(quality.residual);

@@ -6,7 +6,7 @@
 //! the time strain/rate.
 
 use super::{SchemeMemory, Simulation};
-use crate::contact::laws::Laws;
+use crate::contact::laws::{ForceLaw, Laws};
 use crate::contact::{Quality, SolvePass, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
@@ -136,7 +136,7 @@ impl<S: Started> Simulation<S> {
             unreachable!("only where the stress is imposed");
         };
         let dependence = Dependence::of(&self.params);
-        let mut balance = Balance::new(stress);
+        let mut balance = Balance::new(stress, self.settings.stress_tolerance);
         // The last load at which the layer flowed, if any.
         let mut flowing = None;
         for count in 1.. {
@@ -198,7 +198,7 @@ impl<S: Started> Simulation<S> {
                     return Ok(quality);
                 }
                 pass = SolvePass::FixedActivation;
-                balance = Balance::new(stress);
+                balance = Balance::new(stress, self.settings.stress_tolerance);
             }
         }
         unreachable!("solves are limited")
@@ -245,7 +245,7 @@ impl<S: Started> Simulation<S> {
     /// Rescales all that is in units of the flow to the new shear.
     fn take_laws(&mut self) {
         let before = self.laws.tangential_stiffness;
-        self.laws = self.shear_control.laws(&self.params);
+        self.laws = self.laws_at_load();
         if let SchemeMemory::Laws(memory) = &mut self.memory
             && before > 0.0
         {
@@ -254,6 +254,15 @@ impl<S: Started> Simulation<S> {
             memory.springs.rescale(factor);
             memory.rolling_springs.rescale(factor);
         }
+    }
+
+    /// The contact laws at the present critical load.
+    pub(super) fn laws_at_load(&self) -> Laws {
+        let mut laws = self.shear_control.laws(&self.params);
+        if let Some(law) = self.custom_law {
+            laws.normal.law = ForceLaw::Custom(law);
+        }
+        laws
     }
 
     /// Whether friction would act on the same contacts at another critical load. The paper's steps

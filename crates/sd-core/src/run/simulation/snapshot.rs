@@ -161,6 +161,28 @@ impl<S: Space> SchemeMemory<S> {
 
 impl Snapshot {
     /// The start layer for another run. `params` are those of this run.
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let tables = NearFields::default();
+    /// let mut first = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// first.step()?;
+    /// let start = Some(Box::new(first.snapshot().layer(&params)));
+    /// let faster = Params { shear_rate: 20.0, start, ..params };
+    /// let second = Simulation::<Layer>::new(&faster, 1, &tables)?;
+    /// assert_eq!(second.radii(), first.radii());
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
     pub fn layer(&self, params: &Params) -> StartLayer {
         let before = params.start.as_ref().map_or(0.0, |start| start.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
@@ -189,6 +211,48 @@ impl Snapshot {
 }
 
 impl<S: Started> Snapshot<S> {
+    /// The start of a run: the layer or suspension of a seed, or a given layer.
+    ///
+    /// ```
+    /// use sd_core::{Bulk, Params, Snapshot};
+    ///
+    /// let params = Params::builder()
+    ///     .spheres(100)
+    ///     .volume_fraction(0.3)
+    ///     .roughness(0.01)
+    ///     .friction(0.5)
+    ///     .shear_rate(10.0)
+    ///     .build()?;
+    /// let start = Snapshot::<Bulk>::start(&params, 7)?;
+    /// assert_eq!(start.centres.len(), 100);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Parameters out of range, a cell too small, a fraction that cannot be packed.
+    pub fn start(params: &Params, seed: u64) -> Result<Self, Error> {
+        params.validate()?;
+        S::check(params)?;
+        let start = S::start(params, seed)?;
+        let mut memory = SchemeMemory::new(&params.contact);
+        let first = params.in_step(&params.imposed(0));
+        let shear_control = ShearControl::new(&first, None);
+        memory.stretch(&start, shear_control.laws(&first).tangential_stiffness);
+        Ok(Self {
+            version: SNAPSHOT_VERSION,
+            steps: 0,
+            radii: start.radii,
+            side: start.side,
+            centres: start.centres.iter().map(S::point).collect(),
+            orientations: start.orientations,
+            memory,
+            near_pairs: Vec::new(),
+            far_field: Vec::new(),
+            critical_load: None,
+            counters: Counters::default(),
+        })
+    }
+
     /// Refuses an inconsistent snapshot of a run with these parameters.
     pub(super) fn check(&self, params: &Params) -> Result<(), Error> {
         let refuse = |reason| Err(Error::Snapshot { reason });

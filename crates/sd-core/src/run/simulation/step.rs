@@ -10,15 +10,6 @@ use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};
 
-/// Maximum number of bisections of a step in which a gap of rigid contacts becomes too small.
-const MAX_HALVINGS: u32 = 6;
-/// The same if friction is inexact in one of its stages, or no motion is admissible.
-const MAX_HALVINGS_IN_DOUBT: u32 = 2;
-/// A gap of rigid contacts counts as too low below this share of the roughness height.
-const HELD_SHARE: f64 = 0.95;
-/// Friction counts as inexact above this share of the largest force.
-const INEXACT_FRICTION: f64 = 1e-3;
-
 /// Outcome of an attempt at a step.
 enum Attempt {
     /// The step was made.
@@ -84,8 +75,8 @@ impl Part {
 
 impl<S: Started> Simulation<S> {
     /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its
-    /// start held, under soft ones by [`crate::Rosenbrock`], and by [`crate::RungeKutta`] without
-    /// contact forces and under the paper's procedure.
+    /// start held, under soft ones by an implicit method of two stages, and by Runge-Kutta of order
+    /// four without contact forces and under the paper's procedure.
     ///
     /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts
     /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
@@ -241,7 +232,7 @@ impl<S: Started> Simulation<S> {
             };
             state.copy_from(&self.before);
             self.shear_control = shear_control;
-            self.laws = shear_control.laws(&self.params);
+            self.laws = self.laws_at_load();
             self.memory.copy_from(&self.remembered);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
@@ -249,7 +240,7 @@ impl<S: Started> Simulation<S> {
             if overlaps && jams && record.sample.is_some() {
                 return Ok(Advance::Blocked);
             }
-            if !overlaps || jams || halvings == MAX_HALVINGS {
+            if !overlaps || jams || halvings == self.settings.halvings {
                 return Err(error);
             }
             halvings += 1;
@@ -273,8 +264,8 @@ impl<S: Started> Simulation<S> {
         let attempt = self.attempt_rigid(method, state, part, record)?;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
-            Attempt::LowGap { jammed: false } => MAX_HALVINGS,
-            Attempt::LowGap { jammed: true } | Attempt::Doubtful => MAX_HALVINGS_IN_DOUBT,
+            Attempt::LowGap { jammed: false } => self.settings.halvings,
+            Attempt::LowGap { jammed: true } | Attempt::Doubtful => self.settings.halvings_in_doubt,
         };
         let has_moved = matches!(attempt, Attempt::Doubtful);
         if part.halvings < halvings {
@@ -294,7 +285,7 @@ impl<S: Started> Simulation<S> {
             return Ok(Advance::Moved);
         }
         *record = before;
-        let mut held = HELD_SHARE * self.params.roughness;
+        let mut held = self.settings.held_share * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
@@ -320,11 +311,11 @@ impl<S: Started> Simulation<S> {
         record: &mut StepRecord,
     ) -> Result<Attempt, Error> {
         let (mut jammed, mut inexact) = (false, false);
-        let mut held = HELD_SHARE * self.params.roughness;
+        let mut held = self.settings.held_share * self.params.roughness;
         let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;
             jammed |= quality.jammed();
-            inexact |= is_inexact(quality);
+            inexact |= self.is_inexact(quality);
             let closest = self.stage.closest();
             if stage.number == 0 {
                 held = closest.map_or(held, |pair| held.min(pair.gap));
@@ -357,6 +348,12 @@ impl<S: Started> Simulation<S> {
         })
     }
 
+    /// Whether friction is inexact in a stage.
+    pub(super) fn is_inexact(&self, quality: Quality) -> bool {
+        matches!(quality.status, Status::InexactFriction | Status::Failed)
+            && quality.friction_error > self.settings.inexact_friction
+    }
+
     /// Disturbance velocities of the step as a whole, at its mean positions, which the procedure
     /// needs.
     fn keep_mean_velocities(&mut self, dt: f64) {
@@ -379,12 +376,6 @@ impl<S: Started> Simulation<S> {
             }
         }
     }
-}
-
-/// Whether friction is inexact in a stage.
-pub(super) fn is_inexact(quality: Quality) -> bool {
-    matches!(quality.status, Status::InexactFriction | Status::Failed)
-        && quality.friction_error > INEXACT_FRICTION
 }
 
 /// Whether a gap is too low.

@@ -2,7 +2,8 @@
 //! of the contacts.
 
 use crate::contact::laws::{COMPLIANCE, OVERLAP_CORRECTION};
-use crate::contact::{Contact, Surface, tangent};
+use crate::contact::pair::tangent;
+use crate::contact::{Contact, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;

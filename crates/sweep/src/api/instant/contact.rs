@@ -1,8 +1,6 @@
 //! The contact problem of `sweep solve` in JSON.
 
-use sd_core::contact::Surface;
-use sd_core::contact::laws::Laws;
-use sd_core::contact::memory::PairForces;
+use sd_core::contact::{Laws, PairForces, Surface};
 use sd_core::instant::ContactRequest;
 use sd_core::{ContactLaws, Hydrodynamics, Space};
 use serde::Deserialize;

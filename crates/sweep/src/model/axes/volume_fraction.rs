@@ -60,8 +60,3 @@ pub(super) fn among(
         std::iter::once(parameter).chain(beside)
     })
 }
-
-/// Whether this is the wrong fraction: an area fraction in a suspension.
-pub(super) fn is_of_layers(key: &str, params: &Params) -> bool {
-    key == OF_LAYERS && is_suspension(params)
-}
