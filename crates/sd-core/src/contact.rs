@@ -15,8 +15,8 @@
 //! ```
 //!
 //! Every law supplies the coefficients of one problem, which is stated at the top of
-//! `contact/solve.rs`. [`laws`] evaluates the laws at a stage; [`solver`] chooses the pairs that
-//! take part, sets up the problem and stores its solution. [`crate::procedure`] is separate because
+//! `contact/solve.rs`. `laws` evaluates the laws at a stage; `solver` chooses the pairs that
+//! take part, sets up the problem and stores its solution. `procedure` is separate because
 //! it is a time-stepping procedure and not a law.
 
 pub(crate) mod adhesion;
