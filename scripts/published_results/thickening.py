@@ -30,8 +30,8 @@ class Design:
     name: str
     # The files with their runs.
     runs: list
-    # The column of the fraction, and the fraction from which on short peaks dominate means in time, so
-    # that medians replace them.
+    # The column of the fraction, and the fraction from which on short peaks dominate means in time,
+    # so that medians replace them.
     fraction: str
     near_jamming: float
     # Spheres, and those of full Stokesian Dynamics.

@@ -34,8 +34,8 @@ pub trait CustomNormalLaw: Debug + Sync {
     /// `stiffness`: the k of the run times its unit of force, in mu·a²·rate per unit of overlap.
     fn force(&self, overlap: f64, stiffness: f64) -> f64;
 
-    /// Slope dF/dd at an overlap d. The contact problem is solved with the tangent of the law, which
-    /// is updated until the forces lie on the curve.
+    /// Slope dF/dd at an overlap d. The contact problem is solved with the tangent of the law,
+    /// which is updated until the forces lie on the curve.
     fn slope(&self, overlap: f64, stiffness: f64) -> f64;
 
     /// Overlap at which the contact has a given force, from 0: the inverse of `force`.
