@@ -15,7 +15,7 @@ FILE = """friction,shear_rate,seeds,viscosity,viscosity_ci95,rolling_fraction
 
 @pytest.fixture
 def made(tmp_path):
-    """The table that a marker asks for."""
+    """The table that a marker describes."""
     (tmp_path / "some.csv").write_text(FILE)
 
     def make(marker):

@@ -66,7 +66,7 @@ def test_runs_are_counted(known):
     assert known.loc["× sticking friction", "seeds"] == 6
     assert known.loc["k = 1e4, roll-slip", "lost"] == 1
     assert known.loc["k = 1e4, stick-slide", "seeds"] == 6
-    # What there are no runs for is not told.
+    # What there are no runs for is left out.
     assert "rigid, coulomb" not in known.index
 
 
