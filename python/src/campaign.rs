@@ -400,9 +400,9 @@ fn compute(
         let StartedCampaign {
             mut store, taken, ..
         } = begin(path, campaign, beginning)?;
-        let mut told: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
+        let mut notes: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
         let damaged = taken.into_iter().flat_map(|taken| taken.damaged);
-        told.extend(damaged.map(|damaged| damaged.to_string()));
+        notes.extend(damaged.map(|damaged| damaged.to_string()));
         let options = Options {
             workers,
             threads: wanted.workers,
@@ -415,11 +415,11 @@ fn compute(
         let counts = complete(&mut store, campaign, options)?;
         let left = counts.pending + counts.running;
         if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
-            told.push(format!(
+            notes.push(format!(
                 "time limit reached: {left} runs remain; the same call continues them"
             ));
         }
-        Ok(told)
+        Ok(notes)
     };
     let mut interrupted: Option<PyErr> = None;
     let done = py.detach(|| {

@@ -54,13 +54,13 @@ impl Table {
         let schema = Arc::new(Schema::new(fields));
         RecordBatch::try_new(schema, arrays)
             .map(Self)
-            .map_err(trouble)
+            .map_err(arrow_error)
     }
 }
 
 /// An error of Arrow, which is not expected.
 #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
-fn trouble(error: ArrowError) -> PyErr {
+fn arrow_error(error: ArrowError) -> PyErr {
     PyRuntimeError::new_err(error.to_string())
 }
 
@@ -82,7 +82,8 @@ impl Table {
 
     /// The types of the columns (`PyCapsule` interface).
     fn __arrow_c_schema__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {
-        let schema = FFI_ArrowSchema::try_from(self.0.schema_ref().as_ref()).map_err(trouble)?;
+        let schema =
+            FFI_ArrowSchema::try_from(self.0.schema_ref().as_ref()).map_err(arrow_error)?;
         PyCapsule::new_with_value(py, schema, c"arrow_schema")
     }
 

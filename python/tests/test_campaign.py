@@ -101,10 +101,10 @@ def test_plan_is_that_of_the_command(tmp_path):
 
 
 def test_progress_is_told_and_the_bar_is_drawn(tmp_path, capsys):
-    told = []
-    small_campaign(seeds=8).run(tmp_path / "a.sqlite", progress=lambda fraction, text: told.append((fraction, text)))
-    assert all(0 <= fraction <= 1 and "cases" in text for fraction, text in told)
-    assert told[-1] == (1.0, "16 of 16 cases") and told == sorted(told, key=lambda at: at[0])
+    calls = []
+    small_campaign(seeds=8).run(tmp_path / "a.sqlite", progress=lambda fraction, text: calls.append((fraction, text)))
+    assert all(0 <= fraction <= 1 and "cases" in text for fraction, text in calls)
+    assert calls[-1] == (1.0, "16 of 16 cases") and calls == sorted(calls, key=lambda at: at[0])
     small_campaign().run(tmp_path / "b.sqlite", progress=True)
     assert "4 of 4 cases" in capsys.readouterr().err
 
