@@ -78,7 +78,6 @@ NETWORK = ["viscosity", "coordination", "frictional_coordination", "largest_clus
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
 # in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {
-    "figure-14": {"-fit": ["area_fraction=0.57..0.75"]},
     # From the stress above which the repulsion has no effect.
     "published-2d": {
         "-fit": ["friction=1", "repulsion_length=0.0441", "stiffness=5348", "lubrication_regularisation=0.001", "spheres=200", "shear_stress=0.03..inf"]
