@@ -14,6 +14,7 @@ from .units import PublishedUnits
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt  # noqa: E402  the back end comes first
+from matplotlib.ticker import LogFormatter  # noqa: E402
 
 STYLE = {
     "svg.hashsalt": "published",
@@ -198,6 +199,8 @@ def _network(name, along, x, groups):
             ax.plot(curve["place"], height, color=colours[c], marker="o", markersize=3, linewidth=1, label=f"c = {c:g}")
         if is_rise:
             ax.set_yscale("log")
+            ax.yaxis.set_major_formatter(LogFormatter())
+            ax.yaxis.set_minor_formatter(LogFormatter())
         if not set(points[along]).isdisjoint(ends):
             places = sorted(points["place"].unique())
             ax.set_xticks(places, [words_of_ends.get(at, f"{at:g}") for at in places])
