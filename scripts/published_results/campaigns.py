@@ -72,9 +72,6 @@ CAMPAIGNS = {
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which single runs are published too.
 OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "cause-of-thickening-bulk"]
-# Campaigns whose network of frictional contacts is published too, in a file NAME-network.csv.
-OF_NETWORKS = ["figure-14", "flow-curve", "cause-of-thickening-bulk"]
-NETWORK = ["viscosity", "coordination", "frictional_coordination", "largest_cluster", "percolating_x", "percolating_y", "core_fraction"]
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
 # in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {
@@ -129,7 +126,5 @@ def make(name):
         sweep("report", campaign, "--quiet", "--runs", RESULTS / f"{name}-runs.csv")
     for suffix, options in CAMPAIGNS[name]:
         sweep("report", campaign, "--quiet", "--figure", RESULTS / f"{name}{suffix}.svg", *options)
-    if name in OF_NETWORKS:
-        sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}-network.csv", "--columns", ",".join(NETWORK))
     for suffix, wanted in FITS.get(name, {}).items():
         _fit(campaign, f"{name}{suffix}", wanted)

@@ -181,8 +181,9 @@ def plateaus():
 
 def _network(name, along, x, groups):
     """The viscosity over its lowest value and the largest frictional cluster, a row a group."""
-    file = f"{name}-network.csv"
-    points = pd.read_csv(RESULTS / file).dropna(subset=["viscosity", "largest_cluster"])
+    file = f"{name}.csv"
+    columns = ["contact", "area_fraction", along, "viscosity", "largest_cluster"]
+    points = pd.read_csv(RESULTS / file, usecols=columns).dropna(subset=["viscosity", "largest_cluster"])
     fractions = sorted(points["area_fraction"].unique())
     colours = dict(zip(fractions, plt.colormaps["viridis"](np.linspace(0, 0.9, len(fractions)))))
     # Rates 0 and infinity are drawn left and right of the others.
@@ -228,8 +229,8 @@ FIGURES = {
     "published-2d-beside.svg": (beside, ["published-2d.csv", "published-2d.reference.csv"]),
     "lattices.svg": (of_lattices, [lattices.FILE]),
     "suspension-plateaus.svg": (plateaus, [jamming.PLATEAUS, jamming.FITS]),
-    "flow-curve-network.svg": (network_of_flow_curve, ["flow-curve-network.csv"]),
-    "figure-14-network.svg": (network_of_figure_14, ["figure-14-network.csv"]),
+    "flow-curve-network.svg": (network_of_flow_curve, ["flow-curve.csv"]),
+    "figure-14-network.svg": (network_of_figure_14, ["figure-14.csv"]),
 }
 
 
