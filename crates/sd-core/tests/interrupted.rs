@@ -200,9 +200,15 @@ fn suspensions_go_on_with_the_same_bits() {
     check_all::<Bulk>(all_schemes(), &[NEAR, LUBRICATION], suspension);
 }
 
+/// What the far field remembers is the same under every law, so that three laws do.
 #[test]
 fn suspensions_in_full_stokesian_dynamics_resume_with_the_same_bits() {
-    check_all::<Bulk>(all_schemes(), &[FULL], suspension);
+    let schemes = vec![
+        ContactScheme::Rigid,
+        rigid(TangentialLaw::Coulomb),
+        spring(1e4, TangentialLaw::StickSlide),
+    ];
+    check_all::<Bulk>(schemes, &[FULL], suspension);
 }
 
 /// The same under an imposed stress.
