@@ -4,12 +4,13 @@
 //! ```text
 //! cargo bench -p sd-core --bench runs -- whole [N...]                 five strains under every law
 //! cargo bench -p sd-core --bench runs -- dense                        three strains where friction nearly jams a layer
-//! cargo bench -p sd-core --bench runs -- sequence [full] [LAW] N...   right-hand sides one after the other
+//! cargo bench -p sd-core --bench runs -- sequence [suspension] [full] [LAW] N...
+//!                                                                     right-hand sides one after the other
 //! ```
 //!
 //! CPU times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
-//! nothing else is said. A LAW is one of `roll-slip`, `coulomb`, `stick-slide`; the last one has
-//! springs of 1e4 `F_crit`/a, the others are rigid.
+//! nothing else is said; suspensions have φ = 0.45. A LAW is one of `roll-slip`, `coulomb`,
+//! `stick-slide`; the last one has springs of 1e4 `F_crit`/a, the others are rigid.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 
@@ -18,7 +19,9 @@ mod clock;
 
 use clock::Moment;
 use sd_core::model::{ContactLaws, TangentialLaw};
-use sd_core::{ContactScheme, Flow, Hydrodynamics, NearFields, Params, Simulation};
+use sd_core::{
+    Bulk, ContactScheme, Flow, Hydrodynamics, Layer, NearFields, Params, Simulation, Started,
+};
 
 /// Roughness height, in radii.
 const ROUGHNESS: f64 = 0.01;
@@ -115,7 +118,7 @@ struct Run {
 
 impl Run {
     fn of(params: &Params, strain: f64) -> Self {
-        let layer = Simulation::<sd_core::Layer>::new(params, 1, &NearFields::default());
+        let layer = Simulation::<Layer>::new(params, 1, &NearFields::default());
         let mut layer = layer.expect("valid parameters");
         let stride = if params.time_step > 0.5 * SAMPLE_EVERY {
             1
@@ -238,17 +241,15 @@ fn most_memory() -> Option<f64> {
 
 /// Right-hand sides in sequence, without samples. One row; the memory is that of the process, so
 /// that each row is a process of its own.
-fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
+fn sequence<S: Started>(params: &Params, hydrodynamics: Hydrodynamics, contacts: &str) {
     let tables = NearFields::default();
-    let params = law.params(spheres);
     let (strain, factor) = LEAD_IN;
     let time_step = f64::from(factor) * TIME_STEP;
     let coarse = Params {
         time_step,
         ..params.clone()
     };
-    let mut before =
-        Simulation::<sd_core::Layer>::new(&coarse, 1, &tables).expect("valid parameters");
+    let mut before = Simulation::<S>::new(&coarse, 1, &tables).expect("valid parameters");
     while before.strain() < strain - 0.5 * time_step {
         before.step().expect("a step that succeeds");
     }
@@ -256,25 +257,27 @@ fn sequence(hydrodynamics: Hydrodynamics, law: Law, spheres: usize) {
     drop(before);
     // Strain is counted in steps.
     there.steps *= u64::from(factor);
-    let params = Params {
+    let timed = Params {
         hydrodynamics,
-        ..params
+        ..params.clone()
     };
-    let mut layer = Simulation::from_snapshot(&params, there, &tables).expect("a valid snapshot");
-    layer.step().expect("a step that succeeds");
-    let (stages, start) = (layer.counters().stages, Moment::now());
+    let mut run = Simulation::from_snapshot(&timed, there, &tables).expect("a valid snapshot");
+    run.step().expect("a step that succeeds");
+    let (stages, start) = (run.counters().stages, Moment::now());
     let mut steps = 0;
     while steps < LONG_ENOUGH.1 || start.seconds() < LONG_ENOUGH.0 {
-        layer.step().expect("a step that succeeds");
+        run.step().expect("a step that succeeds");
         steps += 1;
     }
-    let each = 1e3 * start.seconds() / (layer.counters().stages - stages) as f64;
+    let each = 1e3 * start.seconds() / (run.counters().stages - stages) as f64;
     let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
-    let peer = TOWNSEND.iter().find(|(n, _)| full && *n == spheres);
+    let peer = TOWNSEND
+        .iter()
+        .find(|(n, _)| full && *n == params.spheres && params.volume_fraction.is_none());
     println!(
-        "| {} | {} | {spheres} | {steps} | {each:.2} | {} | {} |",
+        "| {} | {contacts} | {} | {steps} | {each:.2} | {} | {} |",
         if full { "full" } else { "Ball-Melrose" },
-        law.words(),
+        params.spheres,
         most_memory().map_or_else(String::new, |memory| format!("{memory:.0} MB")),
         peer.map_or_else(String::new, |(_, time)| format!("{time} s"))
     );
@@ -294,13 +297,24 @@ fn main() {
         dense();
     } else if has("sequence") {
         let law = LAWS.into_iter().find(|law| has(law.name));
+        let law = law.unwrap_or(LAWS[0]);
         let hydrodynamics = if has("full") {
             Hydrodynamics::StokesianDynamics
         } else {
             Hydrodynamics::BallMelrose
         };
         for spheres in spheres {
-            sequence(hydrodynamics, law.unwrap_or(LAWS[0]), spheres);
+            let layer = law.params(spheres);
+            if has("suspension") {
+                let suspension = Params {
+                    area_fraction: 0.0,
+                    volume_fraction: Some(0.45),
+                    ..layer
+                };
+                sequence::<Bulk>(&suspension, hydrodynamics, &law.words());
+            } else {
+                sequence::<Layer>(&layer, hydrodynamics, &law.words());
+            }
         }
     } else {
         println!("whole, dense or sequence: see the head of benches/runs.rs");
