@@ -32,7 +32,7 @@ const INITIAL_OVERLAP: f64 = 1e-6;
 const MIN_OVERLAP: f64 = 1e-13;
 
 /// The chosen laws, in the units of the solver.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Laws {
     /// Roughness height, friction coefficient and critical load.
     pub surface: Surface,
@@ -53,7 +53,7 @@ pub struct Laws {
 }
 
 /// A law of the normal force with its parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct NormalForce {
     /// The law.
     pub law: ForceLaw,
@@ -65,7 +65,7 @@ pub struct NormalForce {
 }
 
 /// A law of the normal force: of the list, or implemented outside this crate.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub enum ForceLaw {
     /// A law of the list.
     Listed(NormalLaw),
@@ -244,7 +244,7 @@ impl NormalForce {
 
     /// Whether contacts are rigid.
     pub fn is_rigid(&self) -> bool {
-        self.law == ForceLaw::Listed(NormalLaw::Rigid)
+        matches!(self.law, ForceLaw::Listed(NormalLaw::Rigid))
     }
 
     /// Overlap about which a contact is first linearised, from its current overlap and from its

@@ -41,10 +41,3 @@ pub trait CustomNormalLaw: Debug + Sync {
     /// Overlap at which the contact has a given force, from 0: the inverse of `force`.
     fn overlap(&self, force: f64, stiffness: f64) -> f64;
 }
-
-/// Laws are the same if they are one value.
-impl PartialEq for dyn CustomNormalLaw {
-    fn eq(&self, other: &Self) -> bool {
-        std::ptr::addr_eq(self, other)
-    }
-}
