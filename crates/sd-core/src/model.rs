@@ -132,6 +132,11 @@ fn is_one(value: &f64) -> bool {
     *value == one()
 }
 
+/// Whether a value is the default of its type, which is omitted for the same reason.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// Default of [`Params::large_fraction`].
 fn half() -> f64 {
     0.5

@@ -1,7 +1,7 @@
 //! Contact laws other than the rigid ones of the paper, in the units of their input.
 
 use super::parameters;
-use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite};
+use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite, is_default};
 use crate::error::Error;
 use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
 use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
@@ -59,10 +59,10 @@ pub struct ContactLaws {
     /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
     pub repulsion_length: f64,
     /// Coefficient μ_r of rolling friction, from 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub rolling_friction: f64,
     /// Adhesion F_A of touching surfaces, in F_crit, from 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub adhesion: f64,
 }
 
@@ -78,15 +78,6 @@ fn by_critical_load() -> StiffnessUnit {
 )]
 fn is_by_critical_load(unit: &StiffnessUnit) -> bool {
     *unit == by_critical_load()
-}
-
-/// Whether an optional law is absent, which is omitted so that older cases keep their keys.
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "the signature that serde requires"
-)]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 impl ContactLaws {
