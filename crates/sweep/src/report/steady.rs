@@ -45,7 +45,7 @@ pub(super) fn advice(
 fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
     let longer = || {
         format!(
-            "not in steady state: longer runs are needed, such as strain = {}",
+            "longer runs are needed, such as strain = {}",
             2.0 * protocol.strain
         )
     };

@@ -4,7 +4,7 @@ use super::tables::Sheets;
 use crate::api::Error;
 use crate::api::plan::{Kind, Plan};
 use crate::cli::Output;
-use crate::format::{bytes, duration, significant, wrapped};
+use crate::format::{bytes, counted, duration, significant, wrapped};
 use std::io::Write;
 
 /// Writes it.
@@ -31,8 +31,10 @@ fn tables(
     };
     writeln!(
         out,
-        "{}: {} runs at {} points{ended}",
-        plan.campaign, plan.cases, plan.points
+        "{}: {} at {}{ended}",
+        plan.campaign,
+        counted(plan.cases, "run"),
+        counted(plan.points, "point")
     )?;
     sheets.write(width, out)?;
     if !plan.segments.is_empty() {

@@ -49,17 +49,13 @@ fn soft(report: &Report, columns: &[&'static Axis]) -> Option<String> {
         .filter_map(|point| Some((point, heights(point)?)))
         .collect();
     let (worst, most) = soft.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let others = match soft.len() - 1 {
-        0 => String::new(),
-        others => format!(" and {}", counted(others as u64, "more point")),
-    };
     let what = format!(
         "overlaps of up to {} times the roughness height: the spheres themselves overlapped, and a larger stiffness would hold \
          them apart",
         significant(*most, 2)
     );
     let name = name(report, worst, columns);
-    Some(with_name(&format!("{name}{others}"), &what))
+    Some(with_name(name, soft.len() - 1, &what))
 }
 
 /// Why a point will not reach the requested precision, if so.
@@ -86,25 +82,38 @@ fn missed(point: &Point, (rule, decision): (Precision, Decision)) -> Option<Stri
     }
 }
 
-/// Points by name, each with its note.
+/// Points by name, each with its note; those with the same note share a line.
 fn list<'p>(
     report: &Report,
     points: impl Iterator<Item = (&'p Point, String)>,
     columns: &[&'static Axis],
 ) -> Vec<String> {
-    let mut lines: Vec<String> = points
-        .map(|(point, what)| with_name(&name(report, point, columns), &what))
-        .collect();
-    let more = lines.len().saturating_sub(SHOWN);
+    let mut notes: Vec<(String, Vec<&Point>)> = Vec::new();
+    for (point, what) in points {
+        match notes.iter_mut().find(|(known, _)| *known == what) {
+            Some((_, points)) => points.push(point),
+            None => notes.push((what, vec![point])),
+        }
+    }
+    let shown = notes.iter().take(SHOWN).map(|(what, points)| {
+        let name = name(report, points[0], columns);
+        with_name(name, points.len() - 1, what)
+    });
+    let mut lines: Vec<String> = shown.collect();
+    let hidden = notes.iter().skip(SHOWN);
+    let more: usize = hidden.map(|(_, points)| points.len()).sum();
     if more > 0 {
-        lines.truncate(SHOWN);
         lines.push(format!("and {more} more such points"));
     }
     lines
 }
 
-/// A note on a point, after its name if it has one: the only point has none.
-fn with_name(name: &str, what: &str) -> String {
+/// A note on a point and others, after its name if it has one: the only point has none.
+fn with_name(mut name: String, others: usize, what: &str) -> String {
+    if others > 0 {
+        let others = counted(others as u64, "more point");
+        name = format!("{name} and {others}");
+    }
     if name.is_empty() {
         what.to_owned()
     } else {
