@@ -138,7 +138,9 @@ pub enum StoreError {
     },
     /// A run without frames.
     #[error("no frames of case {key} are stored")]
-    #[diagnostic(help("`sweep run CAMPAIGN.toml --trajectory` keeps the frames of its runs"))]
+    #[diagnostic(help(
+        "`sweep run CAMPAIGN.toml --trajectory` keeps those of the runs it computes, and with --store ANOTHER.sqlite it computes them all"
+    ))]
     NoFrames { key: String },
     /// An I/O or `SQLite` error.
     #[error("{}: {what}", path.display())]
