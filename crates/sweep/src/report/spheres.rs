@@ -211,8 +211,10 @@ fn drawn<S: Kept>(
     })
 }
 
-/// The line of a contact on its outline: colours and widths, in a.
+/// The line of a contact on its outline: colours and widths, in a. A line no wider than its outline
+/// would look like one of the other colour.
 fn strokes(is_frictional: bool, width: f64) -> [(Colour, f64); 2] {
+    let width = width.max(2.0 * CASING);
     let colours = if is_frictional {
         [Colour::WHITE, Colour::INK]
     } else {
@@ -237,10 +239,7 @@ fn explained(largest: f64) -> Vec<(Vec<(Colour, f64)>, String)> {
     );
     vec![
         (strokes(true, width).to_vec(), force),
-        (
-            strokes(false, 2.0 * CASING).to_vec(),
-            "frictionless contact".into(),
-        ),
+        (strokes(false, 0.0).to_vec(), "frictionless contact".into()),
     ]
 }
 
