@@ -18,6 +18,7 @@ use std::path::PathBuf;
 /// 0, until x1 - x2 = 2X.
 #[derive(Debug, clap::Args)]
 #[command(
+    allow_negative_numbers = true,
     after_help = "Examples:\n  sweep pair --roughness 0.05 --friction 0.5\n  sweep pair --no-contact --json\n  \
                   sweep pair --size-ratio 0.5 --figure paths.svg"
 )]

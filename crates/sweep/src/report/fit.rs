@@ -260,7 +260,7 @@ fn check_number(data: &[Datum]) -> Result<(), ReportError> {
         return Ok(());
     }
     Err(refused(format!(
-        "a fit of {PARAMETERS} parameters needs at least {MIN_POINTS} points with results, at {MIN_FRACTIONS} area fractions and \
+        "a fit of {PARAMETERS} parameters needs at least {MIN_POINTS} points with results, at {MIN_FRACTIONS} area or volume fractions and \
          {MIN_STRESSES} stresses or rates; here are {} points at {fractions} and {stresses}",
         data.len()
     )))
