@@ -30,6 +30,7 @@
 //! ```
 //! The viscosity is in units of that of the fluid, and the mean radius and the shear rate are 1. A
 //! value that is forgotten, out of range or in conflict with others is an [`Error`] that names it.
+//! Build with `--release`: most of the time is spent in linear algebra, which is slow unoptimised.
 //!
 //! # The viscosity of a suspension
 //! A suspension has a volume fraction in place of the area fraction. These spheres are soft, as in
