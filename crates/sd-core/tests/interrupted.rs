@@ -200,7 +200,8 @@ fn suspensions_go_on_with_the_same_bits() {
     check_all::<Bulk>(all_schemes(), &[NEAR, LUBRICATION], suspension);
 }
 
-/// What the far field remembers is the same under every law, so that three laws do.
+/// Three laws, as what the far field remembers is the same under every law; the layers above have
+/// all of them.
 #[test]
 fn suspensions_in_full_stokesian_dynamics_resume_with_the_same_bits() {
     let schemes = vec![
