@@ -65,13 +65,14 @@ CAMPAIGNS = {
     "suspension-plateaus": [],
     # Its effects and the figure too.
     "cause-of-thickening-bulk": [],
+    "cause-of-thickening-bulk-full": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
 }
 # Runs of the same cases are shared.
 REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which single runs are published too.
-OF_EVERY_RUN = ["cause-of-thickening", "cause-of-thickening-full", "cause-of-thickening-bulk"]
+OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening")]
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
 # in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {

@@ -104,10 +104,12 @@ def beside():
     ours, theirs = (pd.read_csv(RESULTS / file) for file in files)
     units = ours.apply(lambda row: PublishedUnits(row["area_fraction"], row["size_ratio"], row["large_fraction"]), axis=1)
     # Layers that do not flow have no rate.
-    ours["published_viscosity"] = [unit.viscosity(eta) for unit, eta in zip(units, ours["viscosity"])]
-    ours["published_stress"] = [
-        6 * math.pi * unit.shear_stress(eta, rate) for unit, eta, rate in zip(units, ours["viscosity"], ours["shear_rate"])
-    ]
+    stresses = zip(units, ours["viscosity"], ours["shear_rate"])
+    in_their_units = {
+        "published_viscosity": [unit.viscosity(eta) for unit, eta in zip(units, ours["viscosity"])],
+        "published_stress": [6 * math.pi * unit.shear_stress(eta, rate) for unit, eta, rate in stresses],
+    }
+    ours = pd.concat([ours, pd.DataFrame(in_their_units)], axis=1)
     usual = ours.query("spheres == 200 and stiffness == 5348 and repulsion_length == 0.0441 and lubrication_regularisation == 0.001")
     # Parameters published for similar layers, and those that were fitted to the table.
     lines = {

@@ -1,6 +1,6 @@
 """How much of the thickening of a layer or suspension each choice of its model causes: from the runs
 of `cause-of-thickening` and, with full Stokesian Dynamics, `cause-of-thickening-full`, and from those
-of `cause-of-thickening-bulk`.
+of `cause-of-thickening-bulk` and `cause-of-thickening-bulk-full`.
 
 The rise of a model is ln(η above / η below): the mean over runs of ln η at Γ = 10, far above the
 friction transition, less that at Γ = 0.01, where hardly any contact is frictional, so that friction has
@@ -55,7 +55,14 @@ class Design:
 LAYERS = Design(
     "cause-of-thickening", ["cause-of-thickening-runs.csv", "cause-of-thickening-full-runs.csv"], "area_fraction", 0.775, 400, 200
 )
-SUSPENSIONS = Design("cause-of-thickening-bulk", ["cause-of-thickening-bulk-runs.csv"], "volume_fraction", 1.0, 200, 110)
+SUSPENSIONS = Design(
+    "cause-of-thickening-bulk",
+    ["cause-of-thickening-bulk-runs.csv", "cause-of-thickening-bulk-full-runs.csv"],
+    "volume_fraction",
+    1.0,
+    200,
+    110,
+)
 
 
 def with_logarithms(design, runs):

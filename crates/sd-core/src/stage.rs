@@ -347,6 +347,7 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
         }
         let pass = match self.pass {
             pass if first => pass,
+            _ if progress.holds_bounds => SolvePass::FixedBounds,
             SolvePass::First | SolvePass::Repeat if updates => SolvePass::Repeat,
             _ => SolvePass::FixedActivation,
         };

@@ -1,3 +1,4 @@
 //! Tests across modules.
 
+mod inconsistent_friction;
 mod iterated_far_field;

@@ -52,6 +52,9 @@ pub struct Contact<S: Space = Layer> {
     pub(crate) rolling_sticks: bool,
     /// Whether friction is active, as last determined by comparing the load with the critical load.
     pub(crate) friction_acts: bool,
+    /// Normal force at which friction is bounded while bounds are held: that of the last solution
+    /// before.
+    pub(crate) held_load: f64,
 }
 
 impl<S: Space> Contact<S> {
@@ -84,6 +87,7 @@ impl<S: Space> Contact<S> {
             rolling_velocity: S::Tangent::default(),
             rolling_sticks: false,
             friction_acts: false,
+            held_load: 0.0,
         }
     }
 

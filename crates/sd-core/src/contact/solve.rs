@@ -88,6 +88,8 @@ impl<S: Space> ProblemSolver<S> {
     /// Solves the problem from the current active set and forces. The final forces are those of the
     /// solution, or the best that were found.
     ///
+    /// `held_loads`: loads at which friction bounds are held; `None` where they follow the loads.
+    ///
     /// `refine`: called after every linear system with the problem and the forces, for coefficients
     /// that depend on the solution; returns how many changed.
     pub(crate) fn solve(
@@ -95,8 +97,12 @@ impl<S: Space> ProblemSolver<S> {
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
         activation: FrictionActivation,
+        held_loads: Option<&[f64]>,
         mut refine: impl FnMut(&mut Problem<S>, &Forces) -> usize,
     ) -> Outcome {
+        if let Some(loads) = held_loads {
+            return self.solve_bounded(problem, system, loads, &mut refine);
+        }
         self.initial.copy_from(&self.forces);
         self.save_activation(problem);
         if S::TANGENTS > 1 && system.read_motion(problem, &mut self.forces) {

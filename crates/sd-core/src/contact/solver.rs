@@ -43,6 +43,9 @@ pub enum SolvePass {
     Repeat,
     /// A later solve in which friction stays active on the same contacts, whatever their loads.
     FixedActivation,
+    /// A later solve with the friction bounds of the last solution that was not one of these: the
+    /// solution is unique and depends continuously on the applied forces.
+    FixedBounds,
 }
 
 /// Linear algebra of the contact problem.
@@ -64,6 +67,8 @@ pub struct ContactSolver<S: Fluid = Layer> {
     problem: Problem<S>,
     /// Active set and forces.
     solver: ProblemSolver<S>,
+    /// Loads at which friction bounds are held.
+    held_loads: Vec<f64>,
     /// Linear algebra.
     backend: Backend<S>,
 }
@@ -84,6 +89,7 @@ impl<S: Fluid> ContactSolver<S> {
             overlaps: Vec::with_capacity(capacity),
             problem: Problem::default(),
             solver: ProblemSolver::default(),
+            held_loads: Vec::new(),
             backend,
         };
         solver.problem.normal.reserve(capacity);
@@ -125,7 +131,7 @@ impl<S: Fluid> ContactSolver<S> {
         let laws = input.laws;
         let activation = FrictionActivation {
             critical_load: laws.surface.critical_load,
-            updates: pass != SolvePass::FixedActivation && !laws.is_smooth(),
+            updates: matches!(pass, SolvePass::First | SolvePass::Repeat) && !laws.is_smooth(),
         };
         if pass == SolvePass::First {
             if let Backend::Sparse(system) = &mut self.backend {
@@ -136,9 +142,16 @@ impl<S: Fluid> ContactSolver<S> {
         let (mut systems, mut changed) = (0, false);
         loop {
             self.set_up_problem(input, memory, pass);
-            let outcome = self.solve_problem(input, applied, activation, velocities)?;
+            let holds_bounds = pass == SolvePass::FixedBounds;
+            let how = (activation, holds_bounds);
+            let outcome = self.solve_problem(input, applied, how, velocities)?;
             systems += outcome.systems;
             self.store_forces(laws);
+            if !holds_bounds {
+                for contact in &mut self.list {
+                    contact.held_load = contact.normal_force;
+                }
+            }
             for contact in &mut self.list {
                 contact.set_velocities(velocities);
             }
@@ -180,14 +193,21 @@ impl<S: Fluid> ContactSolver<S> {
         }
     }
 
-    /// Solves the current problem for the forces and the motion.
+    /// Solves the current problem for the forces and the motion, with friction bounds that follow
+    /// the loads or are held.
     fn solve_problem(
         &mut self,
         input: &StageInput<'_, S>,
         applied: AppliedForces<'_>,
-        activation: FrictionActivation,
+        (activation, holds_bounds): (FrictionActivation, bool),
         velocities: &mut [f64],
     ) -> Result<Outcome, Error> {
+        self.held_loads.clear();
+        if holds_bounds {
+            self.held_loads
+                .extend(self.list.iter().map(|contact| contact.held_load));
+        }
+        let loads = holds_bounds.then_some(&self.held_loads[..]);
         let (problem, solver) = (&mut self.problem, &mut self.solver);
         let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
         let refine = |problem: &mut Problem<S>, forces: &Forces| {
@@ -196,13 +216,13 @@ impl<S: Fluid> ContactSolver<S> {
         Ok(match &mut self.backend {
             Backend::Dense(system) => {
                 system.set_up(input.resistance, problem, applied.all);
-                let solved = solver.solve(problem, &mut **system, activation, refine);
+                let solved = solver.solve(problem, &mut **system, activation, loads, refine);
                 system.finish(input.resistance, &solver.forces, velocities);
                 solved
             }
             Backend::Sparse(system) => {
                 let mut view = SparseSystemView::begin(input.resistance, system, problem, applied)?;
-                let solved = solver.solve(problem, &mut view, activation, refine);
+                let solved = solver.solve(problem, &mut view, activation, loads, refine);
                 velocities.copy_from_slice(system.velocities()[0]);
                 solved
             }

@@ -91,7 +91,7 @@ pub static STIFFNESS: Quantity = Quantity {
     unit: "F/a",
     meaning: "stiffness k of contacts; inf is rigid",
     range: Range::above(0.0),
-    note: "in F_crit/a, or 6 pi mu a rate where `stiffness_unit` = \"flow\"; inf is rigid",
+    note: "in F/a, under `hertz` F/a^(3/2), where F is F_crit, or 6 pi mu a^2 rate if `stiffness_unit` = \"flow\"; inf is rigid",
     example: "1e4",
     logarithmic: true,
 };

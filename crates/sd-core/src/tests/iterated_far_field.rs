@@ -264,16 +264,20 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
 struct Flipping<'a> {
     near: &'a Resistance,
     size: f64,
+    /// Whether it no longer alternates once bounds are held.
+    settles: bool,
 }
 
 impl FixedPointMap for Flipping<'_> {
     fn evaluate(
         &mut self,
         forces: &[f64],
-        _: Progress,
+        progress: Progress,
         velocities: &mut [f64],
     ) -> Result<bool, Error> {
-        self.size = -self.size;
+        if !(self.settles && progress.holds_bounds) {
+            self.size = -self.size;
+        }
         let (v, v_t) = velocities.split_at_mut(forces.len() / 2);
         let mut rows = Vec::new();
         self.near.to_rows(&forces[..v.len()], &mut rows);
@@ -296,19 +300,26 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
     far.update(&cell, &centres).unwrap();
     let (mut settled, mut v) = (vec![0.0; 120], vec![0.0; 120]);
     far.solve(&near, &strain, &forces, &mut settled).unwrap();
-    let mut solve = |size, v: &mut [f64]| {
+    let mut solve = |size, settles, v: &mut [f64]| {
         far.forget();
-        let mut map = Flipping { near: &near, size };
-        far.solve_fixed_point(&near, &mut map, &strain, &forces, v)
+        let near = &near;
+        let mut map = Flipping {
+            near,
+            size,
+            settles,
+        };
+        far.solve_fixed_point(near, &mut map, &strain, &forces, v)
     };
-    assert!(solve(0.0, &mut v).unwrap().converged);
+    assert!(solve(0.0, false, &mut v).unwrap().converged);
     assert!(relative_difference(&settled, &v) < 1e-5);
-    let found = solve(1e-3, &mut v).unwrap();
+    let found = solve(10.0, true, &mut v).unwrap();
+    assert!(found.converged && found.evaluations > 200, "{found:?}");
+    let found = solve(1e-3, false, &mut v).unwrap();
     assert!(!found.converged && found.evaluations >= 100, "{found:?}");
     assert!(found.residual > 1e-5 && found.residual < 1e-2, "{found:?}");
     assert!(relative_difference(&settled, &v) < 0.05);
     assert!(matches!(
-        solve(10.0, &mut v),
+        solve(10.0, false, &mut v),
         Err(Error::NotConverged { .. })
     ));
 }

@@ -225,6 +225,9 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     print_inventory(&campaign, &path, adoption, style);
     print_reused(taken, style);
     print_tasks(&store, &campaign, style)?;
+    if arguments.trajectory {
+        print_frameless(&store, style)?;
+    }
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
     let code = match stop.reason() {
@@ -271,6 +274,18 @@ fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: 
             campaign.file.display()
         ));
     }
+}
+
+/// Notes the finished runs without frames, which are not computed again for them.
+fn print_frameless(store: &Store, style: Style) -> Result<(), Error> {
+    let frameless = store.done_without_frames()?;
+    if frameless > 0 {
+        style.note(&format!(
+            "{} without frames: with --store ANOTHER.sqlite all runs are computed, with theirs",
+            counted(frameless, "finished run")
+        ));
+    }
+    Ok(())
 }
 
 /// Notes the open cases of tasks that have not ended, which are computed twice.

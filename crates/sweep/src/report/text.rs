@@ -81,11 +81,9 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
         lines.push("σ*: imposed shear stress in F_crit/a²; Γ is then 6π σ*/viscosity. Jammed runs carry that stress at rest.".into());
     }
     let chosen = report.columns.chosen().unwrap_or_default();
-    lines.extend(
-        chosen
-            .iter()
-            .map(|column| format!("{}: {}", column.name, column.meaning)),
-    );
+    // That of the viscosity follows, with its interval.
+    let explained = chosen.iter().filter(|column| column.name != "viscosity");
+    lines.extend(explained.map(|column| format!("{}: {}", column.name, column.meaning)));
     let interval = match shape.format {
         NumberFormat::Plain => "± half the 95 % Student interval",
         NumberFormat::Si => "and in brackets half the 95 % Student interval",
@@ -118,7 +116,10 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
             "activated: of contacts; rolling: of activated ones".into(),
         ),
     ];
-    let known = known.into_iter().filter(|(name, _)| sheet.has(name));
+    let chosen = |name| name != "viscosity" && chosen.iter().any(|column| column.name == name);
+    let known = known
+        .into_iter()
+        .filter(|(name, _)| sheet.has(name) && !chosen(*name));
     lines.extend(known.map(|(_, words)| words));
     lines
 }

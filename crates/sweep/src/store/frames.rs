@@ -100,6 +100,15 @@ impl Store {
             .collect()
     }
 
+    /// Number of finished runs of the campaign without frames.
+    pub(crate) fn done_without_frames(&self) -> Result<u64, StoreError> {
+        self.number(
+            "SELECT count(*) FROM cases c WHERE c.state = 'done' AND c.counts
+                 AND NOT EXISTS (SELECT 1 FROM frames f WHERE f.case_id = c.id)",
+            [],
+        )
+    }
+
     /// Number of frames of a case.
     pub(crate) fn frame_count(&self, key: &str) -> Result<u64, StoreError> {
         self.number(

@@ -1,6 +1,6 @@
 //! Structure of a campaign's layers, from the frames it keeps.
 
-use crate::harness::{Computed, folder, json, refused, sweep};
+use crate::harness::{Computed, folder, json, refused, run, sweep, words};
 use std::path::Path;
 
 const CAMPAIGN: &str = r#"name = "structure"
@@ -184,6 +184,12 @@ fn without_frames_the_command_that_keeps_them_is_named() {
         "{error}"
     );
     assert!(refused(at, &["structure", "structure.toml", "77"]).contains("no case"));
+    // Finished runs are not computed again for their frames, which is said.
+    let notes = words(&run(at, &["run", "structure.toml", "--trajectory"]).stderr);
+    assert!(
+        notes.contains("finished runs without frames: with --store ANOTHER.sqlite"),
+        "{notes}"
+    );
 }
 
 #[test]

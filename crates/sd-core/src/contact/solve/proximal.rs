@@ -98,17 +98,11 @@ impl<S: Space> ProblemSolver<S> {
             if outcome.status == Status::NoAdmissibleMotion {
                 self.forces.copy_from(&self.initial);
             }
-            let mut bounded = std::mem::take(&mut self.bounded);
-            bounded.copy_from(problem);
-            bounded.fix_bounds(&self.forces.normal);
-            outcome = self.iterate(&mut bounded, system, None, refine);
+            self.initial.copy_from(&self.forces);
+            let loads = std::mem::take(&mut self.initial.normal);
+            outcome = self.solve_bounded(problem, system, &loads, refine);
+            self.initial.normal = loads;
             systems += outcome.systems;
-            problem.normal.clone_from(&bounded.normal);
-            self.bounded = bounded;
-            outcome.violation = self.forces.violation(problem, system);
-            if outcome.status == Status::Solved {
-                outcome.status = outcome.violation.status();
-            }
         }
         if outcome.status == Status::Solved {
             // The active set is that of the original problem, which Newton's method then solves to
@@ -125,6 +119,28 @@ impl<S: Space> ProblemSolver<S> {
             }
         }
         Outcome { systems, ..outcome }
+    }
+
+    /// Solves the problem with friction bounds held at given loads, from the current forces. The
+    /// violation is that of the problem itself.
+    pub(super) fn solve_bounded(
+        &mut self,
+        problem: &mut Problem<S>,
+        system: &mut impl System<S>,
+        loads: &[f64],
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
+    ) -> Outcome {
+        let mut bounded = std::mem::take(&mut self.bounded);
+        bounded.copy_from(problem);
+        bounded.fix_bounds(loads);
+        let mut outcome = self.iterate(&mut bounded, system, None, refine);
+        problem.normal.clone_from(&bounded.normal);
+        self.bounded = bounded;
+        outcome.violation = self.forces.violation(problem, system);
+        if outcome.status == Status::Solved {
+            outcome.status = outcome.violation.status();
+        }
+        outcome
     }
 
     /// Solves the sequence of softened problems, from the current forces.

@@ -241,7 +241,7 @@ fn solve(
     solver.states.friction.resize(rows, FrictionState::Stick);
     solver.forces.normal.resize(count, 0.0);
     solver.forces.tangential.resize(rows, 0.0);
-    let outcome = solver.solve(&mut problem, network, activation, |_, _| 0);
+    let outcome = solver.solve(&mut problem, network, activation, None, |_, _| 0);
     (problem, solver, outcome)
 }
 
@@ -299,7 +299,8 @@ proptest! {
     ) {
         for law in laws() {
             let mut network = Network::new(&columns, law);
-            let (problem, solver, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
+            let (mut problem, mut solver, outcome) =
+                solve(law, &mut network, &given, FIXED_ACTIVATION);
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
             // The conditions are evaluated independently of the solver.
             let forces = &solver.forces;
@@ -319,6 +320,23 @@ proptest! {
                     prop_assert!(z[m].abs() < 1e-8, "{law:?}: {} inside the bound", z[m]);
                 } else {
                     prop_assert!(z[m] * t > -1e-8, "{law:?}: {} at the bound", z[m]);
+                }
+            }
+            if problem.tangential.iter().any(|row| row.coefficient.is_infinite()) {
+                continue;
+            }
+            // With friction bounds held at the loads of the solution it is found from zero forces.
+            let (normal, tangential) = (forces.normal.clone(), forces.tangential.clone());
+            solver.forces.normal.fill(0.0);
+            solver.forces.tangential.fill(0.0);
+            let held = Some(&normal[..]);
+            let again = solver.solve(&mut problem, &mut network, FIXED_ACTIVATION, held, |_, _| 0);
+            prop_assert!(again.status == Status::Solved, "{law:?}: {again:?}");
+            let exact = 1e-6 * (1.0 + largest(&normal));
+            let pairs = [(&normal, &solver.forces.normal), (&tangential, &solver.forces.tangential)];
+            for (expected, found) in pairs {
+                for (a, b) in expected.iter().zip(found) {
+                    prop_assert!((a - b).abs() < exact, "{law:?}: {a} {b}");
                 }
             }
         }

@@ -65,7 +65,7 @@ impl<S: Fluid> ContactSolver<S> {
         let active = laws.is_smooth()
             || match pass {
                 SolvePass::First | SolvePass::Repeat => contact.normal_force > load,
-                SolvePass::FixedActivation => contact.friction_acts,
+                SolvePass::FixedActivation | SolvePass::FixedBounds => contact.friction_acts,
             };
         // A tangential spring contributes to the compliance of its rows, and its force without the
         // implicit term contributes to their shifts.

@@ -5,7 +5,9 @@
 //! next:            P x + δ of both parts as in `split`
 //! ```
 //! One evaluation solves one contact problem, whose forces and states change little between
-//! evaluations.
+//! evaluations. Where no friction is consistent with the far field of its own motion, or where the
+//! iteration does not find it, friction bounds are held from some evaluation on: forces are then
+//! unique and depend continuously on the far field, and the iteration converges.
 
 use super::{Convergence, IterativeFarField};
 use crate::error::Error;
@@ -18,6 +20,8 @@ pub struct Progress {
     pub evaluations: u32,
     /// Relative residual of the last one; infinite before the first.
     pub residual: f64,
+    /// Whether friction bounds are to be held at the loads of the last evaluation before.
+    pub holds_bounds: bool,
 }
 
 /// The map whose fixed point is sought along with the far field: a contact problem under sparse
@@ -45,8 +49,11 @@ pub trait FixedPointMap {
     ) -> Result<bool, Error>;
 }
 
-/// Maximum number of evaluations; near jamming about thirty are needed.
-const MAX_EVALUATIONS: u32 = 200;
+/// Number of evaluations after which friction bounds are held. Near jamming about thirty are
+/// needed, and as many with held bounds.
+const FREE_EVALUATIONS: u32 = 200;
+/// Maximum number of evaluations.
+const MAX_EVALUATIONS: u32 = 300;
 /// Relative residual above which the result is rejected.
 const WORST: f64 = 0.1;
 /// Ratio of the residual to its minimum at which the acceleration is restarted.
@@ -59,8 +66,8 @@ impl<S: Fluid> IterativeFarField<S> {
     /// are v = v_N + v_T of the last evaluation, and [`IterativeFarField::correct`] then has the
     /// far field of both parts.
     ///
-    /// States of contacts that are consistent with the far field of their own motion may not exist
-    /// or may not be found: then the residual is above the tolerance.
+    /// Contact states that are consistent with the far field of their own motion may not exist or
+    /// may not be found: the friction bounds are then held, and friction does not obey its law.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::NotConverged`]; those of the contact problem.
@@ -91,7 +98,12 @@ impl<S: Fluid> IterativeFarField<S> {
             let progress = Progress {
                 evaluations: found.evaluations,
                 residual: found.residual,
+                holds_bounds: found.evaluations >= FREE_EVALUATIONS,
             };
+            if found.evaluations == FREE_EVALUATIONS {
+                work.anderson.restart();
+                best = f64::INFINITY;
+            }
             let evaluated = map.evaluate(&work.forces, progress, &mut work.velocities);
             let changed = match evaluated {
                 Ok(changed) => changed,

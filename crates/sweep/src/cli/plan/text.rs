@@ -36,16 +36,17 @@ fn tables(
         counted(plan.cases, "run"),
         counted(plan.points, "point")
     )?;
-    sheets.write(width, out)?;
-    if !plan.segments.is_empty() {
-        writeln!(out, "segments of a run: {}", plan.segments.join("; "))?;
-    }
     if plan.folded > 0 {
         writeln!(
             out,
-            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has Γ without friction",
+            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has Γ without friction, \
+             which is listed as Γ = 0",
             plan.folded
         )?;
+    }
+    sheets.write(width, out)?;
+    if !plan.segments.is_empty() {
+        writeln!(out, "segments of a run: {}", plan.segments.join("; "))?;
     }
     let has_interval = |kind: &Kind| kind.step_ci95_s.is_some();
     if plan.kinds.iter().any(has_interval) {

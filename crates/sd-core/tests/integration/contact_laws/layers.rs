@@ -1,6 +1,6 @@
 //! Small layers under shear.
 
-use crate::schemes::{rigid, schemes, spring};
+use crate::common::schemes::{rigid, schemes, spring};
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};

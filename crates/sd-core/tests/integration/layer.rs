@@ -1,7 +1,5 @@
 //! Runs of whole layers: what must hold for every one of them.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, ContactRequest, solve};

@@ -1,12 +1,7 @@
 //! Agreement with numbers computed independently of this program; their sources are in
 //! `tests/data/README.md`.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/data.rs"]
-mod data;
-
-use data::{data, difference, numbers, vectors};
+use crate::common::data::{data, difference, numbers, vectors};
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};

@@ -6,7 +6,6 @@
 //! and the two programs may find different ones. Such instants are counted, and solved again from
 //! the recorded forces: the recorded solution must then be found.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "counts what is left out")]
 
 use sd_core::cell::Cell;

@@ -1,5 +1,4 @@
 //! The worked example of `docs/add-a-contact-law.md`, added to the laws as the document says.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,12 +1,7 @@
 //! Three dimensions: agreement with numbers computed independently of this program
 //! (`tests/data/README.md`), symmetries, limits.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/data.rs"]
-mod data;
-
-use data::{data, difference, numbers, vectors};
+use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::{Background, TracelessTensor};
 use sd_core::cell::Cell;

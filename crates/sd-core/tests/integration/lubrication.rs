@@ -1,10 +1,6 @@
 //! Leading-order lubrication: against a published code, by identities, and with every law of
 //! contact.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod common;
-
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
@@ -177,7 +173,7 @@ fn resistance_is_symmetric_and_positive_definite_where_spheres_overlap() {
 
 /// The layer of these tests.
 fn params(contact: ContactScheme) -> Params {
-    common::small_layer(contact, LUBRICATION)
+    crate::common::small_layer(contact, LUBRICATION)
 }
 
 /// Every normal law with every compatible tangential law.

@@ -1,8 +1,6 @@
 //! Contacts and runs in three dimensions: agreement with layers, symmetries, laws of friction on a
 //! disc, and resumed runs.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 mod contacts;
 mod runs;
 

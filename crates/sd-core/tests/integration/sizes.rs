@@ -1,7 +1,5 @@
 //! Layers and suspensions of many sizes.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::{

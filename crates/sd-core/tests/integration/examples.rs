@@ -1,13 +1,13 @@
 //! The examples run.
 
-#[path = "../examples/cone.rs"]
+#[path = "../../examples/cone.rs"]
 mod cone;
-#[path = "../examples/hard.rs"]
+#[path = "../../examples/hard.rs"]
 #[expect(dead_code, reason = "its `main` reads the command line")]
 mod hard;
-#[path = "../examples/layer.rs"]
+#[path = "../../examples/layer.rs"]
 mod layer;
-#[path = "../examples/pair.rs"]
+#[path = "../../examples/pair.rs"]
 mod pair;
 
 use clap::Parser as _;

@@ -1,8 +1,6 @@
 //! All components of the stress by cause: each against a separate calculation, and against
 //! symmetries.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, Surface};
 use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};

@@ -1,14 +1,7 @@
 //! Interrupted runs, resumed from their snapshots, in layers and suspensions, under every contact
 //! law, have the bits of uninterrupted ones.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/mod.rs"]
-mod common;
-#[path = "common/schemes.rs"]
-mod schemes;
-
-use schemes::{rigid, schemes, spring};
+use crate::common::schemes::{rigid, schemes, spring};
 use sd_core::Started;
 use sd_core::internals::{ContactList, ContactMemory};
 use sd_core::simulation::{Counters, SchemeMemory};
@@ -35,7 +28,7 @@ fn all_schemes() -> Vec<ContactScheme> {
 fn layer(spheres: usize, contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
     let mut params = Params {
         spheres,
-        ..common::small_layer(contact, hydrodynamics)
+        ..crate::common::small_layer(contact, hydrodynamics)
     };
     params.settle();
     params

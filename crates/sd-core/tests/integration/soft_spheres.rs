@@ -11,12 +11,7 @@
 //! | stiffness | k (a_i + a_j)/2 | the same for all pairs |
 //! | stress | keeps the trace; no isolated stresslets; Y^M where the rotation of a sphere has Y^H | traceless; all of them |
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/data.rs"]
-mod data;
-
-use data::{data, difference, numbers, vectors};
+use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;

@@ -1,10 +1,5 @@
 //! Cross shear: an oscillation along the vorticity, across a steady shear.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/resumed.rs"]
-mod resumed;
-
 use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
@@ -287,7 +282,7 @@ fn a_run_resumes_with_the_same_bits_from_every_step() {
         (full, 20),
     ] {
         params.validate().unwrap();
-        resumed::check::<Bulk>(&params, count, 3);
+        crate::common::resumed::check::<Bulk>(&params, count, 3);
     }
 }
 

@@ -3,9 +3,6 @@
 //!
 //! Their origin is described in `tests/data/README.md` at the repository's top.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "contact_problems/convex.rs"]
 mod convex;
 
 use sd_core::contact::Quality;

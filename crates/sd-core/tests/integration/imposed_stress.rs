@@ -1,7 +1,5 @@
 //! Imposed stress: the rate follows from the stress at every stage.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, ContactRequest, solve};

@@ -1,4 +1,8 @@
-//! A layer shared by several tests.
+//! What several tests share: a layer, contact laws, reference numbers, resumed runs.
+
+pub(crate) mod data;
+pub(crate) mod resumed;
+pub(crate) mod schemes;
 
 use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 

@@ -1,7 +1,5 @@
 //! The paper's Fig. 8: two spheres moving past each other.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use sd_core::pair::{PairScenario, PairTrajectory, pass};
 use sd_core::{Error, NearFields};
 

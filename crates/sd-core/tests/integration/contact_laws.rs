@@ -1,16 +1,10 @@
 //! Laws of contact other than the paper's: what must hold for each of them.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 mod adhering_pair;
-#[path = "../common/mod.rs"]
-mod common;
 mod layers;
 mod pressed_pair;
 mod pushed_pair;
 mod rolling_pair;
-#[path = "../common/schemes.rs"]
-mod schemes;
 
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, NormalForce, PairForces, Surface};

@@ -1,10 +1,5 @@
 //! Runs in segments: steps of rate and stress, reversals, oscillations.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[path = "common/resumed.rs"]
-mod resumed;
-
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, ContactRequest, solve};
 use sd_core::model::{Segment, StartLayer};
@@ -308,7 +303,7 @@ fn a_run_resumes_with_the_same_bits_from_every_step() {
     for params in [layer, springs] {
         let params = params(&protocol());
         params.validate().unwrap();
-        resumed::check::<Layer>(&params, 180, 5);
+        crate::common::resumed::check::<Layer>(&params, 180, 5);
     }
 }
 

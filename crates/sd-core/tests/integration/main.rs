@@ -1,0 +1,24 @@
+//! Tests of the library by its users: one module per subject, in one program, since each program
+//! takes a quarter of a minute to compile. Counting allocations needs a program of its own.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod added_law;
+mod bulk;
+mod common;
+mod contact_laws;
+mod contact_problems;
+mod cross_shear;
+mod examples;
+mod imposed_stress;
+mod interrupted;
+mod layer;
+mod lubrication;
+mod pair;
+mod pairwise;
+mod recorded_laws;
+mod reference;
+mod segments;
+mod sizes;
+mod soft_spheres;
+mod stresses;
+mod suspensions;
