@@ -1,5 +1,5 @@
-//! Tests of the library by its users: one module per subject, in one program, since each program
-//! takes a quarter of a minute to compile. Counting allocations needs a program of its own.
+//! Tests of the library by its users: one module per subject, in one program, so that the library's
+//! generics are compiled once. Counting allocations needs a program of its own.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod added_law;
