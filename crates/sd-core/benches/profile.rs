@@ -2,7 +2,7 @@
 //! hydrodynamics.
 //!
 //! ```text
-//! cargo bench -p sd-core --bench profile [-- N...]          below 100 spheres, where all matrices are full
+//! cargo bench -p sd-core --bench profile [-- N...]          below 60 spheres, where all matrices are full
 //! ```
 //!
 //! A layer of c = 0.693 (h = 0.01, ν = 0.3, Γ = 100, rigid contacts) is sheared on from 0.8 by
@@ -230,11 +230,11 @@ fn rows(parts: &Parts, whole: f64) -> Vec<(&'static str, f64)> {
 
 fn main() {
     let given: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
-    let all = if given.is_empty() { vec![90] } else { given };
+    let all = if given.is_empty() { vec![50] } else { given };
     for spheres in all {
         assert!(
-            spheres < 100,
-            "{spheres} spheres: from 100 on Ball-Melrose has no full matrices to take apart"
+            spheres < 60,
+            "{spheres} spheres: from 60 on Ball-Melrose has no full matrices to take apart"
         );
         let (full, full_whole) = profile(spheres, Hydrodynamics::StokesianDynamics);
         let (near, near_whole) = profile(spheres, Hydrodynamics::BallMelrose);
