@@ -9,6 +9,7 @@ mod export;
 mod fit;
 mod man;
 mod merge;
+mod output_file;
 mod pair;
 mod place;
 mod plan;

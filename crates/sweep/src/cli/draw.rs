@@ -1,10 +1,8 @@
 //! `sweep draw`.
 
 use super::Output;
+use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
-use super::report::figure::format_of;
-use super::report::save;
-use super::tables::refuse_two_answers;
 use crate::api::Error;
 use crate::exit;
 use crate::format::significant;
@@ -44,7 +42,8 @@ pub(crate) struct Arguments {
 /// Writes the picture.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let path = arguments.out.as_deref().unwrap_or(Path::new("-"));
-    refuse_two_answers(&[("--out", &Some(path.to_owned()))], output)?;
+    let inputs: Vec<_> = arguments.place.files().collect();
+    check_outputs(&[("--out", &Some(path.to_owned()))], &inputs, output)?;
     let to_file = path.as_os_str() != "-";
     let format = if to_file {
         format_of("--out", path)?

@@ -1,16 +1,16 @@
 //! `sweep export`.
 
 use super::Output;
+use super::output_file::{check_outputs, write_file};
 use super::place::{StoreArguments, positive};
 use crate::api::Error;
 use crate::data::write_csv;
 use crate::exit;
 use crate::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
-use crate::system::files::write_whole;
 use crate::trajectory::{FrameSource, contact_table, sphere_table, write_bonds, write_extxyz};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Write the kept frames of one run, for OVITO or as tables
 ///
@@ -48,6 +48,8 @@ enum Form {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let inputs: Vec<_> = arguments.place.files().collect();
+    check_outputs(&[("--out", &arguments.out)], &inputs, output)?;
     let store = arguments.place.open(output)?;
     let key = store.key_of(&arguments.case)?;
     let frames = store.frames(&key, arguments.every.get())?;
@@ -59,14 +61,16 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     {
         None => spheres(&frames, arguments.format, &filmed, output.out)?,
         Some(path) => {
-            to_file(path, |out| spheres(&frames, arguments.format, &filmed, out))?;
+            write_file(path, output, |out| {
+                Ok(spheres(&frames, arguments.format, &filmed, out)?)
+            })?;
             if arguments.format == Form::Extxyz {
-                to_file(&path.with_extension("bonds.dump"), |out| {
-                    write_bonds(&with_steps(&frames), out)
+                write_file(&path.with_extension("bonds.dump"), output, |out| {
+                    Ok(write_bonds(&with_steps(&frames), out)?)
                 })?;
             }
-            to_file(&path.with_extension("contacts.csv"), |out| {
-                write_csv(&contact_table(&with_steps(&frames)), out)
+            write_file(&path.with_extension("contacts.csv"), output, |out| {
+                Ok(write_csv(&contact_table(&with_steps(&frames)), out)?)
             })?;
             if output.json {
                 output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;
@@ -106,19 +110,4 @@ fn spheres(
 /// The frames as tables.
 fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
     frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
-}
-
-fn to_file(
-    path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> Result<(), Error> {
-    write_whole(path, |file| {
-        let mut out = std::io::BufWriter::new(file);
-        write(&mut out)?;
-        out.flush()
-    })
-    .map_err(|source| Error::Write {
-        path: path.to_owned(),
-        source,
-    })
 }

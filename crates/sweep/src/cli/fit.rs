@@ -1,10 +1,8 @@
 //! `sweep fit`.
 
 use super::Output;
+use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
-use super::report::figure::format_of;
-use super::report::save;
-use super::tables::refuse_two_answers;
 use crate::api::Error;
 use crate::data::csv_rows;
 use crate::exit;
@@ -43,7 +41,8 @@ pub(crate) struct Arguments {
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let selection = Selection::parse(&arguments.selection)?;
     let files = [("--csv", &arguments.csv), ("--figure", &arguments.figure)];
-    refuse_two_answers(&files, output)?;
+    let inputs: Vec<_> = arguments.place.files().collect();
+    check_outputs(&files, &inputs, output)?;
     let format = arguments.figure.as_deref();
     let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let store = arguments.place.open(output)?;

@@ -1,8 +1,7 @@
 //! `sweep pair`.
 
 use super::Output;
-use super::report::figure::format_of;
-use super::report::save;
+use super::output_file::{check_outputs, format_of, save};
 use crate::api::Error;
 use crate::exit;
 use crate::format::significant;
@@ -85,6 +84,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         start: arguments.start,
         time_step: arguments.time_step,
     };
+    check_outputs(&[("--figure", &arguments.figure)], &[], output)?;
     let format = arguments.figure.as_deref();
     let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let passed = pass(&scenario, &tables)?;

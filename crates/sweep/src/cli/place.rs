@@ -26,6 +26,11 @@ impl StoreArguments {
         Self { file, store: None }
     }
 
+    /// The files that it names.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        std::iter::once(self.file.as_path()).chain(self.store.as_deref())
+    }
+
     /// Finds the store, and reads the campaign file if one is given.
     pub(crate) fn find(&self) -> Result<StoreSource, Error> {
         if !is_campaign_file(&self.file) {

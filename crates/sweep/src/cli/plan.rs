@@ -4,9 +4,9 @@ mod tables;
 mod text;
 
 use super::Output;
+use super::output_file::{check_outputs, save};
 use super::place::{store_of, workers, workers_or_all};
-use super::report::save;
-use super::tables::{TableArguments, refuse_two_answers};
+use super::tables::TableArguments;
 use crate::api::Error;
 use crate::api::plan::make;
 use crate::campaign::Campaign;
@@ -52,7 +52,14 @@ pub(crate) struct Arguments {
 /// Writes the plan.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let columns = tables::columns_named(&arguments.tables.columns)?;
-    refuse_two_answers(&[("--latex", &arguments.tables.latex)], output)?;
+    let inputs: Vec<_> = [
+        Some(arguments.campaign.as_path()),
+        arguments.store.as_deref(),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    check_outputs(&[("--latex", &arguments.tables.latex)], &inputs, output)?;
     let campaign = Campaign::read(&arguments.campaign)?;
     let workers = workers_or_all(arguments.workers);
     let path = store_of(&campaign, arguments.store.as_deref())?;

@@ -4,21 +4,20 @@ pub(crate) mod figure;
 mod one_by_one;
 
 use super::Output;
+use super::output_file::{check_outputs, save};
 use super::place::StoreArguments;
-use super::tables::{TableArguments, refuse_two_answers};
+use super::tables::TableArguments;
 use crate::api::Error;
-use crate::data::{self, DataColumn, write_parquet};
+use crate::data::write_parquet;
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, about, page,
-    point_table, write_csv, write_json, write_latex, write_markdown, write_text, write_units,
+    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
+    write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
-use crate::system::files::write_whole;
 use figure::{FigureArguments, Sources};
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Print the results of a campaign, averaged over seeds
 ///
@@ -134,7 +133,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ("--figure", &arguments.drawn.figure),
         ("--page", &arguments.files.page),
     ];
-    refuse_two_answers(&files, output)?;
+    let more = arguments.more.iter().map(PathBuf::as_path);
+    let inputs: Vec<_> = arguments.place.files().chain(more).collect();
+    check_outputs(&files, &inputs, output)?;
     if asked.is_none() && !arguments.more.is_empty() {
         return Err(Error::Argument {
             argument: "FILE",
@@ -209,52 +210,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         print(&report, shape, output)?;
     }
     Ok(exit::DONE)
-}
-
-/// Writes a file, or to standard output for `-`.
-pub(in crate::cli) fn save(
-    path: &Path,
-    bytes: &[u8],
-    output: &mut Output<'_>,
-) -> Result<(), Error> {
-    if path.as_os_str() == "-" {
-        return Ok(output.out.raw().write_all(bytes)?);
-    }
-    write_whole(path, |file| file.write_all(bytes)).map_err(|source| Error::Write {
-        path: path.to_owned(),
-        source,
-    })?;
-    note_written(path, output);
-    Ok(())
-}
-
-/// Notes that a file was written.
-fn note_written(path: &Path, output: &Output<'_>) {
-    output.note(&format!("wrote {}", path.display()));
-}
-
-/// Writes a table into its file, as CSV with its units beside it or as Parquet; `names`: of the
-/// table and of its campaign.
-pub(in crate::cli) fn save_table(
-    table: &[DataColumn],
-    names: [&str; 2],
-    path: &Path,
-    is_parquet: bool,
-    output: &mut Output<'_>,
-) -> Result<(), Error> {
-    let mut bytes = Vec::new();
-    if is_parquet {
-        write_parquet(table, names[0], names[1], &mut bytes)?;
-    } else {
-        data::write_csv(table, &mut bytes)?;
-    }
-    save(path, &bytes, output)?;
-    if !is_parquet && path.as_os_str() != "-" {
-        bytes.clear();
-        about(table, &mut bytes)?;
-        save(&path.with_extension("units.csv"), &bytes, output)?;
-    }
-    Ok(())
 }
 
 /// Writes the report of an open store.

@@ -1,10 +1,8 @@
 //! `sweep segments`.
 
 use super::Output;
+use super::output_file::{check_outputs, format_of, save, save_table};
 use super::place::StoreArguments;
-use super::report::figure::format_of;
-use super::report::{save, save_table};
-use super::tables::refuse_two_answers;
 use crate::api::Error;
 use crate::exit;
 use crate::format::wrapped;
@@ -50,7 +48,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ("--parquet", &arguments.parquet),
         ("--figure", &arguments.figure),
     ];
-    refuse_two_answers(&files, output)?;
+    let inputs: Vec<_> = arguments.place.files().collect();
+    check_outputs(&files, &inputs, output)?;
     let format = arguments.figure.as_deref();
     let format = format.map(|path| format_of("--figure", path)).transpose()?;
     let store = arguments.place.open(output)?;

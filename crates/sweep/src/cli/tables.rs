@@ -1,7 +1,5 @@
 //! The arguments of tables for people, shared by all commands.
 
-use super::Output;
-use crate::api::Error;
 use crate::report::{NumberFormat, Shape};
 use std::path::PathBuf;
 
@@ -30,23 +28,5 @@ impl TableArguments {
             wide: self.wide,
             format: self.format,
         }
-    }
-}
-
-/// Refuses a file on standard output together with --json; each file comes with its argument.
-pub(crate) fn refuse_two_answers(
-    files: &[(&'static str, &Option<PathBuf>)],
-    output: &Output<'_>,
-) -> Result<(), Error> {
-    let is_standard_output = |path: &PathBuf| path.as_os_str() == "-";
-    match files
-        .iter()
-        .find(|(_, path)| path.as_ref().is_some_and(is_standard_output))
-    {
-        Some((argument, _)) if output.json => Err(Error::Argument {
-            argument,
-            message: "--json writes its object to standard output: name a file here".into(),
-        }),
-        _ => Ok(()),
     }
 }

@@ -13,7 +13,7 @@ use crate::axes::AXES;
 use crate::model::campaign::Campaign;
 use crate::model::order::{self, Order};
 use crate::protocol::Protocol;
-use crate::system::files::folder_of;
+use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
@@ -69,10 +69,7 @@ impl Store {
         };
         let folder = folder_of(path);
         std::fs::create_dir_all(folder).map_err(unwritable)?;
-        let draft = tempfile::Builder::new()
-            .prefix(".sweep-part-")
-            .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
-            .tempfile_in(folder)
+        let draft = temporary_file(folder)
             .map_err(|error| unwritable(crate::disk::reason_against(path).unwrap_or(error)))?;
         let failed = |error| StoreError::sqlite(path, error, false);
         // No other process knows the file, and an incomplete one is discarded.

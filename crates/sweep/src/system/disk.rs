@@ -51,19 +51,16 @@ pub(crate) fn is_full(path: &Path) -> bool {
 /// Whether the system refuses a small file as for a full disk: quotas are not reported otherwise.
 fn takes_no_more(place: &Path) -> bool {
     use std::io::{ErrorKind, Write as _};
-    let path = place.join(format!(".sweep-room-{}", std::process::id()));
-    let written = std::fs::File::create_new(&path).and_then(|mut file| {
+    let written = super::files::temporary_file(place).and_then(|mut file| {
         file.write_all(&vec![0; 64 << 10])?;
-        file.sync_all()
+        file.as_file().sync_all()
     });
-    let refused = written.is_err_and(|error| {
+    written.is_err_and(|error| {
         matches!(
             error.kind(),
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded
         )
-    });
-    let _ = std::fs::remove_file(&path);
-    refused
+    })
 }
 
 /// The name of the network file system of a file, if it is on one, where several machines cannot

@@ -1,10 +1,18 @@
 //! Reading of whole files and atomic writing.
 
+use super::process::Identity;
 use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
 use std::io::{self, Read as _};
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tempfile::NamedTempFile;
+
+/// First letters of the names of all temporary files.
+const TEMPORARY: &str = ".sweep-part-";
+/// Age at which a temporary file of another machine is taken for left behind.
+const LEFT_BEHIND: Duration = Duration::from_hours(24);
 
 /// The folder of the user's cache; `None` without a home.
 pub(crate) fn cache_folder() -> Option<PathBuf> {
@@ -91,13 +99,8 @@ pub(crate) fn write_whole(
         let message = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, message));
     }
-    let mut file = tempfile::Builder::new()
-        .prefix(".sweep-part-")
-        // With the usual permissions, within the user's mask.
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder)
-        // The name of the temporary file would not help the user.
-        .map_err(|error| error.kind())?;
+    // The name of the temporary file would not help the user.
+    let mut file = temporary_file(folder).map_err(|error| error.kind())?;
     write(file.as_file_mut())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
@@ -107,10 +110,95 @@ pub(crate) fn write_whole(
     Ok(())
 }
 
+/// A temporary file in a folder, with the usual permissions within the user's mask. Those that
+/// killed processes left there are deleted first.
+///
+/// # Errors
+/// System errors.
+pub(crate) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
+    let me = Identity::of_this_process();
+    clear_temporary_files(folder, &me);
+    tempfile::Builder::new()
+        .prefix(&format!(
+            "{TEMPORARY}{}-{}-{}-",
+            machine(&me),
+            me.pid,
+            me.start
+        ))
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder)
+}
+
+/// Deletes the temporary files of processes that no longer run, and the old ones of other machines.
+/// What cannot be read or deleted stays.
+fn clear_temporary_files(folder: &Path, me: &Identity) {
+    let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in names {
+        let name = entry.file_name();
+        let Some(owner) = name.to_str().and_then(|name| name.strip_prefix(TEMPORARY)) else {
+            continue;
+        };
+        let mut parts = owner.split('-');
+        let is_here = parts.next() == Some(machine(me).as_str());
+        let pid = parts.next().and_then(|pid| pid.parse().ok());
+        let owner = pid.filter(|_| is_here).map(|pid| Identity {
+            pid,
+            start: parts.next().unwrap_or_default().to_owned(),
+            ..me.clone()
+        });
+        let is_dead = if let Some(owner) = owner {
+            !owner.runs()
+        } else {
+            let changed = entry.metadata().and_then(|file| file.modified());
+            let age = changed.ok().and_then(|changed| changed.elapsed().ok());
+            age.is_some_and(|age| age > LEFT_BEHIND)
+        };
+        if is_dead {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// A short name of the machine, its boot and the namespace in which a pid has meaning.
+fn machine(process: &Identity) -> String {
+    let parts = [&process.host, &process.boot, &process.namespace];
+    let all = parts.map(String::as_str).join("\n");
+    blake3::hash(all.as_bytes()).to_hex()[..8].to_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::Write as _;
+
+    #[test]
+    fn temporary_files_of_dead_processes_are_deleted_and_those_of_others_stay() {
+        let directory = tempfile::tempdir().unwrap();
+        let me = Identity::of_this_process();
+        let mine = temporary_file(directory.path()).unwrap();
+        let left = |machine: &str, pid: u32| {
+            let path = directory
+                .path()
+                .join(format!("{TEMPORARY}{machine}-{pid}-1-abcdef"));
+            std::fs::write(&path, "part").unwrap();
+            path
+        };
+        // No process has this number and started with the machine.
+        let (dead, elsewhere) = (left(&machine(&me), me.pid), left("00000000", me.pid));
+        let old = left("11111111", 1);
+        let long_ago = std::time::SystemTime::now() - 2 * LEFT_BEHIND;
+        File::options()
+            .write(true)
+            .open(&old)
+            .unwrap()
+            .set_modified(long_ago)
+            .unwrap();
+        let other = directory.path().join("kept");
+        std::fs::write(&other, "kept").unwrap();
+        write_whole(&directory.path().join("a"), |file| file.write_all(b"a")).unwrap();
+        assert!(!dead.exists() && !old.exists());
+        assert!(elsewhere.exists() && other.exists() && mine.path().exists());
+    }
 
     #[test]
     fn a_file_that_fails_half_way_leaves_the_old_one_and_nothing_else() {

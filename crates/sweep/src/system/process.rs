@@ -53,7 +53,7 @@ impl Identity {
     /// this process can determine.
     pub(crate) fn judge(&self, other: &Self, silence: Duration) -> ProcessState {
         if self.host == other.host && self.boot == other.boot && self.namespace == other.namespace {
-            return if runs(other) {
+            return if other.runs() {
                 ProcessState::Alive
             } else {
                 ProcessState::Dead
@@ -69,22 +69,23 @@ impl Identity {
             ProcessState::Alive
         }
     }
-}
 
-/// Whether a process of this host and namespace runs, and is not a later one with the same pid.
-fn runs(process: &Identity) -> bool {
-    if Path::new("/proc/self/stat").exists() {
-        return start_of(process.pid).is_some_and(|start| start == process.start);
+    /// Whether this process of our host and namespace runs, and is not a later one with the same
+    /// pid.
+    pub(super) fn runs(&self) -> bool {
+        if Path::new("/proc/self/stat").exists() {
+            return start_of(self.pid).is_some_and(|start| start == self.start);
+        }
+        i32::try_from(self.pid)
+            .ok()
+            .and_then(rustix::process::Pid::from_raw)
+            .is_some_and(|pid| {
+                !matches!(
+                    rustix::process::test_kill_process(pid),
+                    Err(rustix::io::Errno::SRCH)
+                )
+            })
     }
-    i32::try_from(process.pid)
-        .ok()
-        .and_then(rustix::process::Pid::from_raw)
-        .is_some_and(|pid| {
-            !matches!(
-                rustix::process::test_kill_process(pid),
-                Err(rustix::io::Errno::SRCH)
-            )
-        })
 }
 
 /// A process of this host by number and start, as in `12-3456`, and whether it runs.

@@ -473,3 +473,72 @@ fn stores_on_read_only_disks_are_read_with_and_without_a_log() {
     let refused = ends(at, &["run", "small.toml", "--store", "disk/s.sqlite"]);
     assert_ne!(refused.status.code(), Some(0));
 }
+
+#[test]
+fn no_output_replaces_a_store_a_campaign_or_the_log_of_a_store() {
+    let directory = directory();
+    let at = directory.path();
+    let store = at.join("results/small.sqlite");
+    let whole = std::fs::read(&store).unwrap();
+    std::os::unix::fs::symlink(&store, at.join("link.csv")).unwrap();
+    std::fs::hard_link(&store, at.join("hard.md")).unwrap();
+    std::os::unix::fs::symlink(at.join("small.toml"), at.join("campaign.csv")).unwrap();
+    std::fs::write(at.join("odd.txt"), CAMPAIGN).unwrap();
+    std::os::unix::fs::symlink(at.join("odd.txt"), at.join("odd.toml")).unwrap();
+    let file = "results/small.sqlite";
+    for arguments in [
+        &["report", file, "--csv", file][..],
+        &["report", file, "--parquet", file],
+        &["report", file, "--markdown", file],
+        &["report", file, "--latex", file],
+        &["report", file, "--page", file],
+        &["report", file, "--csv", "link.csv"],
+        &["report", file, "--markdown", "hard.md"],
+        &["report", file, "--csv", "results/small.sqlite-wal"],
+        &["report", "small.toml", "--csv", "small.toml"],
+        &["report", "small.toml", "--csv", "campaign.csv"],
+        &["report", "odd.toml", "--store", file, "--csv", "odd.txt"],
+        &["plan", "small.toml", "--latex", "small.toml"],
+        &["plan", "small.toml", "--latex", file],
+        &["segments", file, "--csv", file],
+        &["structure", file, "--csv", file],
+        &["structure", file, "--curves", "link.csv"],
+        &["structure", file, "--parquet", file],
+        &["fit", file, "--csv", file],
+        &["export", file, "1", "--out", file],
+    ] {
+        let output = command(at, arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(
+            said.contains("is not written") && said.contains("--"),
+            "{arguments:?}: {said}"
+        );
+    }
+    assert_eq!(std::fs::read(&store).unwrap(), whole);
+    assert_eq!(
+        std::fs::read_to_string(at.join("odd.txt")).unwrap(),
+        CAMPAIGN
+    );
+    assert!(!at.join("results/small.sqlite-wal").exists());
+    // Units beside a table are no way around.
+    std::fs::copy(&store, at.join("beside.units.csv")).unwrap();
+    let output = command(at, &["report", file, "--csv", "beside.csv"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(std::fs::read(at.join("beside.units.csv")).unwrap(), whole);
+    // Other files are replaced, and what a killed process left is cleared.
+    std::fs::write(at.join("old.csv"), "old").unwrap();
+    run(at, &["report", file, "--csv", "old.csv"]);
+    assert!(
+        std::fs::read_to_string(at.join("old.csv"))
+            .unwrap()
+            .lines()
+            .count()
+            > 1
+    );
+    let parts = std::fs::read_dir(at).unwrap().flatten();
+    let parts = parts.filter(|entry| entry.file_name().to_string_lossy().starts_with('.'));
+    assert_eq!(parts.count(), 0);
+}

@@ -1,8 +1,8 @@
 //! The arguments of figures.
 
-use super::save;
 use crate::api::Error;
 use crate::cli::Output;
+use crate::cli::output_file::{format_of, save};
 use crate::cli::place::StoreArguments;
 use crate::report::{
     Columns, Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Report, Selection, Style,
@@ -167,9 +167,4 @@ pub(super) fn write(
         &draw(&reports, &runs, drawing, asked.format)?,
         output,
     )
-}
-
-/// The format by the ending of the file name.
-pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
-    Format::of_file(path).map_err(|message| Error::Argument { argument, message })
 }

@@ -1,12 +1,11 @@
 //! Tables with a row for every run, or for every sample.
 
-use super::{note_written, save};
 use crate::api::Error;
 use crate::cli::Output;
-use crate::report::{Excerpt, ReportError, TableFormat};
-use crate::system::files::write_whole;
+use crate::cli::output_file::{save, write_file};
+use crate::report::{Excerpt, TableFormat};
 use clap::ValueEnum as _;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// The kind of a row.
@@ -67,27 +66,7 @@ pub(super) fn write(
         table(&mut bytes)?;
         return save(path, &bytes, output);
     }
-    // An error of the table is not an error of its file.
-    let mut refused: Option<ReportError> = None;
-    let written = write_whole(path, |file| {
-        let mut out = BufWriter::new(file);
-        match table(&mut out) {
-            Ok(()) => out.flush(),
-            Err(ReportError::Output(error)) => Err(error),
-            Err(error) => {
-                refused = Some(error);
-                Err(std::io::ErrorKind::Other.into())
-            }
-        }
-    });
-    if let Some(error) = refused {
-        return Err(error.into());
-    }
-    written.map_err(|source| Error::Write {
-        path: path.to_owned(),
-        source,
-    })?;
-    note_written(path, output);
+    write_file(path, output, |out| Ok(table(out)?))?;
     if format == TableFormat::Csv {
         let mut units = Vec::new();
         match rows {

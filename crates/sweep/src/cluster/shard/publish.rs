@@ -3,7 +3,7 @@
 use super::ShardError;
 use crate::disk::is_full;
 use crate::store::{self, StoreError};
-use crate::system::files::{folder_of, with_suffix, write_whole};
+use crate::system::files::{folder_of, temporary_file, with_suffix, write_whole};
 use crate::system::lock;
 use std::fs::File;
 use std::io;
@@ -66,9 +66,7 @@ impl Publisher {
         std::fs::create_dir_all(folder_of(&self.target))?;
         // Under a unique name: a task that was started twice by mistake publishes from the same
         // store.
-        let snapshot = tempfile::Builder::new()
-            .prefix(".sweep-snapshot-")
-            .tempfile_in(folder_of(&self.work))?;
+        let snapshot = temporary_file(folder_of(&self.work))?;
         store::snapshot(&self.work, snapshot.path()).map_err(of_the_store)?;
         write_whole(&self.target, |shard| {
             io::copy(&mut File::open(snapshot.path())?, shard).map(|_| ())

@@ -1,0 +1,153 @@
+//! The files that options name: checked before anything is computed, replaced only as a whole, and
+//! never written over a store, a campaign file or the input of the command.
+
+use super::Output;
+use crate::api::Error;
+use crate::data::{self, DataColumn, write_parquet};
+use crate::report::{Format, ReportError, about};
+use crate::system::files::write_whole;
+use std::io::{self, BufWriter, Read as _, Write};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+
+/// First bytes of every SQLite file.
+const SQLITE: &[u8] = b"SQLite format 3\0";
+/// Endings of the files that SQLite keeps beside a store.
+const LOGS: [&str; 3] = ["-wal", "-shm", "-journal"];
+
+/// Checks the files of a command that reads `inputs`, each with the option that names it.
+///
+/// # Errors
+/// [`Error::Argument`] on standard output beside `--json`, and on a file that must stay.
+pub(crate) fn check_outputs(
+    files: &[(&'static str, &Option<PathBuf>)],
+    inputs: &[&Path],
+    output: &Output<'_>,
+) -> Result<(), Error> {
+    for (argument, path) in files {
+        let Some(path) = path else { continue };
+        let message = if path.as_os_str() != "-" {
+            let is_input = inputs.iter().any(|input| is_same_file(input, path));
+            let input = is_input.then(|| "it is what this command reads".to_owned());
+            match input.or_else(|| reason_to_stay(path)) {
+                Some(reason) => {
+                    format!(
+                        "{} is not written: {reason}; name another file",
+                        path.display()
+                    )
+                }
+                None => continue,
+            }
+        } else if output.json {
+            "--json writes its object to standard output: name a file here".into()
+        } else {
+            continue;
+        };
+        return Err(Error::Argument { argument, message });
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to one file.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    let identity = |path| std::fs::metadata(path).map(|file| (file.dev(), file.ino()));
+    identity(a).is_ok_and(|a| identity(b).is_ok_and(|b| a == b))
+}
+
+/// Why an existing file must not be replaced by an output, if so.
+fn reason_to_stay(path: &Path) -> Option<String> {
+    let followed = std::fs::canonicalize(path);
+    let path = followed.as_deref().unwrap_or(path);
+    if is_sqlite(path) {
+        return Some("it is a store, or another SQLite file".into());
+    }
+    let name = path.to_string_lossy();
+    let mut stores = LOGS.iter().filter_map(|ending| name.strip_suffix(ending));
+    if let Some(store) = stores.find(|store| is_sqlite(Path::new(store))) {
+        return Some(format!("it belongs to the store {store}"));
+    }
+    let is_campaign = super::place::is_campaign_file(path) && path.is_file();
+    is_campaign.then(|| "it is a campaign file".into())
+}
+
+/// Whether a file is an SQLite file.
+fn is_sqlite(path: &Path) -> bool {
+    let mut start = [0; SQLITE.len()];
+    // A pipe would block.
+    path.is_file()
+        && std::fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
+        && start == SQLITE
+}
+
+/// Writes a file by a function, under a temporary name until it is complete.
+pub(crate) fn write_file(
+    path: &Path,
+    output: &Output<'_>,
+    write: impl FnOnce(&mut (dyn Write + Send)) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let refused = |source| Error::Write {
+        path: path.to_owned(),
+        source,
+    };
+    // The files that accompany one named by an option, such as units, come here without a check.
+    if let Some(reason) = reason_to_stay(path) {
+        return Err(refused(io::Error::other(reason)));
+    }
+    let mut failed = None;
+    let written = write_whole(path, |file| {
+        let mut out = BufWriter::new(file);
+        match write(&mut out) {
+            Ok(()) => out.flush(),
+            Err(error) => {
+                failed = Some(error);
+                Err(io::ErrorKind::Other.into())
+            }
+        }
+    });
+    match (failed, written) {
+        (Some(Error::Output(source) | Error::Report(ReportError::Output(source))), _)
+        | (None, Err(source)) => Err(refused(source)),
+        (Some(error), _) => Err(error),
+        (None, Ok(())) => {
+            output.note(&format!("wrote {}", path.display()));
+            Ok(())
+        }
+    }
+}
+
+/// Writes a file, or to standard output for `-`.
+pub(crate) fn save(path: &Path, bytes: &[u8], output: &mut Output<'_>) -> Result<(), Error> {
+    if path.as_os_str() == "-" {
+        return Ok(output.out.raw().write_all(bytes)?);
+    }
+    write_file(path, output, |out| Ok(out.write_all(bytes)?))
+}
+
+/// Writes a table into its file, as CSV with its units beside it or as Parquet; `names`: of the
+/// table and of its campaign.
+pub(crate) fn save_table(
+    table: &[DataColumn],
+    names: [&str; 2],
+    path: &Path,
+    is_parquet: bool,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
+    let mut bytes = Vec::new();
+    if is_parquet {
+        write_parquet(table, names[0], names[1], &mut bytes)?;
+    } else {
+        data::write_csv(table, &mut bytes)?;
+    }
+    save(path, &bytes, output)?;
+    if !is_parquet && path.as_os_str() != "-" {
+        bytes.clear();
+        about(table, &mut bytes)?;
+        save(&path.with_extension("units.csv"), &bytes, output)?;
+    }
+    Ok(())
+}
+
+/// The format of a figure by the ending of its file.
+pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
+    Format::of_file(path).map_err(|message| Error::Argument { argument, message })
+}
