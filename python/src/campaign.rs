@@ -12,12 +12,15 @@ use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::api::{StartOptions, StartedCampaign, begin, complete};
+
 use sweep::axes::Axis;
 use sweep::campaign::Priority;
 use sweep::disk::network_file_system;
 use sweep::format::parse_positive_duration;
-use sweep::runner::{CampaignProgress, Options, Progress, Reason, Stop, Style};
+use sweep::runner::{
+    CampaignProgress, Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin,
+    complete,
+};
 use sweep::store::StoreSource;
 use toml::{Table, Value};
 
@@ -190,7 +193,7 @@ impl Campaign {
     ) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
         let plan = py
-            .detach(|| sweep::api::plan(&self.0, workers))
+            .detach(|| sweep::plan::plan(&self.0, workers))
             .map_err(raise)?;
         values::answer(py, &plan)
     }

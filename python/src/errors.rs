@@ -4,7 +4,7 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::io::ErrorKind;
-use sweep::api::ErrorRenderer;
+use sweep::ErrorRenderer;
 use sweep::campaign::CampaignError;
 use sweep::report::ReportError;
 use sweep::store::StoreError as OfTheStore;

@@ -14,7 +14,7 @@ use sd_core::{Bulk, Layer, NearFields, StressComponents, instant};
 use serde::Deserialize as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-use sweep::api::{Components, InputError, InstantInput, Written, configuration};
+use sweep::instant::{Components, Input as InstantInput, InputError, Written, configuration};
 
 /// Maximum number of size ratios with cached tables.
 const MAX_TABLES: usize = 100;

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sd_core::pair::{PairScenario, pass_while};
 use std::time::{Duration, Instant};
-use sweep::api::named_scalars;
+use sweep::instant::named_scalars;
 
 /// Interval between checks for Ctrl-C.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);

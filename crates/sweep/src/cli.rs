@@ -28,8 +28,8 @@ mod submit;
 mod tables;
 mod verify;
 
-use crate::api::{Error, ErrorRenderer};
 use crate::case::PHYSICS_VERSION;
+use crate::error::{Error, ErrorRenderer};
 use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};

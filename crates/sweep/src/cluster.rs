@@ -2,9 +2,19 @@
 //! file that writes a script, submits it, lists the remaining tasks, and cancels them. Schedulers
 //! do not decide which task computes which case.
 
+mod error;
+pub(crate) mod jobs;
 mod local;
+pub(crate) mod merge;
+mod publish;
 pub(crate) mod shard;
+mod slices;
 pub(crate) mod slurm;
+pub(crate) mod status;
+pub(crate) mod submit;
+pub(crate) mod task;
+
+pub(crate) use error::{ClusterError, no_room};
 
 use crate::store::TaskName;
 use slurm::Slurm;
@@ -79,7 +89,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// The scheduler is missing.
-    pub(crate) fn task_limit(&self) -> Result<usize, SchedulerError> {
+    pub(crate) fn task_limit(&self) -> Result<usize, ClusterError> {
         match self {
             Self::Slurm(_) => slurm::task_limit(),
             Self::Local => Ok(local::TASK_LIMIT),
@@ -89,8 +99,8 @@ impl Scheduler {
     /// The script of the tasks of a job.
     ///
     /// # Errors
-    /// [`SchedulerError::Path`] on a path that a script cannot name.
-    pub(crate) fn script(&self, job: &Job) -> Result<String, SchedulerError> {
+    /// [`ClusterError::Path`] on a path that a script cannot name.
+    pub(crate) fn script(&self, job: &Job) -> Result<String, ClusterError> {
         match self {
             Self::Slurm(slurm) => slurm.script(job),
             Self::Local => local::script(job),
@@ -109,7 +119,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// The scheduler is missing, refuses, or gives an answer that cannot be parsed.
-    pub(crate) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
+    pub(crate) fn submit(&self, job: &Job) -> Result<String, ClusterError> {
         match self {
             Self::Slurm(slurm) => slurm.submit(job),
             Self::Local => local::submit(job),
@@ -120,7 +130,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// The scheduler is missing or does not answer.
-    pub(crate) fn active(&self, job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
+    pub(crate) fn active(&self, job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
         match self {
             Self::Slurm(_) => slurm::active(job),
             Self::Local => Ok(local::active(job)),
@@ -131,7 +141,7 @@ impl Scheduler {
     ///
     /// # Errors
     /// The scheduler is missing or refuses.
-    pub(crate) fn cancel(&self, job: &str) -> Result<(), SchedulerError> {
+    pub(crate) fn cancel(&self, job: &str) -> Result<(), ClusterError> {
         match self {
             Self::Slurm(_) => slurm::cancel(job),
             Self::Local => local::cancel(job),
@@ -159,84 +169,21 @@ pub(crate) enum Requeue {
     No(String),
 }
 
-/// An error of a scheduler.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-#[non_exhaustive]
-pub enum SchedulerError {
-    /// A program of the scheduler is missing.
-    #[error("there is no `{program}` on this machine")]
-    #[diagnostic(help("{advice}"))]
-    Missing {
-        /// The program.
-        program: String,
-        /// Advice.
-        advice: &'static str,
-    },
-    /// The scheduler refused.
-    #[error("`{command}` was refused: {said}")]
-    #[diagnostic(help("{advice}"))]
-    Refused {
-        /// The command.
-        command: String,
-        /// Its answer.
-        said: String,
-        /// Advice.
-        advice: String,
-    },
-    /// An answer that cannot be parsed.
-    #[error("`{command}` gave no job number but {said:?}")]
-    #[diagnostic(help(
-        "the job may still exist: check with `squeue --me` before you repeat the command; computing twice \
-         does no harm"
-    ))]
-    Answer {
-        /// The command.
-        command: String,
-        /// Its answer.
-        said: String,
-    },
-    /// More tasks than a job may have.
-    #[error("{asked} tasks are more than the {limit} a job may have here")]
-    #[diagnostic(help(
-        "nothing was submitted; give --tasks {limit} or fewer, so that each computes more cases. Several workers per task \
-         (--workers-per-task) make them faster"
-    ))]
-    TooManyTasks {
-        /// Requested tasks.
-        asked: usize,
-        /// Maximum: MaxArraySize of the site.
-        limit: usize,
-    },
-    /// A word that no command line can hold.
-    #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
-    Word {
-        /// The word.
-        word: String,
-    },
-    /// A path that a script cannot name.
-    #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
-    #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
-    Path {
-        /// The path.
-        path: PathBuf,
-    },
-}
-
 /// A word quoted for the shell.
 ///
 /// # Errors
-/// [`SchedulerError::Word`] on a word with a NUL byte, which no command line can hold.
-pub(crate) fn quoted(word: &str) -> Result<String, SchedulerError> {
+/// [`ClusterError::Word`] on a word with a NUL byte, which no command line can hold.
+pub(crate) fn quoted(word: &str) -> Result<String, ClusterError> {
     shlex::try_quote(word)
         .map(Cow::into_owned)
-        .map_err(|_| SchedulerError::Word {
+        .map_err(|_| ClusterError::Word {
             word: word.to_owned(),
         })
 }
 
 /// A path in a script.
-fn quoted_path(path: &Path) -> Result<String, SchedulerError> {
-    let text = path.to_str().ok_or_else(|| SchedulerError::Path {
+fn quoted_path(path: &Path) -> Result<String, ClusterError> {
+    let text = path.to_str().ok_or_else(|| ClusterError::Path {
         path: path.to_owned(),
     })?;
     quoted(text)
@@ -249,7 +196,7 @@ impl Job {
     }
 
     /// The command line of one task, whose number the shell puts in place of `task`.
-    fn task_command(&self, task: &str) -> Result<String, SchedulerError> {
+    fn task_command(&self, task: &str) -> Result<String, ClusterError> {
         let mut line = format!(
             "{} run {} --shard \"{task}/{}\" --slices {} --shards {} --workers {}",
             quoted_path(&self.program)?,

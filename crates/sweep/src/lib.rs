@@ -29,16 +29,17 @@
 //! report::outline                     a figure, to be drawn elsewhere
 //! report::draw_spheres                a picture of a kept frame
 //! data::DataColumn                    what tables are made of
-//! Error, api::ErrorRenderer           the same messages, and the kind of error by its exit code
+//! Error, ErrorRenderer                the same messages, and the kind of error by its exit code
 //! ```
 
-pub mod api;
 pub mod campaign;
 pub mod cli;
 mod cluster;
-mod costs;
 pub mod data;
+mod error;
+pub mod instant;
 mod model;
+pub mod plan;
 pub mod report;
 pub mod runner;
 mod serve;
@@ -52,7 +53,7 @@ pub mod trajectory;
 #[cfg(test)]
 mod test_support;
 
-pub use api::Error;
+pub use error::{Error, ErrorRenderer};
 pub use model::{axes, case, protocol, spaces};
 pub use statistics::doubt;
 pub use system::{disk, exit, tables};

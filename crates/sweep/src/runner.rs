@@ -1,12 +1,14 @@
 //! Computes the cases of a store in a bounded pool, one case per thread, until none is left or a
 //! signal stops it.
 
+mod campaign;
 mod compute;
 mod error;
 mod panics;
 mod progress;
 mod stop;
 
+pub use campaign::{StartOptions, StartedCampaign, begin, complete};
 pub use error::RunnerError;
 pub use progress::{CampaignProgress, Progress, Style};
 pub use stop::{Reason, Stop};

@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::api::Error;
-use crate::api::jobs::cancel;
+use crate::cluster::jobs::cancel;
+use crate::error::Error;
 use crate::exit;
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! `sweep check`.
 
 use super::Output;
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::store::check;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! `sweep completions`.
 
 use super::{Cli, Output};
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use clap::CommandFactory;
 

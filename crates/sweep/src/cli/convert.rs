@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::api::Error;
 use crate::axes::{AXES, Axis};
+use crate::error::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::{Point, Report, Selection, table};

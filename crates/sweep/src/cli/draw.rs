@@ -3,7 +3,7 @@
 use super::Output;
 use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::{Format, Range, SphereColour, SphereView, draw_spheres};

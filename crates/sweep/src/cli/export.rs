@@ -3,8 +3,8 @@
 use super::Output;
 use super::output_file::{check_outputs, write_file};
 use super::place::{StoreArguments, positive};
-use crate::api::Error;
 use crate::data::write_csv;
+use crate::error::Error;
 use crate::exit;
 use crate::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};

@@ -3,8 +3,8 @@
 use super::Output;
 use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
-use crate::api::Error;
 use crate::data::csv_rows;
+use crate::error::Error;
 use crate::exit;
 use crate::format::{short, significant, wrapped};
 use crate::report::{FitReport, Selection, table};

@@ -1,7 +1,7 @@
 //! `sweep man`.
 
 use super::{Cli, Output};
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::system::files::write_whole;
 use clap::CommandFactory;

@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::{StoreArguments, print_warning};
-use crate::api::Error;
-use crate::api::merge::{Joined, join, shards_in, store_for};
+use crate::cluster::merge::{Joined, join, shards_in, store_for};
+use crate::error::Error;
 use crate::exit;
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 //! never written over a store, a campaign file or the input of the command.
 
 use super::Output;
-use crate::api::Error;
 use crate::data::{self, DataColumn, write_parquet};
+use crate::error::Error;
 use crate::report::{Format, ReportError, about};
 use crate::system::files::write_whole;
 use std::io::{self, BufWriter, Read as _, Write};

@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::output_file::{check_outputs, format_of, save};
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::{draw_graphs, table};

@@ -1,8 +1,8 @@
 //! The store of a command, and the number of cases it computes in parallel.
 
 use super::Output;
-use crate::api::Error;
 use crate::campaign::Campaign;
+use crate::error::Error;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::num::NonZeroUsize;

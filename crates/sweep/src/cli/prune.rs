@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::api::Error;
 use crate::campaign::Order;
+use crate::error::Error;
 use crate::exit;
 use crate::format::bytes;
 use crate::store::Store;

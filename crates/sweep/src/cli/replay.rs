@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 
 /// Maximum number of failures named in an error.

@@ -7,8 +7,8 @@ use super::Output;
 use super::output_file::{check_outputs, save};
 use super::place::StoreArguments;
 use super::tables::TableArguments;
-use crate::api::Error;
 use crate::data::write_parquet;
+use crate::error::Error;
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{

@@ -4,14 +4,17 @@ mod task;
 
 use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
-use crate::api::jobs::jobs;
-use crate::api::task::Part;
-use crate::api::{Error, StartOptions, StartedCampaign, begin, complete};
 use crate::campaign::{Campaign, Priority};
+use crate::cluster::jobs::jobs;
+use crate::cluster::task::Part;
 use crate::disk::network_file_system;
+use crate::error::Error;
 use crate::exit;
 use crate::format::{bytes, counted, parse_duration, parse_positive_duration};
-use crate::runner::{Options, Progress, Reason, RunObserver, Stop, Style};
+use crate::runner::{
+    Options, Progress, Reason, RunObserver, StartOptions, StartedCampaign, Stop, Style, begin,
+    complete,
+};
 use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
@@ -356,5 +359,5 @@ fn compute(
         stop,
         progress: &progress,
     };
-    complete(store, campaign, options)
+    Ok(complete(store, campaign, options)?)
 }

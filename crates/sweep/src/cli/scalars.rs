@@ -1,8 +1,9 @@
 //! `sweep scalars`.
 
 use super::Output;
-use crate::api::{Error, named_scalars};
+use crate::error::Error;
 use crate::exit;
+use crate::instant::named_scalars;
 use crate::report::table;
 use serde_json::json;
 

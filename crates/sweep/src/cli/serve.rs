@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::{StoreArguments, print_last_run};
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 

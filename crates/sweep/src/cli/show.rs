@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::api::Error;
 use crate::axes::AXES;
+use crate::error::Error;
 use crate::exit;
 use crate::format::{duration, significant};
 use crate::report::{Starts, chart};

@@ -1,9 +1,9 @@
 //! `sweep solve`.
 
 use super::{Output, read_input};
-use crate::api::Error;
-use crate::api::instant::{Amount, Answer, answer, read};
+use crate::error::Error;
 use crate::exit;
+use crate::instant::{Amount, Answer, answer, read};
 use crate::report::table;
 use crate::text::format::significant;
 use sd_core::contact::ContactState;
@@ -28,7 +28,8 @@ pub(crate) struct Arguments {
 /// Solves and writes.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let bytes = read_input(&arguments.file, INPUT_LIMIT)?;
-    let answer = answer(&read(&arguments.file, &bytes)?)?;
+    let problem = read(&bytes).map_err(|error| Error::of_input(&arguments.file, error))?;
+    let answer = answer(&problem)?;
     if output.json {
         output.json(&answer)?;
     } else {

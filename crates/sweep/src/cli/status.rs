@@ -4,8 +4,8 @@ mod tasks;
 
 use super::Output;
 use super::place::{StoreArguments, print_warning};
-use crate::api::Error;
-use crate::api::status::Status;
+use crate::cluster::status::Status;
+use crate::error::Error;
 use crate::exit;
 use crate::format::{counted, duration};
 use crate::report::{FailureGroup, table};

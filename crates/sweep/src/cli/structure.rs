@@ -3,7 +3,7 @@
 use super::Output;
 use super::output_file::{check_outputs, format_of, save, save_table};
 use super::place::StoreArguments;
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::format::wrapped;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};

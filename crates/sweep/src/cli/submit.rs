@@ -2,13 +2,13 @@
 
 use super::Output;
 use super::place::{positive, store_of, workers};
-use crate::api::Error;
-use crate::api::submit::{SubmitOptions, Submitted, submit};
 use crate::campaign::Campaign;
+use crate::cluster::submit::{SubmitOptions, Submitted, submit};
 use crate::cluster::{
-    Scheduler, SchedulerError, quoted,
+    ClusterError, Scheduler, quoted,
     slurm::{Slurm, TimeLimit},
 };
+use crate::error::Error;
 use crate::exit;
 use crate::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
 use clap::ValueEnum;
@@ -250,7 +250,7 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
         let scratch = std::path::absolute(scratch)
             .ok()
             .and_then(|path| path.into_os_string().into_string().ok())
-            .ok_or_else(|| SchedulerError::Path {
+            .ok_or_else(|| ClusterError::Path {
                 path: scratch.clone(),
             })?;
         run.extend(["--scratch".to_owned(), scratch]);

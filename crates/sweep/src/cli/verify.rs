@@ -1,7 +1,7 @@
 //! `sweep verify`.
 
 use super::Output;
-use crate::api::Error;
+use crate::error::Error;
 use crate::exit;
 use crate::format::significant;
 use crate::report::table;

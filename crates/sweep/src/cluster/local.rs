@@ -1,7 +1,7 @@
 //! This machine as a scheduler: a script in the background that runs the tasks one after another. A
 //! job is named by the number and the start of its process.
 
-use super::{ActiveTask, Job, SchedulerError};
+use super::{ActiveTask, ClusterError, Job};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 pub(super) const TASK_LIMIT: usize = 100_000;
 
 /// The script: parallel lanes, each with its share of the tasks.
-pub(super) fn script(job: &Job) -> Result<String, SchedulerError> {
+pub(super) fn script(job: &Job) -> Result<String, ClusterError> {
     let command = job.task_command("$task")?;
     let (tasks, lanes) = (job.tasks, job.throttle.unwrap_or(1).min(job.tasks));
     Ok(format!(
@@ -41,9 +41,9 @@ pub(super) fn command(job: &Job) -> Vec<String> {
 }
 
 /// Starts the script in the background; returns the name of the job.
-pub(super) fn submit(job: &Job) -> Result<String, SchedulerError> {
+pub(super) fn submit(job: &Job) -> Result<String, ClusterError> {
     let command = command(job);
-    let refused = |error: std::io::Error| SchedulerError::Refused {
+    let refused = |error: std::io::Error| ClusterError::Refused {
         command: command.join(" "),
         said: error.to_string(),
         advice: "nothing was started".into(),
@@ -81,7 +81,7 @@ pub(super) fn active(job: &str) -> Vec<ActiveTask> {
 }
 
 /// Signals all processes of a job to stop.
-pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
+pub(super) fn cancel(job: &str) -> Result<(), ClusterError> {
     if !crate::system::process::alive(job) {
         return Ok(());
     }
@@ -94,7 +94,7 @@ pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
         .map(|group| rustix::process::kill_process_group(group, rustix::process::Signal::TERM))
     {
         None | Some(Ok(()) | Err(rustix::io::Errno::SRCH)) => Ok(()),
-        Some(Err(error)) => Err(SchedulerError::Refused {
+        Some(Err(error)) => Err(ClusterError::Refused {
             command: format!("kill -TERM -{job}"),
             said: error.to_string(),
             advice: "cancel it on the machine and with the account that submitted it".into(),

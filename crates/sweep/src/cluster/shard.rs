@@ -4,15 +4,6 @@
 //! folder under a unique name. A published shard is only ever replaced by a newer one: readers need
 //! no locks.
 
-mod error;
-mod publish;
-mod slices;
-
-pub(crate) use error::ShardError;
-pub(crate) use publish::Publisher;
-pub(crate) use publish::no_room;
-pub(crate) use slices::Slices;
-
 use crate::store::TaskName;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;

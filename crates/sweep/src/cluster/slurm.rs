@@ -1,6 +1,6 @@
 //! Slurm: one array job, submitted with `sbatch`, without queries to an accounting database.
 
-use super::{ActiveTask, Job, Requeue, SchedulerError, quoted_path};
+use super::{ActiveTask, ClusterError, Job, Requeue, quoted_path};
 use crate::format::{counted, parse_duration};
 use crate::store::TaskName;
 use std::fmt::Write as _;
@@ -104,7 +104,7 @@ impl Slurm {
     }
 
     /// The script of an array job.
-    pub(super) fn script(&self, job: &Job) -> Result<String, SchedulerError> {
+    pub(super) fn script(&self, job: &Job) -> Result<String, ClusterError> {
         let mut script = String::from("#!/bin/sh\n");
         let throttle = job
             .throttle
@@ -159,7 +159,7 @@ exec {command}
     }
 
     /// Submits it; returns the number of the job.
-    pub(super) fn submit(&self, job: &Job) -> Result<String, SchedulerError> {
+    pub(super) fn submit(&self, job: &Job) -> Result<String, ClusterError> {
         let command = self.command(job);
         let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
         let answer = ask(&command[0], &arguments)?;
@@ -167,7 +167,7 @@ exec {command}
         // `12`, or `12;cluster` where there are several clusters.
         let digits = number.split(';').next().unwrap_or_default();
         if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(SchedulerError::Answer {
+            return Err(ClusterError::Answer {
                 command: command.join(" "),
                 said: answer.trim().to_owned(),
             });
@@ -177,7 +177,7 @@ exec {command}
 }
 
 /// Maximum number of tasks of an array: MaxArraySize of the site.
-pub(super) fn task_limit() -> Result<usize, SchedulerError> {
+pub(super) fn task_limit() -> Result<usize, ClusterError> {
     if which::which("sbatch").is_err() {
         return Err(missing("sbatch"));
     }
@@ -191,16 +191,14 @@ pub(super) fn task_limit() -> Result<usize, SchedulerError> {
 }
 
 /// Tasks of a job that `squeue` lists.
-pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
+pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
     let (number, cluster) = parts(job);
     let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
     arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
     let lines = match ask("squeue", &arguments) {
         Ok(lines) => lines,
         // The answer of squeue for a job that ended some minutes ago.
-        Err(SchedulerError::Refused { said, .. }) if said.contains("Invalid job id") => {
-            String::new()
-        }
+        Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => String::new(),
         Err(error) => return Err(error),
     };
     Ok(lines
@@ -217,13 +215,13 @@ pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, SchedulerError> {
 }
 
 /// Ends a job.
-pub(super) fn cancel(job: &str) -> Result<(), SchedulerError> {
+pub(super) fn cancel(job: &str) -> Result<(), ClusterError> {
     let (number, cluster) = parts(job);
     let mut arguments = vec![number];
     arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
     match ask("scancel", &arguments) {
         Ok(_) => Ok(()),
-        Err(SchedulerError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
+        Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
         Err(error) => Err(error),
     }
 }
@@ -280,7 +278,7 @@ fn parts(job: &str) -> (&str, Option<&str>) {
 }
 
 /// Runs one of Slurm's programs; returns its output.
-fn ask(program: &str, arguments: &[&str]) -> Result<String, SchedulerError> {
+fn ask(program: &str, arguments: &[&str]) -> Result<String, ClusterError> {
     let mut command = Command::new(program);
     command.args(arguments);
     for (name, _) in std::env::vars_os() {
@@ -309,7 +307,7 @@ fn ask(program: &str, arguments: &[&str]) -> Result<String, SchedulerError> {
         .map(|line| line.trim_start_matches("sbatch: error: "))
         .collect::<Vec<_>>()
         .join("; ");
-    Err(SchedulerError::Refused {
+    Err(ClusterError::Refused {
         command: format!("{program} {}", arguments.join(" ")),
         advice: advice(&said),
         said: if said.is_empty() {
@@ -346,11 +344,9 @@ fn advice(said: &str) -> String {
 }
 
 /// The error about a missing program of Slurm.
-fn missing(program: &str) -> SchedulerError {
-    SchedulerError::Missing {
+fn missing(program: &str) -> ClusterError {
+    ClusterError::Missing {
         program: program.to_owned(),
-        advice: "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
-                 on any machine `sweep submit --engine local` runs the tasks in the background",
     }
 }
 

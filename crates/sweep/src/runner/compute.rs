@@ -2,8 +2,8 @@
 
 use super::{Shared, panics};
 use crate::case::{Case, State};
-use crate::costs;
 use crate::model::replay::replay;
+use crate::plan::costs;
 use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};

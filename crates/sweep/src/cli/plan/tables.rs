@@ -1,8 +1,8 @@
 //! The tables of a plan: its axes, and its kinds of runs.
 
-use crate::api::Error;
-use crate::api::plan::{Kind, Plan, Source, Values};
+use crate::error::Error;
 use crate::format::{Digits, Uncertain, bytes, duration, significant};
+use crate::plan::{Kind, Plan, Source, Values};
 use crate::report::{Head, Shape, Sheet, SheetColumn, room};
 use std::io::{self, Write};
 

@@ -1,10 +1,10 @@
 //! The plan as text.
 
 use super::tables::Sheets;
-use crate::api::Error;
-use crate::api::plan::{Kind, Plan};
 use crate::cli::Output;
+use crate::error::Error;
 use crate::format::{bytes, counted, duration, significant, wrapped};
+use crate::plan::{Kind, Plan};
 use std::io::Write;
 
 /// Writes it.

@@ -1,9 +1,9 @@
 //! The arguments of figures.
 
-use crate::api::Error;
 use crate::cli::Output;
 use crate::cli::output_file::{format_of, save};
 use crate::cli::place::StoreArguments;
+use crate::error::Error;
 use crate::report::{
     Columns, Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Report, Selection, Style,
     Units, draw, traces,

@@ -1,8 +1,8 @@
 //! Tables with a row for every run, or for every sample.
 
-use crate::api::Error;
 use crate::cli::Output;
 use crate::cli::output_file::{save, write_file};
+use crate::error::Error;
 use crate::report::{Excerpt, TableFormat};
 use clap::ValueEnum as _;
 use std::io::Write;

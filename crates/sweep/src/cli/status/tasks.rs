@@ -1,8 +1,8 @@
 //! The submitted tasks in the output of `sweep status`.
 
-use crate::api::Error;
-use crate::api::jobs::{Jobs, Task};
+use crate::cluster::jobs::{Jobs, Task};
 use crate::cluster::shard;
+use crate::error::Error;
 use crate::report::table;
 use std::io::Write;
 

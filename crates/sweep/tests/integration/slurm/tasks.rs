@@ -216,7 +216,7 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
     contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
     contains(
         &cluster.not_ok(2, &["cancel", "small.toml", "--job", "1"]),
-        &["no such job"],
+        &["no job 1 was submitted"],
     );
     let script = cluster.submit(&["--tasks", "1"]);
     cluster.run_all(&script, 4712, 1);

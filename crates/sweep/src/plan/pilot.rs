@@ -1,6 +1,6 @@
 //! Short runs that measure the cost of a step: long enough for contacts to form, if time permits.
 
-use super::{Costs, NEAR, Record, distance, values};
+use super::costs::{Costs, NEAR, Record, distance, values};
 use crate::case::{Case, step_cost};
 use crate::spaces::AnySimulation;
 use crate::system::clock::Clock;

@@ -1,8 +1,7 @@
 //! Progress of a campaign.
 
-use super::Error;
 use super::jobs::{Jobs, jobs};
-use crate::cluster::shard;
+use super::{ClusterError, shard};
 use crate::statistics::Verdict;
 use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, Store, StoreError};
 use serde::Serialize;
@@ -63,7 +62,7 @@ impl PrecisionStatus {
 
 impl Status {
     /// The status of an open store, with a maximum number of failures.
-    pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, Error> {
+    pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, ClusterError> {
         let work = store.work()?;
         let shards: Vec<PathBuf> = shard::published(&shard::folder_of(store.path()))
             .into_iter()

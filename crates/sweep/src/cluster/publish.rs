@@ -1,7 +1,6 @@
 //! Publishing a shard: copied, synced and renamed, so that readers never see a partial one.
 
-use super::ShardError;
-use crate::disk::is_full;
+use super::{ClusterError, no_room};
 use crate::store::{self, StoreError};
 use crate::system::files::{folder_of, temporary_file, with_suffix, write_whole};
 use crate::system::lock;
@@ -52,8 +51,8 @@ impl Publisher {
     /// Publishes what the store holds now. The folder is made again if it has vanished.
     ///
     /// # Errors
-    /// [`ShardError::Publish`]. Earlier publications and the store of the task are kept.
-    pub(crate) fn publish(&self) -> Result<(), ShardError> {
+    /// [`ClusterError::Publish`]. Earlier publications and the store of the task are kept.
+    pub(crate) fn publish(&self) -> Result<(), ClusterError> {
         let begun = Instant::now();
         let mut last = lock(&self.last);
         let result = self.copy();
@@ -81,34 +80,14 @@ impl Publisher {
     }
 
     /// The error of a failed copy.
-    fn explain(&self, source: io::Error) -> ShardError {
-        let folder = self.target.parent().unwrap_or(Path::new("."));
-        let full = no_room(&source, &self.target);
-        let advice = format!(
-            "earlier publications are kept, and {} holds the rest; {}, then restart the task \
-             (scontrol requeue JOB_TASK), or repeat `sweep submit`: it continues from published shards",
-            self.work.display(),
-            if full {
-                format!("make room in {}", folder.display())
-            } else {
-                format!("make {} writable", folder.display())
-            }
-        );
-        ShardError::Publish {
+    fn explain(&self, source: io::Error) -> ClusterError {
+        ClusterError::Publish {
+            full: no_room(&source, &self.target),
             path: self.target.clone(),
+            work: self.work.clone(),
             source,
-            full,
-            advice,
         }
     }
-}
-
-/// Whether a write failed because the disk was full.
-pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
-    matches!(
-        error.kind(),
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-    ) || is_full(path)
 }
 
 /// The system error behind an error of the store.
@@ -158,10 +137,8 @@ mod tests {
         for kind in [io::ErrorKind::QuotaExceeded, io::ErrorKind::StorageFull] {
             let error = publisher.explain(io::Error::from(kind));
             assert!(error.to_string().contains("quota"), "{error}");
-            let ShardError::Publish { advice, .. } = error else {
-                unreachable!("it is about publishing")
-            };
-            assert!(advice.contains("make room in /shared") && advice.contains("/scratch/a"));
+            let advice = miette::Diagnostic::help(&error).unwrap().to_string();
+            assert!(advice.contains("make room") && advice.contains("/scratch/a"));
         }
     }
 }

@@ -5,9 +5,7 @@ use proptest::prelude::*;
 use sd_core::modes::{Background, Vec2};
 
 fn message(text: &str) -> String {
-    read_in::<Layer>(Path::new("in.json"), text.as_bytes())
-        .unwrap_err()
-        .to_string()
+    read_in::<Layer>(text.as_bytes()).unwrap_err().to_string()
 }
 
 #[test]
@@ -16,7 +14,7 @@ fn example_of_the_interface_is_read() {
         "offset": 3.1, "hydrodynamics": "stokesian-dynamics",
         "background": {"rate_of_strain": {"xx": 0, "yy": 0, "xy": 0.5}, "angular_velocity": -0.5},
         "forces": [[0, 0], [0, 0]], "torques": [0, 0], "contact": {"scheme": "none"}}"#;
-    let (configuration, _) = read_in::<Layer>(Path::new("-"), text.as_bytes()).unwrap();
+    let (configuration, _) = read_in::<Layer>(text.as_bytes()).unwrap();
     assert_eq!(configuration.centres[1], Vec2::new(2.1, 0.0));
     assert_eq!(configuration.background, Background::SHEAR);
 }
@@ -27,8 +25,8 @@ fn overlapping_spheres_are_solved_under_lubrication() {
         let text = format!(
             r#"{{"centres": [[0.0, 0.0], [1.99, 0.0], [4.0, 0.3]], "cell": [12.5, 12.5], "offset": 3.1{more}}}"#
         );
-        let (configuration, contact) = read_in::<Layer>(Path::new("-"), text.as_bytes())?;
-        Ok::<_, Error>(solve(&configuration, &contact, &NearFields::default())?)
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes())?;
+        Ok::<_, InputError>(solve(&configuration, &contact, &NearFields::default())?)
     };
     let word = r#", "hydrodynamics": "lubrication""#;
     let usual = with(word).unwrap();
@@ -67,7 +65,7 @@ fn overlapping_spheres_are_solved_under_lubrication() {
     }
     // Two spheres in one place have no line of centres.
     let text = r#"{"centres": [[1, 2], [1, 2]], "hydrodynamics": "lubrication"}"#;
-    let (configuration, contact) = read_in::<Layer>(Path::new("-"), text.as_bytes()).unwrap();
+    let (configuration, contact) = read_in::<Layer>(text.as_bytes()).unwrap();
     let error = solve(&configuration, &contact, &NearFields::default()).unwrap_err();
     assert!(
         error.to_string().contains("spheres 0 and 1 overlap"),
@@ -82,8 +80,8 @@ fn springs_between_smooth_spheres_are_solved_and_rigid_ones_refused() {
             r#"{{"centres": [[0.0, 0.0], [1.999, 0.0]], "hydrodynamics": "lubrication", "forces": [[5, 0], [-5, 0]],
             "contact": {{"roughness": {roughness}, "friction": 0.3, "critical_load": 0, {laws}}}}}"#
         );
-        let (configuration, contact) = read_in::<Layer>(Path::new("-"), text.as_bytes())?;
-        Ok::<_, Error>(solve(&configuration, &contact, &NearFields::default())?)
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes())?;
+        Ok::<_, InputError>(solve(&configuration, &contact, &NearFields::default())?)
     };
     let spring = r#""scheme": "laws", "laws": {"normal": "linear-spring", "tangential": "stick-slide", "onset": "critical-load",
         "stiffness_unit": "flow", "stiffness": 1000, "tangential_stiffness": 0.5, "dashpot": 0, "lubrication_gap": 0,
@@ -218,8 +216,7 @@ fn spring_pair(springs: &str) -> String {
 fn springs_are_pairs_and_forces_and_those_of_older_failures_are_read_alike() {
     let friction = |springs: &str| {
         let text = spring_pair(springs);
-        let (configuration, contact) =
-            read_in::<Layer>(Path::new("in.json"), text.as_bytes()).unwrap();
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes()).unwrap();
         let solved = solve(&configuration, &contact, &NearFields::default()).unwrap();
         solved.contacts[0].tangential_force
     };
@@ -244,29 +241,29 @@ fn hostile_sizes_are_refused_before_they_cost_anything() {
     let mut periodic: serde_json::Value =
         serde_json::from_str(&many(2_001, full, |_| 1.0)).unwrap();
     periodic["cell"] = serde_json::json!([7000.0, 20.0]);
-    assert!(read_in::<Layer>(Path::new("in.json"), periodic.to_string().as_bytes()).is_ok());
+    assert!(read_in::<Layer>(periodic.to_string().as_bytes()).is_ok());
     assert!(message(&many(1_000, full, |i| 1.0 + i as f64 * 1e-4)).contains("different"));
 }
 
 proptest! {
     #[test]
     fn no_text_crashes_the_reader(text in "[\\[\\]{}:,\"a-z0-9.e-]{0,200}") {
-        let _ = read_in::<Layer>(Path::new("-"), text.as_bytes());
+        let _ = read_in::<Layer>(text.as_bytes());
     }
 
     #[test]
     fn no_bytes_crash_the_reader(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
-        let _ = read_in::<Layer>(Path::new("-"), &bytes);
+        let _ = read_in::<Layer>(&bytes);
     }
 
     #[test]
     fn no_json_crashes_the_reader(value in json()) {
-        let _ = read_in::<Layer>(Path::new("-"), value.to_string().as_bytes());
+        let _ = read_in::<Layer>(value.to_string().as_bytes());
     }
 
     #[test]
     fn no_configuration_crashes_the_solver(value in configuration()) {
-        if let Ok((configuration, contact)) = read_in::<Layer>(Path::new("-"), value.to_string().as_bytes()) {
+        if let Ok((configuration, contact)) = read_in::<Layer>(value.to_string().as_bytes()) {
             let _ = solve(&configuration, &contact, &NearFields::default());
         }
     }

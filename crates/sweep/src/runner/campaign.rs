@@ -1,26 +1,8 @@
-//! The functions that the command line and the Python package share: they work on a campaign and
-//! its store, without arguments or output.
+//! A campaign from its file to its store, and to the last of its cases.
 
-mod error;
-mod explain;
-pub(crate) mod instant;
-pub(crate) mod jobs;
-pub(crate) mod merge;
-pub(crate) mod plan;
-pub(crate) mod status;
-pub(crate) mod submit;
-pub(crate) mod task;
-
-pub use error::Error;
-pub use explain::ErrorRenderer;
-pub use instant::{
-    Components, Input as InstantInput, InputError, Written, configuration, named_scalars,
-};
-pub use plan::{Plan, plan};
-
+use super::{Options, RunnerError, compute_campaign};
 use crate::campaign::{Campaign, Order, Priority};
-use crate::costs::Costs;
-use crate::runner::{Options, compute_campaign};
+use crate::plan::costs::Costs;
 use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
@@ -98,7 +80,7 @@ pub fn complete(
     store: &mut Store,
     campaign: &Campaign,
     options: Options<'_>,
-) -> Result<Counts, Error> {
+) -> Result<Counts, RunnerError> {
     let counts = store.counts()?;
     if counts.pending + counts.running > 0 {
         compute_campaign(store, campaign, options)?;

@@ -3,15 +3,14 @@
 mod components;
 mod contact;
 
-pub(crate) use self::components::Amount;
-pub use self::components::{Components, Written};
+pub(crate) use components::Amount;
+pub use components::{Components, Written};
 
-use self::components::FirstCentre;
-use self::contact::Contact;
-use super::Error;
 use crate::spaces::{InSpace, of_either};
 use crate::tables;
 use crate::trajectory::Kept;
+use components::FirstCentre;
+use contact::Contact;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
@@ -20,7 +19,6 @@ use sd_core::two_sphere::{scalars, twist};
 use sd_core::{Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
-use std::path::Path;
 
 /// Maximum number of different radii: each pair needs a table, which takes a second.
 const RADIUS_LIMIT: usize = 10;
@@ -74,6 +72,16 @@ fn by_word<'de, D: Deserializer<'de>, T: Words>(deserializer: D) -> Result<T, D:
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum InputError {
+    /// Malformed JSON.
+    #[error("{line}:{column}: {message}")]
+    Json {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
     /// An invalid value.
     #[error("{field}: {message}")]
     Value {
@@ -107,39 +115,31 @@ pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
 ///
 /// # Errors
 /// What is wrong with it, and where.
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<AnyProblem, Error> {
+pub(crate) fn read(bytes: &[u8]) -> Result<AnyProblem, InputError> {
     // Input that cannot be read here is refused below.
     let first = serde_json::from_slice::<FirstCentre>(bytes);
     Ok(if first.is_ok_and(|first| first.is_suspended()) {
-        InSpace::Suspension(read_in(path, bytes)?)
+        InSpace::Suspension(read_in(bytes)?)
     } else {
-        InSpace::Layer(read_in(path, bytes)?)
+        InSpace::Layer(read_in(bytes)?)
     })
 }
 
 /// Reads the input of one space.
-fn read_in<S: Written>(path: &Path, bytes: &[u8]) -> Result<Problem<S>, Error> {
+fn read_in<S: Written>(bytes: &[u8]) -> Result<Problem<S>, InputError> {
     let input: Input<S> = serde_json::from_slice(bytes).map_err(|error| {
-        // The message of serde ends with the place; we move it to the front.
+        // The message of serde ends with the position, which is reported separately.
         let text = error.to_string();
         let message = text
             .rsplit_once(" at line ")
             .map_or(text.as_str(), |(message, _)| message);
-        Error::Json {
-            path: path.to_owned(),
+        InputError::Json {
             line: error.line(),
             column: error.column(),
             message: message.chars().take(400).collect(),
         }
     })?;
-    configuration(input).map_err(|error| match error {
-        InputError::Value { field, message } => Error::Value {
-            path: path.to_owned(),
-            field,
-            message,
-        },
-        InputError::Physics(error) => error.into(),
-    })
+    configuration(input)
 }
 
 /// The configuration and the contact problem of an input.
@@ -240,11 +240,13 @@ pub fn configuration<S: Written>(
 }
 
 /// Solves an instant, computing the near-field tables that it needs.
-pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, Error> {
+pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, sd_core::Error> {
     of_either!(problem, problem => answer_in(problem))
 }
 
-fn answer_in<S: Written + Kept>((configuration, contact): &Problem<S>) -> Result<Answer, Error> {
+fn answer_in<S: Written + Kept>(
+    (configuration, contact): &Problem<S>,
+) -> Result<Answer, sd_core::Error> {
     let mut ratios = NearFields::ratios(&configuration.radii);
     if !configuration.hydrodynamics.needs_tables() {
         ratios.clear();

@@ -1,9 +1,9 @@
 //! One task of a campaign, in a store of its own that is published as a shard.
 
-use super::Error;
+use super::publish::Publisher;
+use super::slices::Slices;
+use super::{ClusterError, Requeue, Scheduler, shard};
 use crate::campaign::{Campaign, Order};
-use crate::cluster::shard::{self, Publisher, ShardError, Slices};
-use crate::cluster::{Requeue, Scheduler};
 use crate::runner::{Progress, RunObserver};
 use crate::store::{MergeMode, OpenCase, Store, StoreError, TaskName};
 use crate::system::process::Identity;
@@ -89,10 +89,10 @@ impl Task {
         plan: &str,
         campaign: &Campaign,
         note: &dyn Fn(&str),
-    ) -> Result<(Store, Self), Error> {
+    ) -> Result<(Store, Self), ClusterError> {
         let folder = &options.folder;
         for folder in [folder, &options.scratch] {
-            std::fs::create_dir_all(folder).map_err(|source| ShardError::Folder {
+            std::fs::create_dir_all(folder).map_err(|source| ClusterError::Folder {
                 path: folder.clone(),
                 source,
             })?;
@@ -146,7 +146,7 @@ pub(crate) fn restrict(
     slices: Option<&Path>,
     part: Part,
     campaign: &mut Campaign,
-) -> Result<String, ShardError> {
+) -> Result<String, ClusterError> {
     let (plan, keys) = if let Some(path) = slices {
         Slices::read(path, part.task, part.tasks)?
     } else {
@@ -172,7 +172,7 @@ pub(crate) fn restrict(
         .cases
         .retain(|(key, _)| keys.contains(&key.to_string()));
     if campaign.cases.len() < keys.len() {
-        return Err(ShardError::Slices {
+        return Err(ClusterError::Slices {
             path: slices.map(Path::to_owned).unwrap_or_default(),
             reason: format!(
                 "{} of its cases are not in {}: these are slices of another campaign file",
@@ -219,7 +219,7 @@ fn reuse_shards(
     sources: &[PathBuf],
     mixed: bool,
     note: &dyn Fn(&str),
-) -> Result<u64, Error> {
+) -> Result<u64, ClusterError> {
     let mut failures = 0;
     for source in sources {
         match store.merge_as(MergeMode::Task, std::slice::from_ref(source), mixed) {

@@ -1,10 +1,9 @@
 //! Configurations with three components.
 
 use super::super::{Amount, Answer, answer, read};
-use std::path::Path;
 
 fn solved(text: &str) -> Answer {
-    answer(&read(Path::new("in.json"), text.as_bytes()).unwrap()).unwrap()
+    answer(&read(text.as_bytes()).unwrap()).unwrap()
 }
 
 fn near(a: f64, b: f64, what: &str) {
@@ -94,22 +93,22 @@ fn two_and_three_components_do_not_mix() {
     for (text, place, said) in [
         (
             r#"{"centres": [[0, 0], [3, 0, 0]]"#,
-            ":1:",
+            "1:",
             "a vector of 3 components, where the first of `centres` has 2",
         ),
         (
             r#"{"centres": [[0, 0, 0], [3, 0]]"#,
-            ":1:",
+            "1:",
             "a vector of 2 components, where the first of `centres` has 3",
         ),
         (
             "{\"centres\": [[0, 0], [3, 0]],\n\"cell\": [20, 20, 20]",
-            ":2:",
+            "2:",
             "a vector of 3 components, where the first of `centres` has 2",
         ),
         (
             "{\"centres\": [[0, 0, 0], [3, 0, 0]],\n\"cell\": [20, 20]",
-            ":2:",
+            "2:",
             "three for a suspension",
         ),
         (
@@ -124,9 +123,7 @@ fn two_and_three_components_do_not_mix() {
         ),
     ] {
         let text = format!("{text}, \"hydrodynamics\": \"ball-melrose\"}}");
-        let error = read(Path::new("in.json"), text.as_bytes())
-            .unwrap_err()
-            .to_string();
+        let error = read(text.as_bytes()).unwrap_err().to_string();
         assert!(
             error.contains(place) && error.contains(said),
             "{text}: {error}"

@@ -3,7 +3,7 @@
 //!
 //! The cache only saves time: a missing, damaged or unwritable file is no error.
 
-use super::Record;
+use super::costs::Record;
 use crate::system::files::{cache_folder, folder_of, read_text, write_whole};
 use crate::system::process::{Identity, build};
 use std::fs::File;

@@ -1,8 +1,7 @@
 //! Joining shards into the store of their campaign.
 
-use super::Error;
+use super::{ClusterError, shard};
 use crate::campaign::{Campaign, Order};
-use crate::cluster::shard::{self, ShardError};
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -22,7 +21,7 @@ pub(crate) struct Joined {
 
 /// The shards given, and all shards in the folders given; without arguments, those in the folder
 /// beside the store.
-pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>, ShardError> {
+pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>, ClusterError> {
     if given.is_empty() {
         return in_folder(&shard::folder_of(store));
     }
@@ -34,7 +33,7 @@ pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>,
             all.push(given.clone());
         } else {
             let path = given.clone();
-            return Err(ShardError::Vanished { path });
+            return Err(ClusterError::Vanished { path });
         }
     }
     Ok(all)
@@ -55,9 +54,9 @@ pub(crate) fn join(
 }
 
 /// The shards in a folder.
-fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ClusterError> {
     if !folder.is_dir() {
-        return Err(ShardError::Vanished {
+        return Err(ClusterError::Vanished {
             path: folder.to_owned(),
         });
     }
@@ -69,7 +68,7 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ShardError> {
 
 /// Opens the store. A new one gets the campaign of the file given, or else that of the first
 /// readable shard.
-pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, Error> {
+pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, ClusterError> {
     let path = source.path();
     if path.exists() {
         return Ok(Store::open(path)?);

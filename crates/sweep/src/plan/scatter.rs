@@ -1,6 +1,6 @@
 //! The uncertainty of estimated costs, from the scatter of similar measured runs.
 
-use crate::costs::StepCost;
+use crate::plan::costs::StepCost;
 use crate::statistics::student_95;
 
 /// The runs of one kind, added point by point. With n runs of a point to come that take T in all,
@@ -50,7 +50,7 @@ impl Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::costs::Scatter;
+    use crate::plan::costs::Scatter;
 
     #[test]
     fn interval_is_that_of_the_runs_to_come_and_of_those_measured() {

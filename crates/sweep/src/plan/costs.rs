@@ -5,12 +5,9 @@
 //! [`step_cost`], which includes the scaling of methods with the number of spheres, is averaged
 //! with weights that fall as the fourth power of the distance in parameters.
 
-mod cache;
-mod pilot;
+pub(crate) use super::cache::record;
 
-pub(crate) use cache::record;
-pub(crate) use pilot::{Trial, trials};
-
+use super::cache;
 use crate::axes::{AXES, Axis, Identity, Value, identity};
 use crate::case::{Case, step_cost};
 use sd_core::{Method, Params};
@@ -160,7 +157,7 @@ impl Costs {
 }
 
 /// Values on all axes; `None` where they have no effect.
-fn values(params: &Params) -> Vec<Option<Value>> {
+pub(super) fn values(params: &Params) -> Vec<Option<Value>> {
     let value = |axis: &Axis| match axis.value(params) {
         Value::Count(count) => Value::Number(count as f64),
         value => value,
@@ -172,7 +169,7 @@ fn values(params: &Params) -> Vec<Option<Value>> {
 
 /// Distance of two points in terms of cost; `None` where they differ in a choice. Below 1 costs are
 /// similar.
-fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
+pub(super) fn distance(a: &[Option<Value>], b: &[Option<Value>]) -> Option<f64> {
     let mut squares = 0.0;
     for ((axis, a), b) in AXES.iter().zip(a).zip(b) {
         let apart = match (a, b) {

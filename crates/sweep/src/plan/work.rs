@@ -3,7 +3,7 @@
 use crate::axes::identity;
 use crate::campaign::Campaign;
 use crate::case::Case;
-use crate::costs::Record;
+use crate::plan::costs::Record;
 use crate::statistics::{Verdict, student_95};
 use crate::store::{PointState, PointWork, Store, StoreError};
 use serde::Serialize;

@@ -2,10 +2,10 @@
 
 mod folder;
 
-use super::Error;
-use super::plan::memory_bytes;
+use super::slices::Slices;
+use super::{ClusterError, Job, Scheduler, shard};
 use crate::campaign::Campaign;
-use crate::cluster::{Job, Scheduler, SchedulerError, shard, shard::Slices};
+use crate::plan::memory_bytes;
 use crate::store::{OpenCase, Store, Submission};
 use folder::{Draft, write_plan};
 use std::collections::HashSet;
@@ -58,10 +58,10 @@ pub(crate) fn submit(
     path: &Path,
     dry_run: bool,
     note: &dyn Fn(&str),
-) -> Result<Option<Submitted>, Error> {
+) -> Result<Option<Submitted>, ClusterError> {
     let scheduler = &wanted.scheduler;
     let limit = match scheduler.task_limit() {
-        Err(SchedulerError::Missing { .. }) if dry_run => crate::cluster::slurm::DEFAULT_ARRAY,
+        Err(ClusterError::Missing { .. }) if dry_run => crate::cluster::slurm::DEFAULT_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
@@ -110,11 +110,11 @@ pub(crate) fn submit(
 }
 
 /// Number of tasks: as requested, if that is allowed and each has a case.
-fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, SchedulerError> {
+fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, ClusterError> {
     let usual = || default_tasks(wanted, open, limit);
     let asked = wanted.tasks.unwrap_or_else(usual);
     if asked > limit {
-        return Err(SchedulerError::TooManyTasks { asked, limit });
+        return Err(ClusterError::TooManyTasks { asked, limit });
     }
     Ok(asked.min(open.len()))
 }
@@ -126,7 +126,7 @@ fn submit_job(
     plan: &str,
     slices: &Slices,
     store: &mut Store,
-) -> Result<String, Error> {
+) -> Result<String, ClusterError> {
     let submission = Submission {
         id: 0,
         engine: scheduler.name().into(),
@@ -147,10 +147,10 @@ fn submit_job(
         }
         Err(error) => {
             // The job may exist although the answer could not be parsed.
-            if !matches!(error, SchedulerError::Answer { .. }) {
+            if !matches!(error, ClusterError::Answer { .. }) {
                 store.not_submitted(id)?;
             }
-            Err(error.into())
+            Err(error)
         }
     }
 }
@@ -161,7 +161,7 @@ fn gather(
     store: &mut Store,
     folder: &Path,
     note: &dyn Fn(&str),
-) -> Result<(), Error> {
+) -> Result<(), ClusterError> {
     let shards: Vec<PathBuf> = shard::published(folder)
         .into_iter()
         .map(|shard| shard.path)
@@ -176,13 +176,9 @@ fn gather(
     }
     let (build, known) = (crate::system::process::build(), store.known_builds()?);
     if !wanted.mixed && !known.is_empty() && !known.contains(&build) {
-        return Err(Error::Argument {
-            argument: "--allow-mixed-versions",
-            message: format!(
-                "the store holds what build {} of sweep computed, and this is build {build}, whose bits may differ: use \
-                 that one, another --store, or allow it; nothing was submitted",
-                known.into_iter().collect::<Vec<_>>().join(", ")
-            ),
+        return Err(ClusterError::OtherBuild {
+            build,
+            known: known.into_iter().collect::<Vec<_>>().join(", "),
         });
     }
     if wanted.retry_failed {
@@ -192,7 +188,7 @@ fn gather(
 }
 
 /// Open cases that are assigned to no task.
-fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>, Error> {
+fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>, ClusterError> {
     let mut taken: HashSet<String> = HashSet::new();
     for submission in store.submissions()? {
         if again {
@@ -212,13 +208,12 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
         let Some(scheduler) = Scheduler::by_name(&submission.engine) else {
             continue;
         };
-        let active = scheduler.active(job).map_err(|error| Error::Argument {
-            argument: "--again",
-            message: format!(
-                "whether job {job}, submitted before, still runs is unknown ({error}): repeat the command in a \
-                 while, or with --again to submit its open cases once more"
-            ),
-        })?;
+        let active = scheduler
+            .active(job)
+            .map_err(|error| ClusterError::Unclear {
+                job: job.clone(),
+                source: Box::new(error),
+            })?;
         if active.is_empty() {
             continue;
         }

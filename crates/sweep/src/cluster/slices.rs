@@ -1,7 +1,7 @@
 //! Slices assign cases to tasks. They are cut once, before any task starts, so that all tasks
 //! agree.
 
-use super::ShardError;
+use super::ClusterError;
 use crate::store::OpenCase;
 use crate::system::files::read_text;
 use std::cmp::Reverse;
@@ -90,13 +90,13 @@ impl Slices {
         path: &Path,
         task: usize,
         tasks: usize,
-    ) -> Result<(String, Vec<String>), ShardError> {
-        let broken = |reason: String| ShardError::Slices {
+    ) -> Result<(String, Vec<String>), ClusterError> {
+        let broken = |reason: String| ClusterError::Slices {
             path: path.to_owned(),
             reason,
         };
         let text = read_text(path, SIZE_LIMIT).map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => ShardError::NoSlices {
+            std::io::ErrorKind::NotFound => ClusterError::NoSlices {
                 path: path.to_owned(),
             },
             _ => broken(error.to_string()),

@@ -1,18 +1,21 @@
 //! The plan of a campaign: runs, estimated time on this machine, and size on disk.
 
+mod cache;
+pub(crate) mod costs;
 mod memory;
+mod pilot;
 mod scatter;
 mod starts;
 mod work;
 
-use super::Error;
 use crate::axes::{AXES, Axis, Value, identity};
 use crate::campaign::Campaign;
 use crate::case::Case;
-use crate::costs::{COMPARABLE, Costs, Trial, trials};
 use crate::format::{count, significant};
 use crate::protocol::PlannedSegment;
-use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store};
+use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
+use costs::{COMPARABLE, Costs};
+use pilot::{Trial, trials};
 use scatter::Sum;
 use sd_core::Params;
 use sd_core::model::Words as _;
@@ -131,7 +134,7 @@ pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
 ///
 /// # Errors
 /// None where there is no store.
-pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, Error> {
+pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, StoreError> {
     make(campaign, workers, false, None)
 }
 
@@ -142,7 +145,7 @@ pub(crate) fn make(
     workers: usize,
     trajectory: bool,
     store: Option<&Store>,
-) -> Result<Plan, Error> {
+) -> Result<Plan, StoreError> {
     let resident = memory::resident_bytes();
     let mut costs = Costs::of_this_machine();
     if let Some(store) = store {

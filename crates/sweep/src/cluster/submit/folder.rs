@@ -1,10 +1,8 @@
 //! The files of a submission: the store, or a copy of it, and the folder of the plan.
 
-use crate::api::Error;
-use crate::campaign::Campaign;
-use crate::campaign::Order;
-use crate::cluster::Job;
-use crate::cluster::shard::{BEGUN, ShardError, no_room};
+use crate::campaign::{Campaign, Order};
+use crate::cluster::shard::BEGUN;
+use crate::cluster::{ClusterError, Job};
 use crate::store::{self, OpenCase, Store};
 use crate::system::files::write_whole;
 use std::collections::HashSet;
@@ -21,17 +19,15 @@ pub(super) struct Draft {
 
 impl Draft {
     /// Of the store at `path`.
-    pub(super) fn new(dry_run: bool, path: &Path) -> Result<Self, Error> {
+    pub(super) fn new(dry_run: bool, path: &Path) -> Result<Self, ClusterError> {
         if !dry_run {
             return Ok(Self {
                 path: path.to_owned(),
                 _copy: None,
             });
         }
-        let folder = tempfile::tempdir().map_err(|source| Error::Write {
-            path: std::env::temp_dir(),
-            source,
-        })?;
+        let folder = tempfile::tempdir()
+            .map_err(|source| ClusterError::of_plan(&std::env::temp_dir(), source))?;
         let draft = folder.path().join("store.sqlite");
         if path.exists() {
             drop(Store::open_read_only(path)?);
@@ -44,7 +40,7 @@ impl Draft {
     }
 
     /// Opens it, with the campaign as it is now.
-    pub(super) fn open(&self, campaign: &Campaign) -> Result<Store, Error> {
+    pub(super) fn open(&self, campaign: &Campaign) -> Result<Store, ClusterError> {
         Ok(Store::enter(&self.path, campaign, Order::default())?.0)
     }
 }
@@ -57,14 +53,10 @@ pub(super) fn write_plan(
     open: &[OpenCase],
     tasks_read: [(&str, &str); 2],
     script: &str,
-) -> Result<(), Error> {
+) -> Result<(), ClusterError> {
     let folder = &job.plan_folder;
     let written = |path: PathBuf, result: std::io::Result<()>| {
-        result.map_err(|source| ShardError::Plan {
-            full: no_room(&source, &path),
-            path,
-            source,
-        })
+        result.map_err(|source| ClusterError::of_plan(&path, source))
     };
     written(folder.clone(), std::fs::create_dir_all(folder))?;
     // The hash identifies the program.
@@ -96,11 +88,8 @@ pub(super) fn write_plan(
     if begun.is_empty() {
         return Ok(());
     }
-    let work = tempfile::tempdir_in(folder).map_err(|source| ShardError::Plan {
-        full: no_room(&source, folder),
-        path: folder.clone(),
-        source,
-    })?;
+    let work =
+        tempfile::tempdir_in(folder).map_err(|source| ClusterError::of_plan(folder, source))?;
     let (part, whole) = (work.path().join("part"), work.path().join("whole"));
     store.write_begun(campaign, &begun, &part)?;
     store::snapshot(&part, &whole)?;

@@ -1,7 +1,6 @@
 //! The submitted jobs of a campaign: progress of their tasks, and cancelling them.
 
-use super::Error;
-use crate::cluster::{ActiveTask, Scheduler, shard};
+use super::{ActiveTask, ClusterError, Scheduler, shard};
 use crate::store::{SliceState, Store, Submission};
 use serde::Serialize;
 use std::path::Path;
@@ -39,7 +38,7 @@ pub(crate) struct Task {
 }
 
 /// All of them.
-pub(crate) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
+pub(crate) fn jobs(store: &Store) -> Result<Vec<Jobs>, ClusterError> {
     store
         .submissions()?
         .into_iter()
@@ -47,7 +46,7 @@ pub(crate) fn jobs(store: &Store) -> Result<Vec<Jobs>, Error> {
         .collect()
 }
 
-fn job(store: &Store, submission: Submission) -> Result<Jobs, Error> {
+fn job(store: &Store, submission: Submission) -> Result<Jobs, ClusterError> {
     let slices = store.slice_states(submission.id, submission.tasks)?;
     let over = slices.iter().all(|slice| slice.ended == slice.cases);
     let asked = match (&submission.job, Scheduler::by_name(&submission.engine)) {
@@ -134,16 +133,17 @@ pub(crate) struct Cancelled {
 
 /// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have
 /// ended.
-pub(crate) fn cancel(path: &Path, job: Option<&str>, wait: Duration) -> Result<Cancelled, Error> {
+pub(crate) fn cancel(
+    path: &Path,
+    job: Option<&str>,
+    wait: Duration,
+) -> Result<Cancelled, ClusterError> {
     let mut store = Store::open(path)?;
     let mut cancelled: Vec<(String, Scheduler)> = Vec::new();
     let named = |submission: &Submission| job.is_none() || submission.job.as_deref() == job;
     let submissions = store.submissions()?;
-    if job.is_some() && !submissions.iter().any(named) {
-        return Err(Error::Argument {
-            argument: "--job",
-            message: "no such job was submitted from this store".into(),
-        });
+    if let Some(job) = job.filter(|_| !submissions.iter().any(named)) {
+        return Err(ClusterError::NoJob { job: job.into() });
     }
     for submission in submissions.iter().filter(|submission| named(submission)) {
         let (Some(job), Some(scheduler)) =

@@ -1,15 +1,19 @@
 //! The error type of the program, and the exit code each kind ends with.
 
+mod renderer;
+
+pub use renderer::ErrorRenderer;
+
 use crate::campaign::CampaignError;
-use crate::cluster::SchedulerError;
-use crate::cluster::shard::{ShardError, no_room};
+use crate::cluster::{ClusterError, no_room};
 use crate::exit;
+use crate::instant::InputError;
 use crate::report::ReportError;
 use crate::runner::RunnerError;
 use crate::serve::ServeError;
 use crate::store::StoreError;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a command was refused or could not be finished.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -27,18 +31,14 @@ pub enum Error {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// A scheduler, such as Slurm.
+    /// The tasks of a cluster.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Scheduler(#[from] SchedulerError),
+    Cluster(#[from] ClusterError),
     /// Computing a campaign.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Runner(#[from] RunnerError),
-    /// Slices and shards.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Shard(#[from] ShardError),
     /// The live page.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -98,6 +98,29 @@ pub enum Error {
 }
 
 impl Error {
+    /// An error in JSON input from a file.
+    pub(crate) fn of_input(path: &Path, error: InputError) -> Self {
+        let path = path.to_owned();
+        match error {
+            InputError::Json {
+                line,
+                column,
+                message,
+            } => Self::Json {
+                path,
+                line,
+                column,
+                message,
+            },
+            InputError::Value { field, message } => Self::Value {
+                path,
+                field,
+                message,
+            },
+            InputError::Physics(error) => error.into(),
+        }
+    }
+
     /// The exit code of the program after this error.
     pub fn exit_code(&self) -> u8 {
         use sd_core::Error as Physics;
@@ -127,7 +150,7 @@ impl Error {
             | Self::Serve(
                 ServeError::Store(error) | ServeError::Report(ReportError::Store(error)),
             ) if error.is_of_the_store() => exit::STORE,
-            Self::Shard(error) if error.is_of_the_disk() => exit::STORE,
+            Self::Cluster(error) if error.is_of_the_disk() => exit::STORE,
             Self::Write { path, source } if no_room(source, path) => exit::STORE,
             _ => exit::BAD_INPUT,
         }

@@ -1,0 +1,215 @@
+//! Errors of schedulers, slices and shards.
+
+use crate::campaign::CampaignError;
+use crate::disk::is_full;
+use crate::store::StoreError;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a command about the tasks of a campaign was refused or could not be finished.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[non_exhaustive]
+pub enum ClusterError {
+    /// A program of the scheduler is missing.
+    #[error("there is no `{program}` on this machine")]
+    #[diagnostic(help(
+        "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
+         on any machine `sweep submit --engine local` runs the tasks in the background"
+    ))]
+    Missing {
+        /// The program.
+        program: String,
+    },
+    /// The scheduler refused.
+    #[error("`{command}` was refused: {said}")]
+    #[diagnostic(help("{advice}"))]
+    Refused {
+        /// The command.
+        command: String,
+        /// Its answer.
+        said: String,
+        /// Advice.
+        advice: String,
+    },
+    /// An answer that cannot be parsed.
+    #[error("`{command}` gave no job number but {said:?}")]
+    #[diagnostic(help(
+        "the job may still exist: check with `squeue --me` before you repeat the command; computing twice \
+         does no harm"
+    ))]
+    Answer {
+        /// The command.
+        command: String,
+        /// Its answer.
+        said: String,
+    },
+    /// More tasks than a job may have.
+    #[error("{asked} tasks are more than the {limit} a job may have here")]
+    #[diagnostic(help(
+        "nothing was submitted; give --tasks {limit} or fewer, so that each computes more cases. Several workers per task \
+         (--workers-per-task) make them faster"
+    ))]
+    TooManyTasks {
+        /// Requested tasks.
+        asked: usize,
+        /// Maximum: MaxArraySize of the site.
+        limit: usize,
+    },
+    /// Results of other builds in the store.
+    #[error(
+        "the store holds what build {known} of sweep computed, and this is build {build}, whose bits may differ"
+    )]
+    #[diagnostic(help(
+        "nothing was submitted; use that build or another --store, or accept it with --allow-mixed-versions"
+    ))]
+    OtherBuild {
+        /// This build.
+        build: String,
+        /// The builds of the store.
+        known: String,
+    },
+    /// A job whose state is unknown.
+    #[error("whether job {job}, submitted before, still runs is unknown: {source}")]
+    #[diagnostic(help(
+        "repeat the command in a while, or with --again to submit its open cases once more"
+    ))]
+    Unclear {
+        /// The job.
+        job: String,
+        /// What the scheduler said.
+        #[source]
+        source: Box<ClusterError>,
+    },
+    /// A job that was not submitted from this store.
+    #[error("no job {job} was submitted from this store")]
+    #[diagnostic(help("`sweep status` lists the jobs; without --job all of them are cancelled"))]
+    NoJob {
+        /// The job.
+        job: String,
+    },
+    /// A word that no command line can hold.
+    #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
+    Word {
+        /// The word.
+        word: String,
+    },
+    /// A path that a script cannot name.
+    #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
+    #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
+    Path {
+        /// The path.
+        path: PathBuf,
+    },
+    /// A folder that cannot be made.
+    #[error("cannot make the folder {}: {source}", path.display())]
+    #[diagnostic(help("nothing was computed; make it writable, then repeat the command"))]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder of shards is gone.
+    #[error("there is no folder of shards at {}", path.display())]
+    #[diagnostic(help(
+        "running tasks recreate it when they next publish; `sweep submit CAMPAIGN.toml` recomputes what was lost \
+         with it, with the same digits"
+    ))]
+    Vanished {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A missing file of slices.
+    #[error("there are no slices at {}: the folder of shards was deleted", path.display())]
+    #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
+    NoSlices {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file of slices that cannot be used.
+    #[error("{}: {reason}", path.display())]
+    #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
+    Slices {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file of the plan that could not be written.
+    #[error("cannot write {}: {source}{}", path.display(), about_room(*full))]
+    #[diagnostic(help(
+        "nothing was submitted; {}, or choose another place with --store FILE, then repeat the command",
+        if *full { "make room" } else { "make the folder writable" }
+    ))]
+    Plan {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+        /// Whether the disk is full.
+        full: bool,
+    },
+    /// A shard that could not be written to the shared folder.
+    #[error("cannot publish {}: {source}{}", path.display(), about_room(*full))]
+    #[diagnostic(help(
+        "earlier publications are kept, and {} holds the rest; {} in the folder, then restart the task \
+         (scontrol requeue JOB_TASK), or repeat `sweep submit`: it continues from published shards",
+        work.display(),
+        if *full { "make room" } else { "allow writing" }
+    ))]
+    Publish {
+        /// The shard.
+        path: PathBuf,
+        /// The store of the task.
+        work: PathBuf,
+        /// What the system said.
+        source: io::Error,
+        /// Whether the disk is full.
+        full: bool,
+    },
+    /// A store.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Store(#[from] StoreError),
+    /// A campaign file.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Campaign(#[from] CampaignError),
+}
+
+impl ClusterError {
+    /// An error about a file of the plan.
+    pub(super) fn of_plan(path: &Path, source: io::Error) -> Self {
+        Self::Plan {
+            full: no_room(&source, path),
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// Whether the cause is a disk or a store rather than the command.
+    pub(crate) fn is_of_the_disk(&self) -> bool {
+        match self {
+            Self::Publish { .. } | Self::Plan { .. } => true,
+            Self::Store(error) => error.is_of_the_store(),
+            _ => false,
+        }
+    }
+}
+
+/// Suffix of a message about a full disk.
+fn about_room(full: bool) -> &'static str {
+    if full {
+        ": the disk is full or the quota used up"
+    } else {
+        ""
+    }
+}
+
+/// Whether a write failed because the disk was full.
+pub(crate) fn no_room(error: &io::Error, path: &Path) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    ) || is_full(path)
+}
