@@ -17,7 +17,6 @@ mod failures;
 mod frames;
 mod inventory;
 mod lock;
-mod log;
 mod merge;
 mod open;
 mod place;

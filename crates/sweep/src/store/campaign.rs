@@ -2,12 +2,11 @@
 
 use super::digest::{self, DigestMismatch, Sealed};
 use super::inventory::Adoption;
-use super::log::{self, Mark};
 use super::place;
 use super::processes::{self, ActiveProcess};
 use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
-use super::statements::{Statements, harden};
+use super::statements::Statements;
 use super::{Store, StoreError, rules, settle, states};
 use crate::axes::AXES;
 use crate::model::campaign::Campaign;
@@ -57,11 +56,10 @@ impl Store {
         campaign: &Campaign,
         order: Order<'_>,
     ) -> Result<Option<(Self, Adoption)>, StoreError> {
-        if log::is_there(path) {
-            return Err(StoreError::ForeignLog {
-                path: path.to_owned(),
-                log: place::log_of(path),
-            });
+        // The log of a deleted store belongs to no other one. In this order: that of another
+        // process is younger than its store.
+        if place::has_log(path) && place::is_free(path) {
+            let _ = std::fs::remove_file(place::log_of(path));
         }
         let unwritable = |source| StoreError::Unwritable {
             path: path.to_owned(),
@@ -77,10 +75,8 @@ impl Store {
         connection
             .execute_batch("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN")
             .and_then(|()| schema::create(&connection))
-            .and_then(|()| Mark::begin(&connection))
             .and_then(|()| connection.execute_batch("COMMIT"))
             .map_err(failed)?;
-        harden(&connection).map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         let adoption = store.adopt(campaign, order)?;
         store.use_write_ahead_log()?;
@@ -104,7 +100,6 @@ impl Store {
             other => other,
         })?;
         (store.process, store.request) = (registered, request);
-        store.warning = None;
         Ok(Some((store, adoption)))
     }
 

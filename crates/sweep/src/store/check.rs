@@ -3,8 +3,7 @@
 
 use super::campaign;
 use super::digest::{DigestMismatch, altered, reseal};
-use super::log::Mark;
-use super::schema::{self, axis_columns};
+use super::schema::axis_columns;
 use super::statements::Statements;
 use super::{
     Store, StoreError, ends, failures, frames, points, processes, results, rules, samples, states,
@@ -78,7 +77,7 @@ pub struct Checked {
     pub runs: u64,
     /// Damaged entries.
     pub findings: Vec<Finding>,
-    /// Description of changes lost with a log.
+    /// Description of changes in a log that cannot be read.
     pub warning: Option<String>,
 }
 
@@ -261,16 +260,6 @@ fn structure(connection: &Connection) -> rusqlite::Result<Vec<String>> {
     let mut found: Vec<String> = connection.values("PRAGMA main.integrity_check(20)", [])?;
     // Invalid values of columns are found by other checks.
     found.retain(|line| line != "ok" && !line.contains("CHECK constraint"));
-    // SQLite checks that a partial index has all of its rows, but not that it has no others.
-    for (index, which) in schema::partial_indices() {
-        let entries = |how: &str| {
-            let count = format!("SELECT count(*) FROM cases {how} WHERE {which}");
-            connection.one(&count, [], |row| row.get::<_, i64>(0))
-        };
-        if entries(&format!("INDEXED BY {index}"))? != entries("NOT INDEXED")? {
-            found.push(format!("the index {index} has other cases"));
-        }
-    }
     Ok(found)
 }
 
@@ -363,7 +352,6 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
         for (table, _, query) in kinds() {
             reseal(&connection, table, &query, [])?;
         }
-        Mark::renew(&connection)?;
         connection.execute_batch("COMMIT")
     };
     accepted().map_err(|error| StoreError::sqlite(path, error, false))

@@ -21,18 +21,12 @@ pub enum StoreError {
         "name a store, such as results/quickstart.sqlite, or a campaign file, such as sweeps/quickstart.toml"
     ))]
     NotAFile { path: PathBuf, what: &'static str },
-    /// A store beside the log of another one, or of an older state of its own.
-    #[error("the log {} does not belong to {}: it was written for another store, or before this file was put there", log.display(), path.display())]
-    #[diagnostic(help(
-        "nothing was changed; `sweep merge NEW.sqlite {}` copies the contents of the store without this log into a new one",
-        path.display()
-    ))]
-    ForeignLog { path: PathBuf, log: PathBuf },
     /// A damaged store.
     #[error("{} is damaged: {what}", path.display())]
     #[diagnostic(help(
-        "`sweep run` computes damaged runs again, with the same digits, and `sweep check {0}` lists them; from a file that cannot \
-         be read any more `sweep merge NEW.sqlite {0}` takes what is whole into a new store",
+        "`sweep check {0}` lists damaged runs, and `sweep run` computes them again, with the same digits; from a file that cannot be \
+         read `sweep merge NEW.sqlite {0}` copies the runs that can, and where it copies none, move the file away: `sweep run` \
+         computes all of them again",
         path.display()
     ))]
     Damaged {
@@ -246,8 +240,7 @@ impl StoreError {
             Self::ClaimLost { .. }
             | Self::Gone { .. }
             | Self::Displaced { .. }
-            | Self::Damaged { .. }
-            | Self::ForeignLog { .. } => true,
+            | Self::Damaged { .. } => true,
             Self::Sqlite {
                 during_run,
                 passing,

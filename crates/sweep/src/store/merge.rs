@@ -12,15 +12,12 @@ use super::{Store, StoreError, rules, settle};
 use crate::protocol::Protocol;
 use crate::system::process::now;
 use case::Merging;
-use rusqlite::{Connection, params};
+use rusqlite::params;
 use serde::Serialize;
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
-
-/// Number of consecutive row numbers read from pages of a damaged store.
-const MAX_MISSED: u32 = 10_000;
 
 /// Outcome of a merge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -157,7 +154,7 @@ impl Store {
 
     /// The text of the campaign file of a shard, or of a damaged store.
     pub(crate) fn campaign_of(shard: &Path) -> Result<String, StoreError> {
-        shards::open(shard)?.0.campaign_text()
+        Store::open_shard(shard)?.campaign_text()
     }
 
     /// Whether a shard is recorded as merged and has not changed since.
@@ -194,8 +191,8 @@ impl Store {
         (protocol, is_last): (&Protocol, bool),
         merged: &mut Merged,
     ) -> Result<(), StoreError> {
-        let store = match shards::open(&shard.path) {
-            Ok((store, _)) => store,
+        let store = match Store::open_shard(&shard.path) {
+            Ok(store) => store,
             Err(error) => {
                 merged.damaged.push(Damaged::of(&shard.path, &error));
                 return Ok(());
@@ -213,12 +210,11 @@ impl Store {
                 processes: HashMap::new(),
                 merged,
             };
-            let (ids, is_all) = cases_of(&store.connection);
-            if !is_all {
-                damage.get_or_insert_with(|| "not all of its cases can be read".into());
-            }
-            for id in ids {
-                merging.case(id)?;
+            let ids: rusqlite::Result<Vec<i64>> =
+                store.connection.values("SELECT id FROM cases", []);
+            match ids {
+                Ok(ids) => ids.into_iter().try_for_each(|id| merging.case(id))?,
+                Err(error) => damage = Some(error.to_string()),
             }
             if is_last {
                 settle::settle_all(connection, protocol)?;
@@ -290,28 +286,4 @@ impl Store {
     pub(crate) fn mixed_shards(&self) -> Result<u64, StoreError> {
         self.number("SELECT count(*) FROM shards WHERE mixed", [])
     }
-}
-
-/// The numbers of the cases of a store, and whether they are complete. For a damaged store, those
-/// on readable pages.
-fn cases_of(other: &Connection) -> (Vec<i64>, bool) {
-    let (mut ids, mut is_all, mut last, mut missed) = (Vec::new(), true, 0, 0);
-    let most = 4 * usize::try_from(crate::model::campaign::CASE_LIMIT).unwrap_or(usize::MAX);
-    while ids.len() < most && missed < MAX_MISSED {
-        let read = other
-            .prepare_cached("SELECT id FROM cases WHERE id > ?1 ORDER BY id")
-            .and_then(|mut query| {
-                let mut rows = query.query([last])?;
-                while let Some(row) = rows.next()?.filter(|_| ids.len() < most) {
-                    (last, missed) = (row.get(0)?, 0);
-                    ids.push(last);
-                }
-                Ok(())
-            });
-        if read.is_ok() {
-            return (ids, is_all);
-        }
-        (is_all, last, missed) = (false, last + 1, missed + 1);
-    }
-    (ids, false)
 }

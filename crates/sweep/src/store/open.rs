@@ -2,12 +2,11 @@
 
 use super::StoreError;
 use super::lock::{WAITS, WAITS_BETWEEN_NOTES, is_stopping, wait_for_lock};
-use super::log::{self, Mark};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
 use super::request::Request;
 use super::schema;
-use super::statements::{Statements, harden};
+use super::statements::Statements;
 use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
@@ -23,7 +22,7 @@ pub struct Store {
     pub(super) path: PathBuf,
     /// Its files, as they were when it was opened for writing.
     pub(super) files: Option<Files>,
-    /// Warning for the user: changes that were lost with a log.
+    /// Warning for the user: changes in a log that cannot be read.
     pub(super) warning: Option<String>,
     /// This process, once registered in the store.
     pub(super) process: Option<Registered>,
@@ -46,21 +45,17 @@ impl Store {
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         place::refuse_other_than_files(path)?;
         let file = FileIdentity::of(path);
-        let had_log = log::is_there(path);
-        let last = log::check(path)?;
         let failed = |error| StoreError::sqlite(path, error, false);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let mut connection = Connection::open_with_flags(path, flags).map_err(failed)?;
         connection
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
-        harden(&connection).map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         store.use_write_ahead_log()?;
         store.read(store.connection.pragma_update(None, "synchronous", "FULL"))?;
         // The file at the path must be the one that was opened.
         store.files = Some(Files::of(path, file));
-        store.warning = store.look_for_losses(had_log, last)?;
         Ok(store)
     }
 
@@ -84,6 +79,7 @@ impl Store {
                 "PRAGMA foreign_keys = OFF; PRAGMA temp_store = MEMORY; PRAGMA cache_size = -{CACHE}"
             ))
             .map_err(failed)?;
+        connection.set_prepared_statement_cache_capacity(64);
         Ok(Self {
             connection,
             path: path.to_owned(),
@@ -97,33 +93,7 @@ impl Store {
         })
     }
 
-    /// Sets the warning about changes lost with the log of an opened store: its end, or all of it.
-    pub(super) fn look_for_losses(
-        &self,
-        had_log: bool,
-        last: Option<u64>,
-    ) -> Result<Option<String>, StoreError> {
-        let Some((pid, host)) = self.read(processes::abandoned(&self.connection))? else {
-            return Ok(None);
-        };
-        let log = place::log_of(&self.path);
-        Ok(if log::is_cut(&self.connection, last) {
-            Some(format!(
-                "the end of the log {} cannot be read: the last changes of process {pid} on {host} are lost and will be recomputed",
-                log.display()
-            ))
-        } else if !had_log {
-            Some(format!(
-                "process {pid} on {host} did not exit cleanly, and there is no log {}: its last changes may be lost, and will be \
-                 computed again",
-                log.display()
-            ))
-        } else {
-            None
-        })
-    }
-
-    /// Warning for the user: changes that were lost with a log.
+    /// Warning for the user: changes in a log that cannot be read.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
@@ -164,7 +134,6 @@ impl Store {
         self.make_sure_of_the_file()?;
         let result = self.begin().and_then(|transaction| {
             let value = work(&transaction)?;
-            Mark::renew(&transaction)?;
             transaction.commit()?;
             Ok(value)
         });

@@ -78,6 +78,11 @@ pub(super) fn log_of(path: &Path) -> PathBuf {
     with_suffix(path, "-wal")
 }
 
+/// Whether there is a log with changes beside a store.
+pub(super) fn has_log(path: &Path) -> bool {
+    std::fs::metadata(log_of(path)).is_ok_and(|log| log.len() > 0)
+}
+
 /// Whether there is no store yet: no file, or an empty one, which a store replaces.
 pub(crate) fn is_free(path: &Path) -> bool {
     std::fs::metadata(path).map_or(!path.exists(), |file| file.is_file() && file.len() == 0)

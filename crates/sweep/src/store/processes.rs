@@ -90,15 +90,6 @@ impl ActiveProcess {
     }
 }
 
-/// A process that did not exit cleanly, if no other process works on the store.
-pub(super) fn abandoned(connection: &Connection) -> rusqlite::Result<Option<(u32, String)>> {
-    let others = ActiveProcess::others(connection, 0)?;
-    if others.iter().any(|other| other.is_alive) {
-        return Ok(None);
-    }
-    Ok(others.into_iter().next_back().map(ActiveProcess::name))
-}
-
 /// Another process that works on the store.
 pub(super) fn other_worker(
     connection: &Connection,

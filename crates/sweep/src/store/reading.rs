@@ -1,23 +1,13 @@
 //! Opening a store to read it: while others write, without write access, on a full disk.
 
 use super::lock::wait_for_lock;
-use super::log;
 use super::place::{self, address, refuse_other_than_files};
-use super::statements::{Statements, harden};
+use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::disk::is_full;
 use crate::model::campaign::Campaign;
-use rusqlite::config::DbConfig;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-/// Operations of `SQLite` between checks of the clock.
-const OPERATIONS: i32 = 100_000;
-/// Maximum total time of the queries of a reader, for an empty store.
-const PATIENCE: Duration = Duration::from_mins(2);
-/// Additional time per byte, for a tenth of the speed of a slow network file system.
-const BYTES_PER_SECOND: u64 = 1 << 20;
 
 impl Store {
     /// Opens a store for reading only, while others may write to it. The reader sees one consistent
@@ -28,25 +18,21 @@ impl Store {
     /// A file that is missing, not a store, or of another schema.
     pub fn open_read_only(path: &Path) -> Result<Self, StoreError> {
         refuse_other_than_files(path)?;
-        let had_log = log::is_there(path);
-        let last = log::check(path)?;
-        let mut store = match Self::read_only(path, None) {
+        match Self::read_only(path, None) {
             // SQLite creates an index of the log beside it, which fails without write access, on a
             // read-only disk or a full one.
             Err(error) if needs_snapshot_or_copy(&error) || is_full(path) => {
                 let mut store = Self::read_only(path, Some("immutable=1")).map_err(|_| error)?;
-                if had_log {
+                if place::has_log(path) {
                     store.warning = Some(format!(
                         "the log {} cannot be read here: the last changes are not shown",
                         place::log_of(path).display()
                     ));
                 }
-                return Ok(store);
+                Ok(store)
             }
-            other => other?,
-        };
-        store.warning = store.look_for_losses(had_log, last)?;
-        Ok(store)
+            other => other,
+        }
     }
 
     /// Opens the file of a store without its log and without locks, which some file systems lack.
@@ -55,23 +41,21 @@ impl Store {
         Self::read_only(path, Some("immutable=1"))
     }
 
-    /// The same for a damaged store, such as a truncated file.
-    pub(super) fn open_damaged(path: &Path) -> Result<Self, StoreError> {
-        refuse_other_than_files(path)?;
-        let connection = Self::connect(path, Some("immutable=1"))?;
-        connection
-            .set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, false)
-            .and_then(|_| connection.execute_batch("PRAGMA writable_schema = ON"))
-            .map_err(|error| StoreError::sqlite(path, error, false))?;
-        Self::on(connection, path)
-    }
-
     /// Opens a shard. A published one never changes; one that still has a log may be in use.
     pub(crate) fn open_shard(path: &Path) -> Result<Self, StoreError> {
-        if log::is_there(path) {
-            Self::open_read_only(path)
-        } else {
-            Self::open_without_log(path)
+        if place::has_log(path) {
+            return Self::open_read_only(path);
+        }
+        match Self::open_without_log(path) {
+            Err(StoreError::Damaged { .. }) => {
+                // With this SQLite reads a file whose end is missing.
+                let connection = Self::connect(path, Some("immutable=1"))?;
+                connection
+                    .execute_batch("PRAGMA writable_schema = ON")
+                    .map_err(|error| StoreError::sqlite(path, error, false))?;
+                Self::on(connection, path)
+            }
+            opened => opened,
         }
     }
 
@@ -98,18 +82,8 @@ impl Store {
         connection
             .busy_handler(Some(wait_for_lock))
             .map_err(failed)?;
-        limit_time(&mut connection, path).map_err(failed)?;
-        harden(&connection).map_err(failed)?;
         Ok(connection)
     }
-}
-
-/// Interrupts queries that take too long for a store of this size.
-fn limit_time(connection: &mut Connection, path: &Path) -> rusqlite::Result<()> {
-    let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
-    let limit = PATIENCE + Duration::from_secs(bytes / BYTES_PER_SECOND);
-    let begun = Instant::now();
-    connection.progress_handler(OPERATIONS, Some(move || begun.elapsed() > limit))
 }
 
 /// Copies the present state of a store into a new file, while others continue to write to the

@@ -45,12 +45,7 @@ impl Store {
                 ],
             )?;
             SEALED.seal(connection, "t.id = ?1", [me])
-        })?;
-        // In the file itself, so that a store that lost its log is recognized.
-        self.read(
-            self.connection
-                .execute_batch("PRAGMA wal_checkpoint(PASSIVE)"),
-        )
+        })
     }
 
     /// Records a heartbeat of this process.

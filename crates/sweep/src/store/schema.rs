@@ -1,11 +1,12 @@
 //! The schema of a store: creation and recognition of its tables, and values of common columns.
 
 use super::digest::DigestMismatch;
+use super::statements::Statements as _;
 use crate::axes::{AXES, Kind, Value as AxisValue};
 use crate::case::State;
 use crate::model::sampled::{Number, listed};
 use rusqlite::types::{Type, Value, ValueRef};
-use rusqlite::{Connection, OptionalExtension, Row};
+use rusqlite::{Connection, Row};
 use sd_core::Params;
 
 /// Application id of the file: `SWEP`.
@@ -24,7 +25,7 @@ const SHADOWED: [&str; 6] = [
 /// The version of the schema of a store; `None` for other files.
 pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>> {
     let pragma = |name| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
-    if pragma("application_id")? == APPLICATION_ID && has_plain_tables(connection)? {
+    if pragma("application_id")? == APPLICATION_ID {
         return pragma("user_version").map(Some);
     }
     Ok(None)
@@ -70,34 +71,26 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
     connection.execute_batch(&indices.join("\n"))
 }
 
-/// Names of the partial indices, each with its condition.
-pub(super) fn partial_indices() -> impl Iterator<Item = (&'static str, &'static str)> {
-    STATEMENTS.lines().filter_map(|line| {
-        let index = line.strip_prefix("CREATE INDEX IF NOT EXISTS ")?;
-        let (name, of) = index.split_once(" ON cases ")?;
-        Some((name, of.split_once(" WHERE ")?.1.trim_end_matches(';')))
-    })
-}
-
-/// Shadows some tables by temporary copies that a read-only connection can change.
+/// Copies some tables, with their indices, into temporary ones of the same names, which a read-only
+/// connection can change.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
-    for statement in statements().split_inclusive(";\n") {
-        for table in SHADOWED {
-            let begins = format!("CREATE TABLE {table} (");
-            if let Some(at) = statement.find(&begins) {
-                let columns = &statement[at + begins.len()..];
-                connection.execute_batch(&format!(
-                    "CREATE TEMP TABLE {table} ({columns} INSERT INTO temp.{table} SELECT *
-                         FROM main.{table}"
-                ))?;
-            }
+    for table in SHADOWED {
+        let statements: Vec<String> = connection.values(
+            "SELECT sql FROM main.sqlite_schema WHERE tbl_name = ?1 AND sql IS NOT NULL
+             ORDER BY type DESC",
+            [table],
+        )?;
+        for statement in statements {
+            let temporary = statement
+                .replacen("CREATE TABLE ", "CREATE TABLE temp.", 1)
+                .replacen("CREATE INDEX ", "CREATE INDEX temp.", 1);
+            connection.execute_batch(&temporary)?;
         }
+        connection.execute_batch(&format!(
+            "INSERT INTO temp.{table} SELECT * FROM main.{table}"
+        ))?;
     }
-    connection.execute_batch(
-        "CREATE INDEX temp.cases_of_point ON cases (point);
-         CREATE INDEX temp.cases_of_rule ON cases (rule, position) WHERE rule IS NOT NULL;
-         CREATE INDEX temp.failures_of_case ON failures (case_id)",
-    )
+    Ok(())
 }
 
 /// Names of the columns of the axes, each with a prefix.
@@ -135,32 +128,6 @@ pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
         .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }
 
-/// Checks that each of our tables is an ordinary table: no view, no virtual table, no generated
-/// columns.
-fn has_plain_tables(connection: &Connection) -> rusqlite::Result<bool> {
-    let names = STATEMENTS
-        .lines()
-        .filter_map(|line| line.strip_prefix("CREATE TABLE "));
-    for table in names.filter_map(|line| line.strip_suffix(" (")) {
-        let found: Option<(String, i64)> = connection
-            .query_row(
-                "SELECT type, rootpage FROM main.sqlite_schema WHERE name = ?1 COLLATE NOCASE",
-                [table],
-                |row| Ok((row.get(0)?, row.get(1)?)),
-            )
-            .optional()?;
-        let computed: i64 = connection.query_row(
-            "SELECT count(*) FROM pragma_table_xinfo(?1, 'main') WHERE hidden != 0",
-            [table],
-            |row| row.get(0),
-        )?;
-        if found.is_some_and(|(kind, root)| kind != "table" || root < 2) || computed > 0 {
-            return Ok(false);
-        }
-    }
-    Ok(true)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,6 +139,6 @@ mod tests {
         let counted = "SELECT count(*) FROM sqlite_schema AS t JOIN pragma_table_info(t.name) WHERE t.type = 'table'";
         let columns: u32 = store.query_row(counted, [], |row| row.get(0)).unwrap();
         // Without that of the axis that tests add. Stores with other columns need another version.
-        assert_eq!((VERSION, columns - 1), (1, 266));
+        assert_eq!((VERSION, columns - 1), (1, 264));
     }
 }

@@ -13,13 +13,6 @@ CREATE TABLE campaign (
     priority TEXT NOT NULL          -- points that come first
 );
 
--- The mark that each change to the store renews: 16 fixed bytes, the random id of the store, the number of the change. A
--- write-ahead log whose marks do not go on from the one in the file does not belong to it.
-CREATE TABLE log (
-    id   INTEGER PRIMARY KEY CHECK (id = 1),
-    mark BLOB NOT NULL
-);
-
 -- One row for every process that ever worked on this store.
 CREATE TABLE processes (
     id              INTEGER PRIMARY KEY,

@@ -1,6 +1,5 @@
-//! Cached prepared statements, and a connection that executes no code from the file.
+//! Cached prepared statements.
 
-use rusqlite::config::DbConfig;
 use rusqlite::types::FromSql;
 use rusqlite::{CachedStatement, Connection, OptionalExtension as _, Params, Result, Row};
 
@@ -73,22 +72,4 @@ impl Statements for Connection {
     fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>> {
         self.prepare_cached(sql)
     }
-}
-
-/// Largest text or blob that is read, in bytes.
-const LENGTH_LIMIT: i32 = 256 << 20;
-
-/// Prevents the execution of code stored in a file: no views, no triggers, only harmless functions.
-pub(super) fn harden(connection: &Connection) -> Result<()> {
-    for (option, value) in [
-        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
-        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
-        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
-        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
-    ] {
-        connection.set_db_config(option, value)?;
-    }
-    connection.set_prepared_statement_cache_capacity(64);
-    connection.set_limit(rusqlite::limits::Limit::SQLITE_LIMIT_LENGTH, LENGTH_LIMIT)?;
-    Ok(())
 }

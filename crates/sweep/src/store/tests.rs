@@ -2,16 +2,13 @@ use super::*;
 use crate::campaign::{Campaign, Order};
 use crate::case::State;
 use crate::test_support::{counters, sample, snapshot};
-use rusqlite::config::DbConfig;
 use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
 use std::time::Duration;
 
 mod damage;
 mod doubts;
-mod hostile;
 mod length;
-mod logs;
 mod merge;
 mod recovery;
 mod rules;

@@ -2,7 +2,7 @@
 
 use crate::store::check::SIZE;
 use crate::store::statements::Statements;
-use crate::store::{Store, StoreError, log};
+use crate::store::{Store, StoreError, place};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -29,7 +29,7 @@ impl Stamp {
         Ok(Self {
             name: name.to_string_lossy().into_owned(),
             size: file.len(),
-            changing: log::is_there(path),
+            changing: place::has_log(path),
             modified: since.map_or(0, |since| {
                 i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
             }),
@@ -69,27 +69,13 @@ pub(super) fn foreign(known: &BTreeSet<String>, shards: &[Shard]) -> Vec<(usize,
         .collect()
 }
 
-/// Opens a shard or a damaged store; without its log, and with a warning, if that is foreign.
-pub(super) fn open(path: &Path) -> Result<(Store, Option<String>), StoreError> {
-    match Store::open_shard(path) {
-        Ok(store) => Ok((store, None)),
-        Err(error @ StoreError::ForeignLog { .. }) => Ok((
-            Store::open_without_log(path)?,
-            Some(format!("{error}; it was left out")),
-        )),
-        Err(error @ StoreError::Damaged { .. }) => {
-            Ok((Store::open_damaged(path)?, Some(error.to_string())))
-        }
-        Err(error) => Err(error),
-    }
-}
-
 impl Shard {
     /// Checks a shard. The intact cases of a damaged one are still merged.
     pub(super) fn look(path: &Path) -> Result<Self, StoreError> {
         // Before it is opened: if it is replaced meanwhile, the next merge reads the new one.
         let stamp = Stamp::of(path)?;
-        let (store, mut damage) = open(path)?;
+        let store = Store::open_shard(path)?;
+        let mut damage = None;
         let found = store.connection.value("PRAGMA quick_check(1)", []);
         let found = found.map(|found: Option<String>| found.unwrap_or_default());
         match found {

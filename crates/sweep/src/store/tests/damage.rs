@@ -120,36 +120,6 @@ fn no_altered_frame_is_shown_or_merged() {
     }
 }
 
-#[test]
-fn index_with_more_than_its_cases_is_found_and_made_again() {
-    let directory = tempfile::tempdir().unwrap();
-    let store = ended(directory.path());
-    let path = store.path().to_owned();
-    let page = |index: &str| {
-        let root = "SELECT rootpage FROM sqlite_schema WHERE name = ?1";
-        let root: usize = store
-            .connection
-            .query_row(root, [index], |row| row.get(0))
-            .unwrap();
-        (root - 1) * 4096..root * 4096
-    };
-    let (from, to) = (page("cases_of_point"), page("running"));
-    drop(store);
-    let mut bytes = std::fs::read(&path).unwrap();
-    bytes.copy_within(from, to.start);
-    std::fs::write(&path, bytes).unwrap();
-    let found = check(&path).unwrap().findings;
-    assert!(
-        found.iter().any(|finding| finding.what.contains("running")),
-        "{found:?}"
-    );
-    let mut store = Store::open(&path).unwrap();
-    assert!(!store.forget_damaged().unwrap().is_empty());
-    drop(store);
-    assert!(check(&path).unwrap().findings.is_empty());
-    assert!(Store::open(&path).unwrap().processes().unwrap().is_empty());
-}
-
 /// Columns of a table.
 fn columns(table: &str) -> Vec<String> {
     let directory = tempfile::tempdir().unwrap();
@@ -321,6 +291,152 @@ proptest::proptest! {
             for run in saved.point_runs().unwrap() {
                 proptest::prop_assert!(run.viscosity.is_none_or(|v| (v - right).abs() < 1e-12));
             }
+        }
+    }
+}
+
+/// A shard of the campaign with one result, and its file.
+fn shard(directory: &Path) -> std::path::PathBuf {
+    let folder = directory.join("shard");
+    std::fs::create_dir(&folder).unwrap();
+    let mut store = open(&folder);
+    store.register(1).unwrap();
+    let claim = store.next().unwrap();
+    store
+        .end(&claim, &finished_as(&claim, State::Done))
+        .unwrap();
+    let path = store.path().to_owned();
+    drop(store);
+    path
+}
+
+/// A store with two results of its own.
+fn own(directory: &Path) -> Store {
+    let mut store = open(directory);
+    store.register(1).unwrap();
+    let first = store.next().unwrap();
+    for _ in 0..2 {
+        let claim = store.next().unwrap();
+        store.end(&claim, &finished(State::Done)).unwrap();
+    }
+    store.release([&first]).unwrap();
+    store
+}
+
+fn craft(path: &Path, statements: &str) {
+    rusqlite::Connection::open(path)
+        .unwrap()
+        .execute_batch(statements)
+        .unwrap();
+}
+
+#[test]
+fn values_of_types_that_no_store_has_are_not_taken_over() {
+    for statement in [
+        "UPDATE cases SET steps_done = 'much' WHERE id = 1",
+        "UPDATE ends SET wall_time_s = x'00ff'",
+        "UPDATE ends SET resumed = 'often'",
+        "UPDATE samples SET contacts = 'some'",
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let path = shard(directory.path());
+        craft(&path, statement);
+        let mut store = own(directory.path());
+        let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+        assert_eq!(merged.results, 0, "{statement}");
+        assert_eq!(
+            merged.unreadable + merged.damaged.len() as u64,
+            1,
+            "{statement}"
+        );
+        assert!(check(store.path()).unwrap().findings.is_empty());
+    }
+}
+
+#[test]
+fn pipe_is_refused_without_blocking() {
+    let directory = tempfile::tempdir().unwrap();
+    let pipe = directory.path().join("pipe.sqlite");
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        &pipe,
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::from_raw_mode(0o600),
+        0,
+    )
+    .unwrap();
+    for refused in [
+        Store::open(&pipe).err(),
+        Store::open_read_only(&pipe).err(),
+        check(&pipe).err(),
+    ] {
+        assert!(
+            matches!(refused, Some(StoreError::NotAFile { .. })),
+            "{refused:?}"
+        );
+    }
+    let mut store = own(directory.path());
+    let merged = store.merge(std::slice::from_ref(&pipe), true).unwrap();
+    assert_eq!(merged.damaged.len(), 1);
+    assert!(Store::open_read_only(Path::new("/dev/zero")).is_err());
+}
+
+#[test]
+fn failed_runs_bring_their_samples_and_frames() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("shard");
+    std::fs::create_dir(&folder).unwrap();
+    let mut shard = open(&folder);
+    shard.register(1).unwrap();
+    let claim = shard.next().unwrap();
+    shard
+        .keep_frames(&claim, &[(20, crate::test_support::frame())])
+        .unwrap();
+    shard.fail(&claim, failure(37), &first_samples(2)).unwrap();
+    let path = shard.path().to_owned();
+    drop(shard);
+    let mut store = open(directory.path());
+    let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+    assert_eq!(merged.failures, 1);
+    let details = store.details(&claim.key).unwrap();
+    assert_eq!((details.samples.len(), details.frames), (2, 1));
+}
+
+/// An intact shard, and a store after its merge.
+static SHARD: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::read(shard(directory.path())).unwrap()
+});
+
+proptest::proptest! {
+    // A case takes a thousand times as long as one of other properties. PROPTEST_CASES overrides
+    // this number.
+    #![proptest_config(proptest::test_runner::Config::with_cases(8))]
+    #[test]
+    fn damaged_shards_crash_no_merge_and_bring_nothing_that_was_not_computed(
+        at in proptest::prelude::any::<usize>(),
+        put in proptest::collection::vec(proptest::prelude::any::<u8>(), 1..40),
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let mut bytes = SHARD.clone();
+        let at = at % bytes.len();
+        for (place, byte) in bytes[at..].iter_mut().zip(put) {
+            *place = byte;
+        }
+        let path = directory.path().join("damaged.sqlite");
+        std::fs::write(&path, bytes).unwrap();
+        let mut store = open(directory.path());
+        let _ = store.merge(std::slice::from_ref(&path), true);
+        drop(store);
+        let store = Store::open(&directory.path().join("small.sqlite")).unwrap();
+        proptest::prop_assert!(check(store.path()).unwrap().findings.is_empty());
+        for run in store.point_runs().unwrap() {
+            let is_right = run.viscosity.is_none_or(|viscosity| {
+                let samples = finished(State::Done).samples;
+                let mean = crate::statistics::Averages::of(&samples, 100).viscosity.unwrap().mean;
+                (viscosity - mean).abs() < 1e-12
+            });
+            proptest::prop_assert!(is_right, "{:?}", run.viscosity);
         }
     }
 }
