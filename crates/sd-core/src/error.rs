@@ -37,6 +37,28 @@ pub enum Error {
         /// Entries needed.
         expected: usize,
     },
+    /// A number of one sphere that is out of range.
+    #[error("{field} of sphere {sphere} must be {allowed}, got {value}")]
+    OfSphere {
+        /// Name of the list.
+        field: &'static str,
+        /// The sphere, from 0.
+        sphere: usize,
+        /// The number given.
+        value: f64,
+        /// Description of the range.
+        allowed: &'static str,
+    },
+    /// Forces with a sum under which the spheres would move infinitely fast.
+    #[error(
+        "forces must sum to 0 along {direction} in a periodic layer under full Stokesian Dynamics, got {net:e}: the unbounded fluid about it does not resist a net force; subtract the mean force, or choose a suspension, or hydrodynamics without a far field"
+    )]
+    NetForce {
+        /// `x` or `y`.
+        direction: char,
+        /// Their sum, in mu·a²·rate.
+        net: f64,
+    },
     /// The configuration has no sphere.
     #[error("a configuration needs at least one sphere")]
     NoSpheres,

@@ -73,6 +73,7 @@
 //! | read positions, stresslets and contacts of a sample | [`Simulation::step_with_frame`] |
 //! | store a run and resume it with the same bits | [`Simulation::snapshot`] |
 //! | solve the velocities at given positions | [`instant::solve`] |
+//! | multiply by the mobility or the resistance at many positions | [`products`] |
 //! | move two spheres past each other | [`pair::pass`] |
 //! | look up two-sphere resistance functions | [`two_sphere::scalars`] |
 //! | implement a contact law | [`law::CustomNormalLaw`] |
@@ -152,7 +153,7 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 pair: two spheres alone; verify: known results, recomputed
+//!                 products: mobility and resistance, planned once; pair: two spheres alone; verify: known results, recomputed
 //! ```
 //! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
 //! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
@@ -179,7 +180,7 @@ pub use model::{
 };
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::started::Started;
-pub use run::{instant, pair, simulation, start, verify};
+pub use run::{instant, pair, products, simulation, start, verify};
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
 pub use stage::{Method, memory_bytes};

@@ -3,6 +3,7 @@
 mod balance;
 pub mod instant;
 pub mod pair;
+pub mod products;
 pub mod simulation;
 pub mod start;
 pub(crate) mod started;

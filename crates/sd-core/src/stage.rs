@@ -129,6 +129,11 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
+    /// Products with the mobility of the far field at the current positions, if it is iterated.
+    pub(crate) fn far_operator(&mut self) -> Option<&mut S::Operator> {
+        self.far.as_mut().map(|far| far.operator())
+    }
+
     /// Forces and stresslets of the fluid in the last solve, as in [`Resistance::apply`]; `work` is
     /// workspace.
     pub fn counterforces(
@@ -172,9 +177,9 @@ impl<S: Fluid> StageSolver<S> {
     /// Solves for the velocities at the current positions under external forces and torques (empty:
     /// none).
     ///
-    /// `pass`: [`SolvePass::First`] once after every [`StageSolver::assemble`]; later passes solve
-    /// again under the same external forces, possibly with another contact law without repulsion or
-    /// adhesion.
+    /// `pass`: [`SolvePass::First`] first after every [`StageSolver::assemble`], and again under
+    /// other external forces if no repulsion acts; later passes solve again under the same external
+    /// forces, possibly with another contact law without repulsion or adhesion.
     ///
     /// # Errors
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.

@@ -195,6 +195,11 @@ impl<S: Fluid> IterativeFarField<S> {
         self.split.start_from(found);
     }
 
+    /// Products with M at the current positions.
+    pub(crate) fn operator(&mut self) -> &mut S::Operator {
+        &mut self.operator
+    }
+
     /// Sets new positions. The next solve starts from the last solution.
     ///
     /// # Errors

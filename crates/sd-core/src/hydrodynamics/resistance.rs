@@ -79,6 +79,8 @@ pub struct Resistance<S: Fluid = Layer> {
     /// iterated.
     far_pairs: Option<FarPairs<S>>,
     form: Form<S>,
+    /// Whether `R_FU` is factored at the current positions.
+    factored: bool,
 }
 
 impl<S: Fluid> Resistance<S> {
@@ -198,7 +200,16 @@ impl<S: Fluid> Resistance<S> {
             terms: Vec::with_capacity(S::RESERVED_NEIGHBOURS * radii.len() / 2),
             far_pairs: None,
             form: form()?,
+            factored: false,
         })
+    }
+
+    /// Has pairwise storage make a new pattern at the next [`Resistance::assemble`], as a new
+    /// resistance does.
+    pub(crate) fn forget_pattern(&mut self) {
+        if let Form::Pairwise(pairwise) = &mut self.form {
+            pairwise.forget_pattern();
+        }
     }
 
     /// For soft spheres: near-field terms below a gap are those at that gap, and surfaces may
@@ -224,6 +235,7 @@ impl<S: Fluid> Resistance<S> {
     /// # Errors
     /// [`Error::Overlap`]; [`Error::NotPositiveDefinite`] for the far-field mobility.
     pub fn assemble(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
+        self.factored = false;
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
@@ -259,12 +271,15 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
-    /// The second half of [`Resistance::update`]: factors `R_FU` in place, once for every
-    /// [`Resistance::assemble`]. Pairwise storage has no factor and is unchanged.
+    /// The second half of [`Resistance::update`]: factors `R_FU` in place, unless it is factored at
+    /// these positions. Pairwise storage has no factor and is unchanged.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`].
     pub fn factor(&mut self) -> Result<(), Error> {
+        if std::mem::replace(&mut self.factored, true) {
+            return Ok(());
+        }
         let factored = match &mut self.form {
             Form::Dense(dense) => dense.factor(),
             Form::Skyline(skyline) => skyline.factor(),

@@ -15,6 +15,7 @@ mod layer;
 mod lubrication;
 mod pair;
 mod pairwise;
+mod products;
 mod recorded_laws;
 mod reference;
 mod segments;

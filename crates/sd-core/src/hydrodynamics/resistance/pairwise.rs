@@ -73,6 +73,11 @@ impl<S: Fluid> PairwiseResistance<S> {
         self.reach = self.reach.with_contacts(height / smallest);
     }
 
+    /// Discards the pattern: the next positions get a new one.
+    pub(super) fn forget_pattern(&mut self) {
+        self.pattern_pairs.clear();
+    }
+
     /// Sets the pair terms, and makes a new pattern if a near pair is not in the old one.
     ///
     /// # Errors

@@ -1,0 +1,101 @@
+//! Solves with the mobility of the far field, by conjugate gradients.
+
+use super::resistance::{FarProduct as _, Fluid};
+use crate::error::Error;
+use crate::linalg::dense::{add_scaled, dot};
+
+/// Iterations after which a solve has failed. The condition number of M is some hundreds for
+/// spheres in contact, which takes a few dozen.
+const MAX_ITERATIONS: u32 = 1000;
+
+/// Force modes from velocity modes, `M q = x − V c` and `Vᵀ q = 0` with V the translations of a
+/// periodic layer, which no force can cause. Modes of all spheres, strains first.
+pub(crate) struct InverseMobility<S: Fluid> {
+    /// Drag of isolated spheres, which preconditions.
+    drag: Vec<f64>,
+    /// Sum of the drags on a translation of all spheres.
+    uniform_drag: f64,
+    /// q.
+    solution: Vec<f64>,
+    residual: Vec<f64>,
+    preconditioned: Vec<f64>,
+    direction: Vec<f64>,
+    image: Vec<f64>,
+    space: std::marker::PhantomData<S>,
+}
+
+impl<S: Fluid> InverseMobility<S> {
+    pub(crate) fn new(radii: &[f64]) -> Self {
+        let single = || radii.iter().map(|&radius| S::far_drag(radius));
+        let strains = single().flat_map(|drag| drag.as_ref()[..S::STRAINS].to_vec());
+        let velocities = single().flat_map(|drag| drag.as_ref()[S::STRAINS..].to_vec());
+        let drag: Vec<f64> = strains.chain(velocities).collect();
+        let vector = || vec![0.0; drag.len()];
+        Self {
+            uniform_drag: single().map(|drag| drag[S::STRAINS]).sum(),
+            solution: vector(),
+            residual: vector(),
+            preconditioned: vector(),
+            direction: vector(),
+            image: vector(),
+            drag,
+            space: std::marker::PhantomData,
+        }
+    }
+
+    /// q for the velocity modes x, to a relative residual `√(rᵀ D r)/√(xᵀ D x)`, D the drag.
+    ///
+    /// # Errors
+    /// [`Error::NotConverged`].
+    pub(crate) fn solve(
+        &mut self,
+        operator: &mut S::Operator,
+        x: &[f64],
+        tolerance: f64,
+    ) -> Result<&[f64], Error> {
+        self.solution.fill(0.0);
+        self.residual.copy_from_slice(x);
+        let mut square = self.precondition();
+        let first = square;
+        self.direction.copy_from_slice(&self.preconditioned);
+        let mut iterations = 0;
+        while square > tolerance * tolerance * first {
+            if iterations == MAX_ITERATIONS || !square.is_finite() {
+                return Err(Error::NotConverged {
+                    quantity: "the inverse of the mobility",
+                    iterations,
+                    residual: (square / first).sqrt(),
+                    wanted: tolerance,
+                });
+            }
+            iterations += 1;
+            operator.apply(&self.direction, &mut self.image);
+            let length = square / dot(&self.direction, &self.image);
+            add_scaled(&mut self.solution, &self.direction, length);
+            add_scaled(&mut self.residual, &self.image, -length);
+            let before = square;
+            square = self.precondition();
+            for (direction, z) in self.direction.iter_mut().zip(&self.preconditioned) {
+                *direction = z + square / before * *direction;
+            }
+        }
+        Ok(&self.solution)
+    }
+
+    /// Multiplies the residual by the drag, without the translation that a net force would cause;
+    /// returns the product of both.
+    fn precondition(&mut self) -> f64 {
+        let rows = self.residual.iter().zip(&self.drag);
+        self.preconditioned.clear();
+        self.preconditioned.extend(rows.map(|(r, drag)| r * drag));
+        let first = self.drag.len() / (S::STRAINS + S::MODES) * S::STRAINS;
+        for k in 0..S::DRIFTS {
+            let translations = || (first + k..self.drag.len()).step_by(S::MODES);
+            let net: f64 = translations().map(|row| self.preconditioned[row]).sum();
+            for row in translations() {
+                self.preconditioned[row] -= net / self.uniform_drag * self.drag[row];
+            }
+        }
+        dot(&self.residual, &self.preconditioned)
+    }
+}

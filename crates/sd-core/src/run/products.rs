@@ -1,0 +1,453 @@
+//! Products and solves with the mobility and the resistance of a configuration, planned once for
+//! any number of positions.
+//!
+//! ```text
+//! (U, Ω, −E) = M (F, T, S~)     Mobility: the far field of all spheres, without lubrication
+//! (F, T) = R (U, Ω), E = 0      Resistance: lubrication included; spheres under forces move by R⁻¹ (F, T)
+//! ```
+//! The fluid is at rest but for the spheres; [`crate::instant::solve`] has a background flow and
+//! contacts. M and R are symmetric and positive definite.
+//!
+//! # Vectors
+//! A vector is one list of numbers, sphere by sphere:
+//!
+//! | | layer | suspension |
+//! | --- | --- | --- |
+//! | forces and torques, in mu·a²·rate and mu·a³·rate | `[3N]`: `(F_x, F_y, T)` | `[6N]`: `(F, T)` |
+//! | velocities and angular velocities, in a·rate and rate | `[3N]`: `(U_x, U_y, Ω)` | `[6N]`: `(U, Ω)` |
+//! | all force modes of [`Mobility`], S~ in mu·a³·rate | `[6N]`: `(F_x, F_y, T, s1, s2, s3)` | `[11N]`: `(F, T, s1, …, s5)` |
+//! | all velocity modes of [`Mobility`], −E in rate | `[6N]`: `(U_x, U_y, Ω, −e1, −e2, −e3)` | `[11N]`: `(U, Ω, −e1, …, −e5)` |
+//!
+//! The components of strains and stresslets are those of [`crate::modes`] and [`crate::bulk`]. The
+//! rate is any unit of time: without a background flow, forces set it.
+//!
+//! # Net forces
+//! In a periodic suspension the mean flow of spheres and fluid is zero; velocities are relative to
+//! it. A periodic layer in unbounded fluid would move infinitely fast under a net force in the full
+//! far field: forces must then sum to zero, and only differences of velocities have a meaning, as a
+//! translation common to all spheres meets no resistance. Without a far field (Ball-Melrose and lubrication) every sphere has a drag of
+//! its own against the fluid at rest, and net forces are allowed.
+
+use super::started::Started;
+use crate::contact::SolvePass;
+use crate::error::Error;
+use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
+use crate::hydrodynamics::inverse_mobility::InverseMobility;
+use crate::hydrodynamics::resistance::{FarProduct as _, NearFields, NearTerm as _};
+use crate::model::{Hydrodynamics, SolverSettings};
+use crate::space::cell::Cell;
+use crate::space::neighbours::NeighbourList;
+use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::stage::{Contact, Method, StageSolver};
+
+/// The mobility of all force modes of the spheres of a periodic cell: forces, torques and
+/// stresslets, without lubrication. A product takes O(N log N).
+///
+/// ```
+/// use sd_core::cell::Cell;
+/// use sd_core::modes::Vec2;
+/// use sd_core::products::Mobility;
+/// use sd_core::Layer;
+///
+/// let cell = Cell::<Layer>::periodic(Vec2::new(12.0, 12.0), 0.0)?;
+/// let centres = [Vec2::new(0.0, 0.0), Vec2::new(3.0, 0.0)];
+/// let mut mobility = Mobility::new(&cell, &[1.0, 1.0], &centres, 1e-8)?;
+/// // Opposite forces along the line of centres: (F_x, F_y, T, s1, s2, s3) of each sphere.
+/// let forces = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+/// let mut velocities = [0.0; 12];
+/// mobility.apply(&forces, &mut velocities)?;
+/// assert!(velocities[0] > 0.0 && (velocities[0] + velocities[6]).abs() < 1e-9);
+///
+/// mobility.set_positions(&cell, &[Vec2::new(0.0, 0.0), Vec2::new(2.1, 0.0)])?;
+/// let slower = velocities[0];
+/// mobility.apply(&forces, &mut velocities)?;
+/// assert!(velocities[0] < slower);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
+pub struct Mobility<S: Started = Layer> {
+    operator: S::Operator,
+    inverse: InverseMobility<S>,
+    radii: Vec<f64>,
+    tolerance: f64,
+    cell: Cell<S>,
+    list: NeighbourList<S>,
+    /// Modes before and after a product, strains first.
+    modes: [Vec<f64>; 2],
+}
+
+impl<S: Started> Mobility<S> {
+    /// Plans for cells of the sides of this one and for these spheres, at their first positions.
+    ///
+    /// # Arguments
+    /// - `cell`: periodic.
+    /// - `radii`: one per sphere, in a.
+    /// - `centres`: one per sphere, in a.
+    /// - `tolerance`: error of products over the largest entry of M, and relative residual of
+    ///   solves, 1e-8 to 1e-3.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for unbounded fluid, a radius or the tolerance; [`Error::Length`];
+    /// [`Error::OfSphere`] for a position that is not finite; [`Error::Overlap`].
+    pub fn new(
+        cell: &Cell<S>,
+        radii: &[f64],
+        centres: &[S::Vector],
+        tolerance: f64,
+    ) -> Result<Self, Error> {
+        let modes = vec![0.0; (S::STRAINS + S::MODES) * radii.len()];
+        let mut mobility = Self {
+            operator: S::Operator::new(cell, radii, tolerance)?,
+            inverse: InverseMobility::new(radii),
+            radii: radii.to_vec(),
+            tolerance,
+            cell: *cell,
+            list: NeighbourList::new(radii.len()),
+            modes: [modes.clone(), modes],
+        };
+        mobility.set_positions(cell, centres)?;
+        Ok(mobility)
+    }
+
+    /// Moves the spheres. Products have the bits of a new plan at these positions.
+    ///
+    /// # Arguments
+    /// - `cell`: of the planned sides; its offsets are free.
+    /// - `centres`: one per sphere, in a; any images.
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides; [`Error::OfSphere`] for
+    /// a position that is not finite; [`Error::Overlap`]. The positions are then those before.
+    pub fn set_positions(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
+        check_centres::<S>(centres, self.radii.len())?;
+        // Surfaces that touch have a gap of zero: up to that, M is positive definite.
+        self.list.find_all(cell, centres, &self.radii, 2.0);
+        if let Some(pair) = self.list.pairs().iter().find(|pair| pair.gap < 0.0) {
+            return Err(pair.overlap());
+        }
+        self.operator.update(cell, centres)?;
+        self.cell = *cell;
+        Ok(())
+    }
+
+    /// Velocity modes from force modes, in the order of the [module](self).
+    ///
+    /// # Accuracy
+    /// The tolerance of the plan, relative to the largest entry of M.
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite; [`Error::NetForce`]
+    /// in a layer.
+    pub fn apply(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<(), Error> {
+        let modes = S::STRAINS + S::MODES;
+        self.check_lengths(forces, velocities)?;
+        check_numbers("forces", forces, modes)?;
+        check_net_force::<S>(Hydrodynamics::StokesianDynamics, &self.cell, forces, modes)?;
+        let [x, y] = &mut self.modes;
+        strains_first::<S>(forces, x);
+        self.operator.apply(x, y);
+        sphere_by_sphere::<S>(y, velocities);
+        Ok(())
+    }
+
+    /// Force modes from velocity modes: the inverse of [`Mobility::apply`], by conjugate gradients.
+    /// In a layer the forces sum to zero, and a translation common to all spheres takes none.
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite;
+    /// [`Error::NotConverged`].
+    pub fn solve(&mut self, velocities: &[f64], forces: &mut [f64]) -> Result<(), Error> {
+        self.check_lengths(forces, velocities)?;
+        check_numbers("velocities", velocities, S::STRAINS + S::MODES)?;
+        strains_first::<S>(velocities, &mut self.modes[0]);
+        let [x, _] = &self.modes;
+        let solved = self.inverse.solve(&mut self.operator, x, self.tolerance)?;
+        sphere_by_sphere::<S>(solved, forces);
+        Ok(())
+    }
+
+    fn check_lengths(&self, forces: &[f64], velocities: &[f64]) -> Result<(), Error> {
+        let modes = S::STRAINS + S::MODES;
+        check_lengths(forces, velocities, modes, self.radii.len())
+    }
+}
+
+/// The resistance of spheres to velocities and angular velocities, with all hydrodynamics of the
+/// choice, and its inverse.
+///
+/// The far field of many spheres in a cell is iterated to
+/// [`SolverSettings::far_field_residual`]; otherwise products and solves are exact to rounding,
+/// and to the tolerance of the periodic sums.
+///
+/// ```
+/// use sd_core::cell::Cell;
+/// use sd_core::model::SolverSettings;
+/// use sd_core::products::Resistance;
+/// use sd_core::{Bulk, Hydrodynamics, NearFields};
+/// use std::f64::consts::PI;
+///
+/// // Two spheres side by side sink faster than one, whose velocity is 1/(6π).
+/// let centres = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]].map(Into::into);
+/// let mut pair = Resistance::<Bulk>::new(
+///     Hydrodynamics::StokesianDynamics,
+///     &Cell::Unbounded,
+///     &[1.0, 1.0],
+///     &centres,
+///     &NearFields::default(),
+///     &SolverSettings::default(),
+/// )?;
+/// let weights = [0.0, 0.0, -1.0, 0.0, 0.0, 0.0].repeat(2);
+/// let mut velocities = vec![0.0; 12];
+/// pair.solve(&weights, &mut velocities)?;
+/// assert!(-6.0 * PI * velocities[2] > 1.2);
+///
+/// let mut forces = vec![0.0; 12];
+/// pair.apply(&velocities, &mut forces)?;
+/// assert!((forces[2] + 1.0).abs() < 1e-12);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
+pub struct Resistance<S: Started = Layer> {
+    stage: StageSolver<S>,
+    inverse: InverseMobility<S>,
+    hydrodynamics: Hydrodynamics,
+    /// Relative residual of an iterated far field.
+    residual: f64,
+    cell: Cell<S>,
+    centres: Vec<S::Vector>,
+    stresslets: Vec<S::Strain>,
+    /// Modes of the far field, strains first.
+    modes: Vec<f64>,
+    work: Vec<f64>,
+    forces: Vec<f64>,
+}
+
+impl<S: Started> Resistance<S> {
+    /// Plans for cells of the sides of this one and for these spheres, at their first positions.
+    ///
+    /// # Arguments
+    /// - `cell`: periodic or unbounded.
+    /// - `radii`: one per sphere, in a.
+    /// - `centres`: one per sphere, in a.
+    /// - `tables`: missing ones are computed, which takes seconds per size ratio.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a radius; [`Error::Length`]; [`Error::OfSphere`] for a position
+    /// that is not finite; [`Error::CellTooSmall`]; [`Error::Overlap`]; those of
+    /// [`SolverSettings::validate`].
+    pub fn new(
+        hydrodynamics: Hydrodynamics,
+        cell: &Cell<S>,
+        radii: &[f64],
+        centres: &[S::Vector],
+        tables: &NearFields,
+        settings: &SolverSettings,
+    ) -> Result<Self, Error> {
+        settings.validate()?;
+        if let Some(numbers) = hydrodynamics.leading_order() {
+            numbers.check()?;
+        }
+        for (sphere, &value) in radii.iter().enumerate() {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::OfSphere {
+                    field: "radii",
+                    sphere,
+                    value,
+                    allowed: "positive and finite",
+                });
+            }
+        }
+        check_centres::<S>(centres, radii.len())?;
+        let method = Method::of_instant(hydrodynamics, cell, radii, false);
+        let mut stage = method.solver(hydrodynamics, cell, radii, tables, &[], settings)?;
+        if hydrodynamics.admits_overlap() {
+            stage.resistance.regularise(0.0, f64::INFINITY);
+        }
+        stage.assemble(cell, centres)?;
+        Ok(Self {
+            stage,
+            inverse: InverseMobility::new(radii),
+            hydrodynamics,
+            residual: settings.far_field_residual,
+            cell: *cell,
+            centres: centres.to_vec(),
+            stresslets: vec![S::Strain::default(); radii.len()],
+            modes: Vec::new(),
+            work: Vec::new(),
+            forces: Vec::new(),
+        })
+    }
+
+    /// Moves the spheres. Products and solves have the bits of a new plan at these positions.
+    ///
+    /// # Arguments
+    /// - `cell`: of the planned sides; its offsets are free.
+    /// - `centres`: one per sphere, in a; any images.
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides; [`Error::OfSphere`] for
+    /// a position that is not finite; [`Error::Overlap`]. The positions are then those before.
+    pub fn set_positions(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
+        check_centres::<S>(centres, self.centres.len())?;
+        self.stage.resistance.forget_pattern();
+        if let Err(error) = self.stage.assemble(cell, centres) {
+            self.stage.resistance.forget_pattern();
+            self.stage.assemble(&self.cell, &self.centres)?;
+            return Err(error);
+        }
+        self.cell = *cell;
+        self.centres.copy_from_slice(centres);
+        Ok(())
+    }
+
+    /// Forces and torques from velocities and angular velocities, in the order of the
+    /// [module](self).
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite;
+    /// [`Error::NotConverged`].
+    pub fn apply(&mut self, velocities: &[f64], forces: &mut [f64]) -> Result<(), Error> {
+        check_lengths(forces, velocities, S::MODES, self.centres.len())?;
+        check_numbers("velocities", velocities, S::MODES)?;
+        let near = &self.stage.resistance;
+        near.apply(
+            velocities,
+            &S::Strain::default(),
+            &mut self.work,
+            &mut self.forces,
+            &mut self.stresslets,
+        );
+        forces.copy_from_slice(&self.forces);
+        let Some(operator) = self.stage.far_operator() else {
+            return Ok(());
+        };
+        // The sparse resistance approximates the far field by isolated drag and by near pairs;
+        // these give way to the far field itself.
+        let strains = S::STRAINS * self.centres.len();
+        self.modes.clear();
+        self.modes.resize(strains, 0.0);
+        self.modes.extend_from_slice(velocities);
+        let far = self.inverse.solve(operator, &self.modes, self.residual)?;
+        let near = &self.stage.resistance;
+        let (of_spheres, motions) = (S::by_sphere_mut(forces), S::by_sphere(velocities));
+        for (pair, term) in near.far_pairs() {
+            let (i, j) = (pair.i, pair.j);
+            let both = [motions[i], motions[j]];
+            let (force, stresslet) = term.counterforces(&pair.normal, &both, &S::Strain::default());
+            for (sphere, k) in [(i, 0), (j, 1)] {
+                for m in 0..S::MODES {
+                    of_spheres[sphere][m] -= force[k][m];
+                }
+                self.stresslets[sphere] -= stresslet[k];
+            }
+        }
+        let (far_stresslets, far_forces) = far.split_at(strains);
+        let spheres = of_spheres.iter_mut().zip(S::by_sphere(far_forces));
+        let alone = near.radii().iter().zip(motions);
+        for ((force, far), (&radius, motion)) in spheres.zip(alone) {
+            let drag = S::isolated(radius).0;
+            for m in 0..S::MODES {
+                force[m] += far[m] - drag[m] * motion[m];
+            }
+        }
+        let stresslets = far_stresslets.chunks_exact(S::STRAINS);
+        for (stresslet, far) in self.stresslets.iter_mut().zip(stresslets) {
+            for (k, far) in far.iter().enumerate() {
+                stresslet[k] -= far;
+            }
+        }
+        Ok(())
+    }
+
+    /// Velocities and angular velocities from forces and torques: the inverse of
+    /// [`Resistance::apply`].
+    ///
+    /// # Errors
+    /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite; [`Error::NetForce`];
+    /// [`Error::NotPositiveDefinite`]; [`Error::NotConverged`].
+    pub fn solve(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<(), Error> {
+        check_lengths(forces, velocities, S::MODES, self.centres.len())?;
+        check_numbers("forces", forces, S::MODES)?;
+        check_net_force::<S>(self.hydrodynamics, &self.cell, forces, S::MODES)?;
+        // The result depends on positions and forces alone, not on earlier solves.
+        self.stage.begin_step();
+        self.stage.start_far_field_from(&[]);
+        let at_rest = S::Background::simple_shear(0.0);
+        self.stage
+            .solve(&at_rest, forces, Contact::None, SolvePass::First)?;
+        velocities.copy_from_slice(self.stage.velocities());
+        self.stage.counterforces(
+            &S::Strain::default(),
+            &mut self.work,
+            &mut self.forces,
+            &mut self.stresslets,
+        );
+        Ok(())
+    }
+
+    /// Stresslets S of (20) of the spheres in the last product or solve by their components, in
+    /// mu·a³·rate.
+    pub fn stresslets(&self) -> &[S::Strain] {
+        &self.stresslets
+    }
+}
+
+/// Refuses lists that are not of a number of spheres.
+fn check_lengths(
+    forces: &[f64],
+    velocities: &[f64],
+    modes: usize,
+    spheres: usize,
+) -> Result<(), Error> {
+    for (field, list) in [("forces", forces), ("velocities", velocities)] {
+        if list.len() != modes * spheres {
+            return Err(Error::Length {
+                field,
+                found: list.len(),
+                expected: spheres,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses centres of another number, or that are not finite.
+fn check_centres<S: Space>(centres: &[S::Vector], spheres: usize) -> Result<(), Error> {
+    if centres.len() != spheres {
+        return Err(Error::Length {
+            field: "centres",
+            found: centres.len(),
+            expected: spheres,
+        });
+    }
+    let numbers: Vec<f64> = centres
+        .iter()
+        .flat_map(|centre| S::point(centre).as_ref().to_vec())
+        .collect();
+    check_numbers("centres", &numbers, S::DIMENSIONS)
+}
+
+/// Orders all modes of the spheres as the far field has them: the strains or stresslets of all
+/// spheres first.
+fn strains_first<S: Space>(by_sphere: &[f64], strains_first: &mut [f64]) {
+    let modes = S::STRAINS + S::MODES;
+    let (strains, velocities) = strains_first.split_at_mut(by_sphere.len() / modes * S::STRAINS);
+    let all = strains
+        .chunks_exact_mut(S::STRAINS)
+        .zip(velocities.chunks_exact_mut(S::MODES));
+    for (sphere, (strain, velocity)) in by_sphere.chunks_exact(modes).zip(all) {
+        velocity.copy_from_slice(&sphere[..S::MODES]);
+        strain.copy_from_slice(&sphere[S::MODES..]);
+    }
+}
+
+/// The inverse of [`strains_first`].
+fn sphere_by_sphere<S: Space>(strains_first: &[f64], by_sphere: &mut [f64]) {
+    let modes = S::STRAINS + S::MODES;
+    let (strains, velocities) = strains_first.split_at(by_sphere.len() / modes * S::STRAINS);
+    let all = strains
+        .chunks_exact(S::STRAINS)
+        .zip(velocities.chunks_exact(S::MODES));
+    for (sphere, (strain, velocity)) in by_sphere.chunks_exact_mut(modes).zip(all) {
+        sphere[..S::MODES].copy_from_slice(velocity);
+        sphere[S::MODES..].copy_from_slice(strain);
+    }
+}

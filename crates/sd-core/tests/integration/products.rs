@@ -1,0 +1,436 @@
+//! Products and solves with the mobility and the resistance, planned once.
+
+use nalgebra::{Vector2, Vector3};
+use sd_core::cell::Cell;
+use sd_core::instant::{self, Configuration, ContactRequest};
+use sd_core::model::SolverSettings;
+use sd_core::products::{Mobility, Resistance};
+use sd_core::{
+    Bulk, Error, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Space, Started,
+};
+
+const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
+
+/// Spheres in a cell.
+struct Spheres<S: Space> {
+    cell: Cell<S>,
+    radii: Vec<f64>,
+    centres: Vec<S::Vector>,
+}
+
+/// Spheres of two sizes on a disordered lattice: `count` along each side, `spacing` apart.
+fn spheres<S: Space>(count: i32, spacing: f64, seed: f64) -> Spheres<S> {
+    let side = f64::from(count) * spacing;
+    let number = count.pow(u32::try_from(S::DIMENSIONS).unwrap());
+    let centres = (0..number).map(|sphere| {
+        let mut centre = S::Vector::default();
+        for k in 0..S::DIMENSIONS {
+            let column = sphere / count.pow(u32::try_from(k).unwrap()) % count;
+            let wave = (seed + 1.7 * f64::from(sphere) + 0.9 * k as f64).sin();
+            centre[k] = f64::from(column) * spacing + 0.07 * wave;
+        }
+        centre
+    });
+    Spheres {
+        cell: Cell::equal_sides(side, 0.3 * side).unwrap(),
+        radii: (0..number)
+            .map(|sphere| if sphere % 3 == 0 { 1.0 } else { 0.9 })
+            .collect(),
+        centres: centres.collect(),
+    }
+}
+
+/// Numbers without order; in a layer forces that sum to zero.
+fn vector<S: Space>(spheres: usize, each: usize, seed: f64) -> Vec<f64> {
+    let mut vector: Vec<f64> = (0..each * spheres)
+        .map(|k| (seed + 1.3 * k as f64 + 0.01 * (k * k) as f64).sin())
+        .collect();
+    if S::DIMENSIONS == 2 {
+        for k in 0..2 {
+            let mean: f64 = vector.iter().skip(k).step_by(each).sum::<f64>() / spheres as f64;
+            for force in vector.iter_mut().skip(k).step_by(each) {
+                *force -= mean;
+            }
+        }
+    }
+    vector
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Largest difference over the largest number.
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    let largest = b.iter().fold(0.0_f64, |most, b| most.max(b.abs()));
+    let pairs = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    pairs.fold(0.0, f64::max) / largest
+}
+
+fn resistance<S: Started>(hydrodynamics: Hydrodynamics, spheres: &Spheres<S>) -> Resistance<S> {
+    Resistance::new(
+        hydrodynamics,
+        &spheres.cell,
+        &spheres.radii,
+        &spheres.centres,
+        &NearFields::default(),
+        &SolverSettings::default(),
+    )
+    .unwrap()
+}
+
+fn mobility<S: Started>(spheres: &Spheres<S>) -> Mobility<S> {
+    Mobility::new(&spheres.cell, &spheres.radii, &spheres.centres, 1e-8).unwrap()
+}
+
+/// All hydrodynamics in few and in many spheres, whose methods differ: closer than the far field's
+/// near pairs, and in reach of lubrication.
+fn cases<S: Started>() -> Vec<(Hydrodynamics, Spheres<S>, f64)> {
+    let [few, many] = if S::DIMENSIONS == 2 { [6, 12] } else { [4, 5] };
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+    vec![
+        (FULL, spheres(few, 2.2, 0.0), 1e-9),
+        (FULL, spheres(many, 2.2, 0.0), 2e-5),
+        (Hydrodynamics::BallMelrose, spheres(few, 2.2, 0.0), 1e-8),
+        (Hydrodynamics::BallMelrose, spheres(many, 2.2, 0.0), 1e-8),
+        (lubrication, spheres(many, 2.2, 0.0), 1e-8),
+    ]
+}
+
+fn resistance_is_symmetric_positive_definite_and_inverted<S: Started>() {
+    for (hydrodynamics, spheres, tolerance) in cases::<S>() {
+        let n = spheres.radii.len();
+        let what = format!("{hydrodynamics:?}, {n} spheres");
+        let mut resistance = resistance(hydrodynamics, &spheres);
+        let [x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, S::MODES, seed));
+        let [mut rx, mut ry, mut back] = [(); 3].map(|()| vec![0.0; S::MODES * n]);
+        resistance.apply(&x, &mut rx).unwrap();
+        resistance.apply(&y, &mut ry).unwrap();
+        let size = (dot(&x, &rx) * dot(&y, &ry)).sqrt();
+        let asymmetry = (dot(&y, &rx) - dot(&x, &ry)).abs() / size;
+        assert!(asymmetry < tolerance, "{what}: {asymmetry:e}");
+        assert!(dot(&x, &rx) > 0.0 && dot(&y, &ry) > 0.0, "{what}");
+
+        // A product of a layer may have a net force through its pair terms, which the far field
+        // does not balance: begin with the forces.
+        let mut velocities = vec![0.0; S::MODES * n];
+        resistance.solve(&x, &mut velocities).unwrap();
+        assert!(dot(&x, &velocities) > 0.0, "{what}");
+        resistance.apply(&velocities, &mut back).unwrap();
+        let error = difference(&back, &x);
+        assert!(error < tolerance, "{what}: {error:e}");
+
+        // The power that keeps spheres moving is that of the far field alone, or more.
+        if hydrodynamics == FULL {
+            let modes = S::MODES + S::STRAINS;
+            let mut far = vec![0.0; modes * n];
+            let all: Vec<f64> = x
+                .chunks_exact(S::MODES)
+                .flat_map(|x| [x, &vec![0.0; S::STRAINS]].concat())
+                .collect();
+            mobility(&spheres).solve(&all, &mut far).unwrap();
+            assert!(dot(&x, &rx) > dot(&all, &far), "{what}");
+        }
+    }
+}
+
+#[test]
+fn resistance_of_a_layer_is_symmetric_positive_definite_and_inverted() {
+    resistance_is_symmetric_positive_definite_and_inverted::<Layer>();
+}
+
+#[test]
+fn resistance_of_a_suspension_is_symmetric_positive_definite_and_inverted() {
+    resistance_is_symmetric_positive_definite_and_inverted::<Bulk>();
+}
+
+fn mobility_is_symmetric_positive_definite_and_inverted<S: Started>() {
+    let (spheres, modes) = (spheres::<S>(5, 2.2, 0.0), S::MODES + S::STRAINS);
+    let (n, mut mobility) = (spheres.radii.len(), mobility(&spheres));
+    let [x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, modes, seed));
+    let [mut mx, mut my, mut back] = [(); 3].map(|()| vec![0.0; modes * n]);
+    mobility.apply(&x, &mut mx).unwrap();
+    mobility.apply(&y, &mut my).unwrap();
+    let size = (dot(&x, &mx) * dot(&y, &my)).sqrt();
+    assert!((dot(&y, &mx) - dot(&x, &my)).abs() < 1e-7 * size);
+    assert!(dot(&x, &mx) > 0.0 && dot(&y, &my) > 0.0);
+    mobility.solve(&mx, &mut back).unwrap();
+    let error = difference(&back, &x);
+    assert!(error < 1e-6, "{error:e}");
+}
+
+#[test]
+fn mobility_of_a_layer_is_symmetric_positive_definite_and_inverted() {
+    mobility_is_symmetric_positive_definite_and_inverted::<Layer>();
+}
+
+#[test]
+fn mobility_of_a_suspension_is_symmetric_positive_definite_and_inverted() {
+    mobility_is_symmetric_positive_definite_and_inverted::<Bulk>();
+}
+
+/// Out of the range of lubrication, the resistance is the inverse of the far field's mobility with
+/// rigid spheres: E = 0.
+fn mobility_inverts_the_resistance_of_distant_spheres<S: Started>(count: i32, tolerance: f64) {
+    let spheres = spheres::<S>(count, 4.3, 0.0);
+    let (n, modes) = (spheres.radii.len(), S::MODES + S::STRAINS);
+    let velocities = vector::<S>(n, S::MODES, 0.7);
+    let mut forces = vec![0.0; S::MODES * n];
+    let mut resistance = resistance(FULL, &spheres);
+    resistance.apply(&velocities, &mut forces).unwrap();
+    let stresslets = resistance.stresslets();
+    let by_sphere = forces.chunks_exact(S::MODES).zip(stresslets);
+    let all: Vec<f64> = by_sphere
+        .flat_map(|(force, s)| {
+            let opposite: Vec<f64> = (0..S::STRAINS).map(|k| -s[k]).collect();
+            [force, &opposite].concat()
+        })
+        .collect();
+    let mut motion = vec![0.0; modes * n];
+    mobility(&spheres).apply(&all, &mut motion).unwrap();
+    if S::DIMENSIONS == 2 {
+        // A common translation has no meaning; that of `velocities` is zero.
+        for k in 0..2 {
+            let mean = motion.iter().skip(k).step_by(modes).sum::<f64>() / n as f64;
+            for velocity in motion.iter_mut().skip(k).step_by(modes) {
+                *velocity -= mean;
+            }
+        }
+    }
+    for (found, expected) in motion
+        .chunks_exact(modes)
+        .zip(velocities.chunks_exact(S::MODES))
+    {
+        for k in 0..modes {
+            let expected = expected.get(k).unwrap_or(&0.0);
+            assert!((found[k] - expected).abs() < tolerance, "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn mobility_inverts_the_resistance_of_distant_spheres_in_full_matrices() {
+    mobility_inverts_the_resistance_of_distant_spheres::<Layer>(3, 1e-7);
+    mobility_inverts_the_resistance_of_distant_spheres::<Bulk>(3, 1e-7);
+}
+
+#[test]
+fn mobility_inverts_the_resistance_of_many_distant_spheres() {
+    mobility_inverts_the_resistance_of_distant_spheres::<Layer>(11, 1e-5);
+    mobility_inverts_the_resistance_of_distant_spheres::<Bulk>(5, 1e-5);
+}
+
+fn solves_are_those_of_an_instant<S: Started>() {
+    for (hydrodynamics, spheres, _) in cases::<S>() {
+        let n = spheres.radii.len();
+        let forces = vector::<S>(n, S::MODES, 1.1);
+        let (mut linear, mut turning) = (Vec::new(), Vec::new());
+        for force in S::by_sphere(&forces) {
+            linear.push(S::translation(force));
+            turning.push(S::rotation(force));
+        }
+        let configuration = Configuration::<S> {
+            centres: spheres.centres.clone(),
+            radii: spheres.radii.clone(),
+            cell: spheres.cell,
+            hydrodynamics,
+            background: S::Background::simple_shear(0.0),
+            forces: linear,
+            torques: turning,
+        };
+        let tables = NearFields::default();
+        let expected = instant::solve(&configuration, &ContactRequest::None, &tables).unwrap();
+        let mut velocities = vec![0.0; S::MODES * n];
+        let mut resistance = resistance(hydrodynamics, &spheres);
+        // An earlier solve under other forces leaves no trace.
+        let other = vector::<S>(n, S::MODES, 5.0);
+        resistance.solve(&other, &mut velocities).unwrap();
+        resistance.solve(&forces, &mut velocities).unwrap();
+        for (found, expected) in S::by_sphere(&velocities).iter().zip(expected.disturbances) {
+            for k in 0..S::MODES {
+                assert_eq!(
+                    found[k].to_bits(),
+                    expected[k].to_bits(),
+                    "{hydrodynamics:?}"
+                );
+            }
+        }
+        for (found, expected) in resistance.stresslets().iter().zip(expected.stresslets) {
+            assert_eq!(*found, expected, "{hydrodynamics:?}");
+        }
+    }
+}
+
+#[test]
+fn solves_are_those_of_an_instant_to_the_bit() {
+    solves_are_those_of_an_instant::<Layer>();
+    solves_are_those_of_an_instant::<Bulk>();
+}
+
+/// All numbers of products and solves at the present positions.
+fn numbers<S: Started>(resistance: &mut Resistance<S>, n: usize) -> Vec<f64> {
+    let x = vector::<S>(n, S::MODES, 0.4);
+    let [mut product, mut solution] = [(); 2].map(|()| vec![0.0; S::MODES * n]);
+    resistance.apply(&x, &mut product).unwrap();
+    resistance.solve(&x, &mut solution).unwrap();
+    [product, solution].concat()
+}
+
+fn moved_spheres_have_the_bits_of_a_new_plan<S: Started>() {
+    for (hydrodynamics, before, _) in cases::<S>() {
+        let count = (before.radii.len() as f64)
+            .powf(1.0 / S::DIMENSIONS as f64)
+            .round();
+        #[expect(clippy::cast_possible_truncation, reason = "a small whole number")]
+        let after = spheres::<S>(count as i32, 2.2, 4.0);
+        let (n, what) = (before.radii.len(), format!("{hydrodynamics:?}"));
+        let mut planned = resistance(hydrodynamics, &before);
+        let first = numbers(&mut planned, n);
+        planned.set_positions(&after.cell, &after.centres).unwrap();
+        let moved = numbers(&mut planned, n);
+        assert_ne!(first, moved, "{what}");
+        assert_eq!(
+            moved,
+            numbers(&mut resistance(hydrodynamics, &after), n),
+            "{what}"
+        );
+
+        // Refused positions leave those before.
+        let mut overlapping = after.centres.clone();
+        overlapping[1] = overlapping[0];
+        let error = planned
+            .set_positions(&after.cell, &overlapping)
+            .unwrap_err();
+        assert!(
+            matches!(error, Error::Overlap { i: 0, j: 1, .. }),
+            "{error}"
+        );
+        assert_eq!(numbers(&mut planned, n), moved, "{what}");
+    }
+    let [before, after] = [0.0, 4.0].map(|seed| spheres::<S>(5, 2.2, seed));
+    let (n, modes) = (before.radii.len(), S::MODES + S::STRAINS);
+    let x = vector::<S>(n, modes, 0.4);
+    let mut planned = mobility(&before);
+    planned.set_positions(&after.cell, &after.centres).unwrap();
+    let [mut moved, mut new] = [(); 2].map(|()| vec![0.0; modes * n]);
+    planned.apply(&x, &mut moved).unwrap();
+    mobility(&after).apply(&x, &mut new).unwrap();
+    assert_eq!(moved, new);
+    planned.solve(&x, &mut moved).unwrap();
+    mobility(&after).solve(&x, &mut new).unwrap();
+    assert_eq!(moved, new);
+}
+
+#[test]
+fn moved_spheres_of_a_layer_have_the_bits_of_a_new_plan() {
+    moved_spheres_have_the_bits_of_a_new_plan::<Layer>();
+}
+
+#[test]
+fn moved_spheres_of_a_suspension_have_the_bits_of_a_new_plan() {
+    moved_spheres_have_the_bits_of_a_new_plan::<Bulk>();
+}
+
+#[test]
+fn two_spheres_under_forces_move_by_the_exact_functions() {
+    use crate::common::data::data;
+    let mut checked = 0;
+    for case in data("two_sphere_exact.json")["cases"].as_array().unwrap() {
+        let Some(name) = case["case"].as_str().filter(|name| name.starts_with('F')) else {
+            continue;
+        };
+        let number = |value: &serde_json::Value| value.as_f64().unwrap();
+        let mut pair = Resistance::<Layer>::new(
+            FULL,
+            &Cell::Unbounded,
+            &[number(&case["radii"][0]), number(&case["radii"][1])],
+            &[
+                Vector2::zeros(),
+                Vector2::new(number(&case["separation"]), 0.0),
+            ],
+            &NearFields::default(),
+            &SolverSettings::default(),
+        )
+        .unwrap();
+        let forces: Vec<f64> = (0..2)
+            .flat_map(|i| {
+                let force = &case["forces"][i];
+                [number(&force[0]), number(&force[1]), 0.0]
+            })
+            .collect();
+        let mut velocities = [0.0; 6];
+        pair.solve(&forces, &mut velocities).unwrap();
+        for i in 0..2 {
+            let expected = &case["velocity_disturbance"][i];
+            let expected = [
+                &expected[0],
+                &expected[1],
+                &case["angular_velocity_disturbance"][i],
+            ];
+            for (found, expected) in velocities[3 * i..].iter().zip(expected.map(number)) {
+                assert!(
+                    (found - expected).abs() < 1e-7,
+                    "{name}: {found} {expected}"
+                );
+            }
+        }
+        checked += 1;
+    }
+    assert!(checked >= 4);
+}
+
+#[test]
+fn bad_input_is_refused_with_the_sphere_and_the_number() {
+    let spheres = spheres::<Layer>(3, 4.3, 0.0);
+    let (n, mut layer) = (spheres.radii.len(), resistance(FULL, &spheres));
+    let mut velocities = vec![0.0; 3 * n];
+    let mut forces = vector::<Layer>(n, 3, 0.0);
+    forces[5] = f64::NAN;
+    let error = layer.solve(&forces, &mut velocities).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "forces of sphere 1 must be finite, got NaN"
+    );
+    let error = layer.solve(&vec![1.0; 3 * n], &mut velocities).unwrap_err();
+    assert!(
+        matches!(error, Error::NetForce { direction: 'x', net } if net == n as f64),
+        "{error}"
+    );
+    let error = layer.apply(&forces[1..], &mut velocities).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            Error::Length {
+                field: "velocities",
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let mut centres = spheres.centres.clone();
+    centres[2].y = f64::INFINITY;
+    let error = layer.set_positions(&spheres.cell, &centres).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "centres of sphere 2 must be finite, got inf"
+    );
+    let wide = Cell::equal_sides(14.0, 0.0).unwrap();
+    let error = layer.set_positions(&wide, &spheres.centres).unwrap_err();
+    assert!(matches!(error, Error::OutOfRange { .. }), "{error}");
+
+    let mut far = mobility(&spheres);
+    let ones = vec![1.0; 6 * n];
+    let error = far.apply(&ones, &mut vec![0.0; 6 * n]).unwrap_err();
+    assert!(matches!(error, Error::NetForce { .. }), "{error}");
+    let touching = [Vector3::zeros(), Vector3::new(1.9, 0.0, 0.0)];
+    let cell = Cell::<Bulk>::equal_sides(10.0, 0.0).unwrap();
+    let error = Mobility::new(&cell, &[1.0; 2], &touching, 1e-6)
+        .err()
+        .unwrap();
+    assert!(matches!(error, Error::Overlap { .. }), "{error}");
+    let error = Mobility::<Bulk>::new(&Cell::Unbounded, &[1.0], &[Vector3::zeros()], 1e-6);
+    assert!(matches!(
+        error.err().unwrap(),
+        Error::OutOfRange { field: "cell", .. }
+    ));
+}
