@@ -13,10 +13,10 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use sweep::axes::Axis;
-use sweep::campaign::Priority;
-use sweep::disk::network_file_system;
-use sweep::format::parse_positive_duration;
+use sweep::model::axes::Axis;
+use sweep::model::order::Priority;
+use sweep::system::disk::network_file_system;
+use sweep::text::format::parse_positive_duration;
 use sweep::runner::{
     CampaignProgress, Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
@@ -42,7 +42,7 @@ const INTERRUPT: i32 = 2;
 ///     What each `[[grid]]` has. In place of it the axes of a single one may be keywords:
 ///     ``friction=[0.1, 0.5], seeds=4, ...``
 #[pyclass(frozen, module = "sheared_layers")]
-pub(crate) struct Campaign(sweep::campaign::Campaign);
+pub(crate) struct Campaign(sweep::model::campaign::Campaign);
 
 /// The parameters of the run of a dictionary, read like the grid of a campaign file, and its other
 /// values.
@@ -79,7 +79,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         .map_err(|_| PyValueError::new_err(format!("seed: {seed} is out of range: below 2^63")))?;
     grid.insert("seeds".into(), vec![seed].into());
     let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
-    let campaign = sweep::campaign::Campaign::parse("params", text).map_err(raise_without_place)?;
+    let campaign = sweep::campaign::parse("params", text).map_err(raise_without_place)?;
     match campaign.cases.as_slice() {
         [(_, case)] => Ok((case.params.clone(), besides)),
         cases => Err(PyValueError::new_err(format!(
@@ -132,9 +132,9 @@ impl Campaign {
         };
         let text = text_of(&name, protocol, grids)?;
         let campaign =
-            sweep::campaign::Campaign::parse("campaign", text).map_err(raise_without_place)?;
+            sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
         let file = std::path::absolute(format!("{name}.toml"))?;
-        Ok(Self(sweep::campaign::Campaign { file, ..campaign }))
+        Ok(Self(sweep::model::campaign::Campaign { file, ..campaign }))
     }
 
     /// The campaign of a file.
@@ -145,7 +145,7 @@ impl Campaign {
     #[staticmethod]
     fn from_toml(path: &Bound<'_, PyAny>) -> PyResult<Self> {
         let path = values::file("path", path)?;
-        sweep::campaign::Campaign::read(&path)
+        sweep::campaign::read(&path)
             .map(Self)
             .map_err(raise)
     }
@@ -383,7 +383,7 @@ fn files(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PathBuf>>
 /// Prints notes for the user.
 fn compute(
     py: Python<'_>,
-    campaign: &sweep::campaign::Campaign,
+    campaign: &sweep::model::campaign::Campaign,
     path: &std::path::Path,
     wanted: &Wanted,
     bar: &Py<PyAny>,

@@ -8,7 +8,8 @@ use sweep::ErrorRenderer;
 use sweep::campaign::CampaignError;
 use sweep::report::ReportError;
 use sweep::store::StoreError as OfTheStore;
-use sweep::{Error, exit};
+use sweep::Error;
+use sweep::system::exit;
 
 create_exception!(
     sheared_layers,

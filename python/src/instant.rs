@@ -40,7 +40,7 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
             made_for.clear();
         }
         made_for.extend(ratios);
-        *made = sweep::tables::make(made_for, |_| ())?;
+        *made = sweep::near_field_cache::make(made_for, |_| ())?;
         Ok(made.clone())
     })
     .map_err(|error: sd_core::Error| raise(error))

@@ -4,7 +4,7 @@ use crate::arrays::Records;
 use crate::instant::Arrays;
 use sd_core::simulation::{Flow, Frame};
 use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot, Started};
-use sweep::spaces::{AnySnapshot, InSpace};
+use sweep::model::spaces::{AnySnapshot, InSpace};
 
 /// A run in either space.
 pub(crate) trait Steps: Send {

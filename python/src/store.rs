@@ -8,14 +8,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use sweep::axes::{AXES, Axis};
-use sweep::campaign::Campaign;
+use sweep::model::axes::{AXES, Axis};
+use sweep::model::campaign::Campaign;
 use sweep::data::DataColumn;
 use sweep::report::{
     Drawing, FitReport, Format, Kind, Look, Report, SegmentReport, Selection, SphereView,
     StructureReport, draw_spheres, outline, point_table, sample_table, traces,
 };
-use sweep::spaces::AnyFrame;
+use sweep::model::spaces::AnyFrame;
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
@@ -119,7 +119,7 @@ impl Store {
             .extension()
             .is_some_and(|extension| extension == "toml")
         {
-            let campaign = Campaign::read(&path).map_err(raise)?;
+            let campaign = sweep::campaign::read(&path).map_err(raise)?;
             return Self::opened(StoreSource::new(campaign.default_store(), Some(campaign)));
         }
         Self::opened(StoreSource::new(std::path::absolute(path)?, None))
@@ -412,7 +412,7 @@ impl Store {
         let outline = match segment {
             None => self.read(py, draw)?,
             Some(number) => py
-                .detach(|| Ok(source.open_segment(number)?.map(|store| draw(&store))))
+                .detach(|| Ok(sweep::campaign::open_segment(&source, number)?.map(|store| draw(&store))))
                 .map_err(|error: sweep::Error| raise(error))?
                 .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
                 .map_err(raise)?,

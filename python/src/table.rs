@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 use sweep::data::{Cells, DataColumn};
-use sweep::format::significant;
+use sweep::text::format::significant;
 
 /// Rows shown in a notebook at the beginning and at the end of a long table.
 const SHOWN: usize = 15;

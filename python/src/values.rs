@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
 use std::path::PathBuf;
-use sweep::axes::Value as OfAxis;
+use sweep::data::Value as OfAxis;
 use toml::{Table, Value};
 
 /// Reads an argument; errors have its name and what is allowed.

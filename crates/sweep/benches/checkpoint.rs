@@ -8,9 +8,8 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use sd_core::model::Words as _;
 use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
-use sweep::campaign::Campaign;
-use sweep::campaign::Order;
-use sweep::spaces::AnySnapshot;
+use sweep::model::order::Order;
+use sweep::model::spaces::AnySnapshot;
 use sweep::store::{Checkpoint, Store};
 
 /// A run of the published size under each hydrodynamics.
@@ -36,7 +35,7 @@ fn mean(times: u32, mut work: impl FnMut()) -> Duration {
 
 /// Steps and checkpoints, and the share of the latter.
 fn checkpoint(criterion: &mut Criterion) {
-    let campaign = Campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
+    let campaign = sweep::campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
     let directory = tempfile::tempdir().expect("a place for the store");
     let path = directory.path().join("bench.sqlite");
     let (mut store, _) = Store::enter(&path, &campaign, Order::default()).expect("a new store");

@@ -9,8 +9,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use sweep::campaign::Campaign;
-use sweep::campaign::Order;
+use sweep::model::order::Order;
 use sweep::store::{Store, accept_changes};
 
 fn campaign(points: &str, seeds: u32) -> String {
@@ -91,7 +90,7 @@ fn main() {
     let (one, all, store_path) = (path(&one), path(&all), path(&store));
     if !store.exists() {
         time("one run", &["run", &one, "--quiet", "--store", &store_path]);
-        let campaign = Campaign::parse("large.toml", text).expect("a good campaign");
+        let campaign = sweep::campaign::parse("large.toml", text).expect("a good campaign");
         time_of("all cases are entered", || {
             Store::enter(&store, &campaign, Order::default()).expect("a campaign for the store");
         });

@@ -12,15 +12,16 @@ mod segments;
 mod sizes;
 mod start;
 
-pub use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};
-pub use crate::model::order::{Order, Priority};
-pub use crate::protocol::{Discard, Protocol, Steps};
+pub use elsewhere::text_elsewhere;
 pub use error::{CampaignError, Fault};
 pub(crate) use folded::WrittenPoints;
 pub(crate) use reader::nearest;
 
-use crate::axes::identity;
-use crate::case::{Case, CaseKey};
+use crate::model::axes::identity;
+use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};
+use crate::model::case::{Case, CaseKey};
+use crate::model::protocol::Protocol;
+use crate::store::{Store, StoreError, StoreSource};
 use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
@@ -34,57 +35,83 @@ use toml::de::{DeTable, DeValue};
 
 /// Largest campaign file, in bytes.
 pub const FILE_LIMIT: u64 = 1 << 20;
-impl Campaign {
-    /// Reads a campaign file.
-    ///
-    /// # Errors
-    /// An I/O error, or all faults of its content.
-    pub fn read(path: &Path) -> Result<Self, CampaignError> {
-        let unreadable = |source| CampaignError::Unreadable {
-            path: path.to_owned(),
-            source,
-        };
-        let bytes = read_whole(path, FILE_LIMIT).map_err(unreadable)?;
-        if bytes.starts_with(b"SQLite format 3") {
-            return Err(unreadable(std::io::Error::other(
-                "this is a store, and not a campaign file, which is a text such as sweeps/quickstart.toml",
-            )));
-        }
-        let text = String::from_utf8(bytes)
-            .map_err(|error| unreadable(std::io::Error::other(error.utf8_error())))?;
-        let campaign = Self::parse(&path.display().to_string(), text)?;
-        Ok(Self {
-            file: std::path::absolute(path).map_err(unreadable)?,
-            ..campaign
-        })
-    }
 
-    /// Reads the text of a campaign file; `file` names it in errors, and its folder is where
-    /// relative paths in it begin.
-    ///
-    /// # Errors
-    /// All its faults, the first in front.
-    pub fn parse(file: &str, text: String) -> Result<Self, CampaignError> {
-        let mut problems = Vec::new();
-        let folder = Path::new(file).parent().unwrap_or(Path::new(""));
-        let (name, protocol, laid_out) = parse(&text, folder, &mut problems);
-        let LaidOut {
+/// Reads a campaign file.
+///
+/// # Errors
+/// An I/O error, or all faults of its content.
+pub fn read(path: &Path) -> Result<Campaign, CampaignError> {
+    let unreadable = |source| CampaignError::Unreadable {
+        path: path.to_owned(),
+        source,
+    };
+    let bytes = read_whole(path, FILE_LIMIT).map_err(unreadable)?;
+    if bytes.starts_with(b"SQLite format 3") {
+        return Err(unreadable(std::io::Error::other(
+            "this is a store, and not a campaign file, which is a text such as sweeps/quickstart.toml",
+        )));
+    }
+    let text = String::from_utf8(bytes)
+        .map_err(|error| unreadable(std::io::Error::other(error.utf8_error())))?;
+    let campaign = parse(&path.display().to_string(), text)?;
+    Ok(Campaign {
+        file: std::path::absolute(path).map_err(unreadable)?,
+        ..campaign
+    })
+}
+
+/// Reads the text of a campaign file; `file` names it in errors, and its folder is where relative
+/// paths in it begin.
+///
+/// # Errors
+/// All its faults, the first in front.
+pub fn parse(file: &str, text: String) -> Result<Campaign, CampaignError> {
+    let mut problems = Vec::new();
+    let folder = Path::new(file).parent().unwrap_or(Path::new(""));
+    let (name, protocol, laid_out) = parts(&text, folder, &mut problems);
+    let LaidOut {
+        cases,
+        rules,
+        folded,
+    } = laid_out;
+    match error::in_file(problems, file, &text) {
+        Some(fault) => Err(fault.into()),
+        None => Ok(Campaign {
+            name,
+            file: PathBuf::from(file),
+            text,
+            protocol,
             cases,
             rules,
             folded,
-        } = laid_out;
-        match error::in_file(problems, file, &text) {
-            Some(fault) => Err(fault.into()),
-            None => Ok(Self {
-                name,
-                file: PathBuf::from(file),
-                text,
-                protocol,
-                cases,
-                rules,
-                folded,
-            }),
+        }),
+    }
+}
+
+/// Opens a store for reading, and shows the runs up to one of their segments, by its number from 1,
+/// whose kept strain is averaged.
+///
+/// # Errors
+/// As [`StoreSource::open`]; the inner error is a message about a missing segment, or a campaign
+/// that cannot be read.
+pub fn open_segment(
+    source: &StoreSource,
+    number: usize,
+) -> Result<Result<Store, String>, StoreError> {
+    let campaign = if let Some(campaign) = source.campaign() {
+        campaign.clone()
+    } else {
+        let text = Store::open_read_only(source.path())?.campaign_text()?;
+        match parse(&source.path().display().to_string(), text) {
+            Ok(campaign) => campaign,
+            Err(error) => return Ok(Err(error.to_string())),
         }
+    };
+    match campaign.of_segment(number) {
+        Ok(campaign) => StoreSource::new(source.path().to_owned(), Some(campaign))
+            .open()
+            .map(Ok),
+        Err(message) => Ok(Err(message)),
     }
 }
 
@@ -98,7 +125,7 @@ struct LaidOut {
 }
 
 /// Reads the parts of a campaign and records their faults.
-fn parse(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, LaidOut) {
+fn parts(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, LaidOut) {
     let nothing = || (String::new(), Protocol::default(), LaidOut::default());
     let document = match DeTable::parse(text) {
         Ok(document) => document,

@@ -28,8 +28,8 @@ mod submit;
 mod tables;
 mod verify;
 
-use crate::case::PHYSICS_VERSION;
 use crate::error::{Error, ErrorRenderer};
+use crate::model::case::PHYSICS_VERSION;
 use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};

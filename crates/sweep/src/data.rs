@@ -2,12 +2,12 @@
 
 pub(crate) mod csv_rows;
 mod parquet;
+mod value;
 
-pub use crate::model::sampled::{Field, fields, is_of_network};
 pub use parquet::ParquetFile;
+pub(crate) use value::Tag;
+pub use value::{Kind, Value};
 
-use crate::axes::{Axis, Kind, Value};
-use sd_core::{Params, Sample};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -149,15 +149,6 @@ impl DataColumn {
         cells.for_each(|cell| column.cells.push(cell));
         column
     }
-
-    /// The values of some parameters on an axis.
-    pub(crate) fn of_axis<'p>(axis: &Axis, params: impl Iterator<Item = &'p Params>) -> Self {
-        let cells = params.map(|params| Some(axis.value(params)));
-        Self {
-            unit: axis.unit,
-            ..Self::of(axis.key, axis.kind(), axis.meaning, cells)
-        }
-    }
 }
 
 /// Writes a table of a campaign as a Parquet file.
@@ -191,52 +182,4 @@ pub(crate) fn write_csv_rows(table: &[DataColumn], out: &mut dyn Write) -> io::R
 fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = String>> {
     let number = table.first().map_or(0, |column| column.cells.len());
     (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
-}
-
-/// A table of samples, each with its step in the first column, whose other columns are these
-/// fields.
-pub(crate) fn numbered(
-    samples: &[(u64, Sample)],
-    fields: impl Fn(&Sample) -> Vec<Field>,
-) -> Vec<DataColumn> {
-    let rows = samples.len();
-    let mut steps = DataColumn::named("step", Kind::Count, rows);
-    let mut columns: Vec<DataColumn> = fields(&Sample::default())
-        .into_iter()
-        .map(|field| DataColumn::named(field.name, field.value.kind(), rows))
-        .collect();
-    for (step, sample) in samples {
-        steps.cells.push(Some(Value::Count(*step)));
-        for (column, field) in columns.iter_mut().zip(fields(sample)) {
-            column.cells.push(Some(field.value));
-        }
-    }
-    columns.insert(0, steps);
-    columns
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn samples_are_a_table_with_the_columns_of_the_store() {
-        let sample = Sample {
-            viscosity: f64::NAN,
-            minimum_gap: f64::INFINITY,
-            contacts: 7,
-            ..Sample::default()
-        };
-        let table = numbered(&[(40, sample)], fields);
-        let cells = |name: &str| &table.iter().find(|c| c.name == name).unwrap().cells;
-        assert_eq!(*cells("step"), Cells::Count(vec![Some(40)]));
-        assert_eq!(*cells("contacts"), Cells::Count(vec![Some(7)]));
-        assert_eq!(*cells("viscosity"), Cells::Number(vec![None]));
-        let infinite = Cells::Number(vec![Some(f64::INFINITY)]);
-        assert_eq!(*cells("minimum_gap"), infinite);
-        assert_eq!(*cells("minimum_gap_so_far"), infinite);
-        let none = numbered(&[], fields);
-        assert_eq!(none.len(), table.len());
-        assert!(none.iter().all(|column| column.cells.is_empty()));
-    }
 }

@@ -6,12 +6,12 @@ pub use renderer::ErrorRenderer;
 
 use crate::campaign::CampaignError;
 use crate::cluster::{ClusterError, no_room};
-use crate::exit;
 use crate::instant::InputError;
 use crate::report::ReportError;
 use crate::runner::RunnerError;
 use crate::serve::ServeError;
 use crate::store::StoreError;
+use crate::system::exit;
 use std::io;
 use std::path::{Path, PathBuf};
 

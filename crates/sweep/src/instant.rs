@@ -6,8 +6,8 @@ mod contact;
 pub(crate) use components::Amount;
 pub use components::{Components, Written};
 
-use crate::spaces::{InSpace, of_either};
-use crate::tables;
+use crate::model::spaces::{InSpace, of_either};
+use crate::near_field_cache;
 use crate::trajectory::Kept;
 use components::FirstCentre;
 use contact::Contact;
@@ -252,7 +252,7 @@ fn answer_in<S: Written + Kept>(
         ratios.clear();
     }
     let tables = if ratios.iter().all(|ratio| (0.01..=100.0).contains(ratio)) {
-        tables::make(&ratios, |_| ())?
+        near_field_cache::make(&ratios, |_| ())?
     } else {
         NearFields::default()
     };

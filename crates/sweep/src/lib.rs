@@ -6,22 +6,33 @@
 //! On a cluster a scheduler of the `cluster` starts tasks that compute slices of the campaign in
 //! stores of their own, published as shards and merged into the one store.
 //!
-//! # Modules, from the lowest level up
+//! # Rooms, from the lowest up
+//! A room imports only rooms named above it here, by their own paths: a test reads this list.
 //! ```text
-//! system  text  data                  the machine; words and numbers; tables
-//! model  statistics                   axes, case, protocol, campaign, order of work; averages, doubts, stopping rules
-//! structure                           frames as pair distributions and networks of contacts
-//! store                               SQLite: cases, checkpoints, samples, results
-//! campaign                            the TOML file, which may name runs of a store to begin with
-//! costs  runner  cluster              estimates; computing; tasks of a scheduler
-//! report  serve                       tables, figures, the page
-//! api  cli                            each command as a function; its arguments and its output
+//! text               numbers, times and sizes as text; text without control sequences
+//! system             clocks, processes, files, disks, exit codes
+//! data               tables: values, columns, CSV, Parquet
+//! model              axes, cases, protocol, campaign, order of work; layers and suspensions as one type
+//! near_field_cache   near fields of unequal spheres, kept in the user's cache
+//! measure            what a run measures: averages in time and over runs, doubts, stopping rule
+//! structure          frames as pair distributions and networks of contacts
+//! trajectory         kept frames in the formats of other programs
+//! instant            one instant of one configuration, and the two-sphere functions
+//! store              SQLite: cases, checkpoints, samples, results
+//! campaign           the TOML file, which may name runs of a store to begin with
+//! plan               estimates of what is left to compute
+//! runner             claims cases, computes them and keeps their states
+//! report             tables, figures, the page
+//! serve              the page of a store that is being computed
+//! cluster            tasks of a scheduler, and their shards
+//! error              errors of all rooms, with their exit codes and their form in print
+//! cli                arguments and output of each command
 //! ```
 //!
 //! # From another program
 //! The Python package calls the same functions as the commands:
 //! ```text
-//! campaign::Campaign                  a campaign file, or the text of one
+//! campaign::{read, parse}             a campaign file, or the text of one
 //! api::{plan, InstantInput, …}        what plan, solve and scalars read and answer
 //! api::begin                          a campaign in its store, before anything is computed
 //! api::complete                       the cases of a store computed: with runner::{Stop, Progress, Options}
@@ -38,23 +49,20 @@ mod cluster;
 pub mod data;
 mod error;
 pub mod instant;
-mod model;
+pub mod measure;
+pub mod model;
+pub mod near_field_cache;
 pub mod plan;
 pub mod report;
 pub mod runner;
 mod serve;
-mod statistics;
 pub mod store;
 mod structure;
-mod system;
-mod text;
+pub mod system;
+pub mod text;
 pub mod trajectory;
 
 #[cfg(test)]
 mod test_support;
 
 pub use error::{Error, ErrorRenderer};
-pub use model::{axes, case, protocol, spaces};
-pub use statistics::doubt;
-pub use system::{disk, exit, tables};
-pub use text::format;

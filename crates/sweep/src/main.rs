@@ -3,7 +3,8 @@
 use clap::Parser;
 use std::io::{BufWriter, Write};
 use std::process::ExitCode;
-use sweep::{cli, exit};
+use sweep::cli;
+use sweep::system::exit;
 
 fn main() -> ExitCode {
     let cli = cli::Cli::parse();

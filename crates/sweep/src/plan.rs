@@ -8,12 +8,13 @@ mod scatter;
 mod starts;
 mod work;
 
-use crate::axes::{AXES, Axis, Value, identity};
-use crate::campaign::Campaign;
-use crate::case::Case;
-use crate::format::{count, significant};
-use crate::protocol::PlannedSegment;
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis, identity};
+use crate::model::campaign::Campaign;
+use crate::model::case::Case;
+use crate::model::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
+use crate::text::format::{count, significant};
 use costs::{COMPARABLE, Costs};
 use pilot::{Trial, trials};
 use scatter::Sum;

@@ -23,7 +23,7 @@ mod text;
 mod tidy;
 mod units;
 
-pub use crate::model::sampled::sample_fields;
+pub use crate::measure::sampled::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
 pub use failures::FailureGroup;

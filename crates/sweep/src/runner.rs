@@ -13,10 +13,11 @@ pub use error::RunnerError;
 pub use progress::{CampaignProgress, Progress, Style};
 pub use stop::{Reason, Stop};
 
-use crate::campaign::{Campaign, Protocol};
+use crate::model::campaign::Campaign;
+use crate::model::protocol::Protocol;
+use crate::near_field_cache;
 use crate::store::{Claim, Store, StoreError};
 use crate::system::lock;
-use crate::tables;
 use sd_core::NearFields;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
@@ -97,8 +98,8 @@ pub fn compute_campaign(
     campaign: &Campaign,
     options: Options<'_>,
 ) -> Result<(), RunnerError> {
-    let ratios = tables::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
-    let tables = tables::make(&ratios, |text| options.progress.note(text))?;
+    let ratios = near_field_cache::ratios(campaign.cases.iter().map(|(_, case)| &case.params))?;
+    let tables = near_field_cache::make(&ratios, |text| options.progress.note(text))?;
     run(store, &campaign.protocol, &tables, options)
 }
 
@@ -344,7 +345,7 @@ impl<'r> Shared<'r> {
                 process.running,
                 process.pid,
                 process.host,
-                crate::format::duration(process.silent_s)
+                crate::text::format::duration(process.silent_s)
             ));
         }
         Ok(())

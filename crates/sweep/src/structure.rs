@@ -27,5 +27,4 @@ mod tests;
 pub(crate) use average::{Band, Curve, RunStructure, Structure};
 pub(crate) use clusters::clusters;
 pub(crate) use network::{Link, Network};
-pub(crate) use scalars::meaning_of;
 pub(crate) use scalars::{NAMED, observe};

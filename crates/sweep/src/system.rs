@@ -1,11 +1,10 @@
-//! Services of the system: clocks, processes, files, disks, exit codes, tables in the user's cache.
+//! Services of the system: clocks, processes, files, disks, exit codes.
 
 pub(crate) mod clock;
 pub mod disk;
 pub mod exit;
 pub(crate) mod files;
 pub(crate) mod process;
-pub mod tables;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -1,6 +1,6 @@
 //! Synthetic samples and snapshots for tests outside the physics.
 
-use crate::spaces::{AnyFrame, AnySnapshot, InSpace};
+use crate::model::spaces::{AnyFrame, AnySnapshot, InSpace};
 use sd_core::simulation::{Counters, Frame, FrameContact, SNAPSHOT_VERSION};
 use sd_core::{ContactScheme, Hydrodynamics, Params, Sample, Snapshot, StressComponents};
 
@@ -33,7 +33,7 @@ pub(crate) fn counters() -> Counters {
 
 /// Plausible components of the stress.
 fn stress() -> StressComponents {
-    crate::model::sampled::read(|n| Ok::<_, ()>(0.25 * n as f64 - 2.0), |_| Ok(0))
+    crate::measure::sampled::read(|n| Ok::<_, ()>(0.25 * n as f64 - 2.0), |_| Ok(0))
         .unwrap()
         .stress
 }

@@ -11,7 +11,7 @@ pub(crate) use bonds::write_bonds;
 pub(crate) use extxyz::{FrameSource, write_extxyz};
 pub use tables::{contact_table, sphere_table};
 
-use crate::spaces::{AnyFrame, InSpace};
+use crate::model::spaces::{AnyFrame, InSpace};
 use sd_core::contact::ContactState;
 use sd_core::simulation::{Frame, FrameContact};
 use sd_core::{Bulk, Layer, Space};

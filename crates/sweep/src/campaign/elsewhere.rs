@@ -1,44 +1,42 @@
 //! A campaign file for a copy in another folder: its relative paths become absolute.
 
-use super::Campaign;
+use crate::model::campaign::Campaign;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-impl Campaign {
-    /// Its text for a copy in another folder: relative paths of start layers become absolute;
-    /// nothing else changes.
-    pub fn text_elsewhere(&self) -> String {
-        let folder = self.file.parent().unwrap_or(Path::new(""));
-        let mut text = self.text.clone();
-        let Ok(document) = DeTable::parse(&self.text) else {
-            return text;
-        };
-        let mut paths: Vec<(Range<usize>, String)> = document
-            .get_ref()
-            .get("grid")
-            .into_iter()
-            .flat_map(|grid| match grid.get_ref() {
-                DeValue::Array(grids) => grids.iter().collect(),
-                _ => vec![grid],
-            })
-            .filter_map(start_path)
-            .filter_map(|path| {
-                let DeValue::String(name) = path.get_ref() else {
-                    return None;
-                };
-                let full = folder.join(name.as_ref());
-                Some((path.span(), basic_string(full.to_str()?)))
-            })
-            .collect();
-        // From the end, so that earlier positions stay valid.
-        paths.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
-        for (span, full) in paths {
-            text.replace_range(span, &full);
-        }
-        text
+/// The text of a campaign for a copy in another folder: relative paths of start layers become
+/// absolute; nothing else changes.
+pub fn text_elsewhere(campaign: &Campaign) -> String {
+    let folder = campaign.file.parent().unwrap_or(Path::new(""));
+    let mut text = campaign.text.clone();
+    let Ok(document) = DeTable::parse(&campaign.text) else {
+        return text;
+    };
+    let mut paths: Vec<(Range<usize>, String)> = document
+        .get_ref()
+        .get("grid")
+        .into_iter()
+        .flat_map(|grid| match grid.get_ref() {
+            DeValue::Array(grids) => grids.iter().collect(),
+            _ => vec![grid],
+        })
+        .filter_map(start_path)
+        .filter_map(|path| {
+            let DeValue::String(name) = path.get_ref() else {
+                return None;
+            };
+            let full = folder.join(name.as_ref());
+            Some((path.span(), basic_string(full.to_str()?)))
+        })
+        .collect();
+    // From the end, so that earlier positions stay valid.
+    paths.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    for (span, full) in paths {
+        text.replace_range(span, &full);
     }
+    text
 }
 
 /// Where a grid names the file of its start layer, or the store of its start runs.
@@ -69,7 +67,7 @@ fn basic_string(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::Protocol;
+    use crate::model::protocol::Protocol;
 
     fn campaign(file: &str, text: &str) -> Campaign {
         Campaign {
@@ -92,11 +90,11 @@ mod tests {
                     [[grid]]\nstart = { point = { friction = 0.3 }, store = \"/odd \\\" folder/results/one.sqlite\" }\n\
                     [[grid]]\nstart = \"/elsewhere/layer.xyz\"\n";
         let given = campaign("/odd \" folder/small.toml", text);
-        assert_eq!(given.text_elsewhere(), full);
+        assert_eq!(text_elsewhere(&given), full);
         // Copying the copy changes nothing.
-        assert_eq!(campaign("/plan/small.toml", full).text_elsewhere(), full);
+        assert_eq!(text_elsewhere(&campaign("/plan/small.toml", full)), full);
         let plain = "name = \"small\"\n[[grid]]\nseeds = 1\n";
-        assert_eq!(campaign("/a/small.toml", plain).text_elsewhere(), plain);
+        assert_eq!(text_elsewhere(&campaign("/a/small.toml", plain)), plain);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Start layers taken from the ends of the runs of a point of another store.
 
-use crate::axes::{AXES, Axis, Tag, Value, identity};
+use crate::data::Tag;
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis, identity};
 use crate::model::checkpoint::Checkpoint;
-use crate::spaces::InSpace;
+use crate::model::spaces::InSpace;
 use crate::store::{LastState as Run, Store};
 use sd_core::Params;
 use sd_core::model::StartLayer;

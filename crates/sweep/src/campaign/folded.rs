@@ -7,7 +7,7 @@
 use super::grid::Grid;
 use super::reader::Table;
 use super::{grids, protocol_of};
-use crate::axes::{Identity, identity};
+use crate::model::axes::{Identity, identity};
 use sd_core::Params;
 use std::collections::HashMap;
 use toml::de::DeTable;
@@ -97,7 +97,7 @@ mod tests {
         let text = "name = \"n\"\n[[grid]]\narea_fraction = 0.5\nfriction = [0, 0.3]\nroughness = 0.01\n\
                     shear_rate = [0, 1.0, inf]\nspheres = 20\nseeds = 2\n";
         let points = WrittenPoints::of(text);
-        let campaign = crate::campaign::Campaign::parse("n.toml", text.into()).unwrap();
+        let campaign = crate::campaign::parse("n.toml", text.into()).unwrap();
         // Without friction one case for three rates, and with it at the rate 0 the same.
         assert_eq!(campaign.cases.len(), 3 * 2);
         assert_eq!(campaign.folded, 3 * 2);

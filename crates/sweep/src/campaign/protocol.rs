@@ -3,8 +3,8 @@
 use super::error::Problem;
 use super::reader::{Table, Values, number, of_axis, values, word, wrong_type};
 use super::segments::{self, SEGMENT, WrittenSegment};
-use crate::axes::Axis;
-use crate::protocol::{Discard, PlannedSegment, Protocol};
+use crate::model::axes::Axis;
+use crate::model::protocol::{Discard, PlannedSegment, Protocol};
 use sd_core::model::Range;
 use std::collections::HashMap;
 use std::ops;

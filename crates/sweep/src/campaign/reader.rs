@@ -5,7 +5,8 @@
 
 use super::error::Problem;
 use super::sizes;
-use crate::axes::{Axis, Value};
+use crate::data::Value;
+use crate::model::axes::Axis;
 use sd_core::model::{Form, Range};
 use std::collections::HashMap;
 use std::ops;

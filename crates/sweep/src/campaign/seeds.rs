@@ -3,8 +3,8 @@
 use super::CASE_LIMIT;
 use super::error::Problem;
 use super::reader::{Table, number, values, whole, word, wrong_type};
-use crate::axes::Value;
-use crate::statistics::{Measure, Precision};
+use crate::data::Value;
+use crate::model::precision::{Precision, Quantity};
 use sd_core::model::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -93,14 +93,14 @@ impl Seeds {
             1.0
         };
         let quantity = match table.get("quantity") {
-            None => Measure::Viscosity,
+            None => Quantity::Viscosity,
             Some(written) => {
-                let names = Measure::ALL.map(Measure::name);
+                let names = Quantity::ALL.map(Quantity::name);
                 match word(written, "quantity", &names) {
-                    Ok(name) => Measure::of_name(name).unwrap_or(Measure::Viscosity),
+                    Ok(name) => Quantity::of_name(name).unwrap_or(Quantity::Viscosity),
                     Err(problem) => {
                         note(problem);
-                        Measure::Viscosity
+                        Quantity::Viscosity
                     }
                 }
             }

@@ -3,8 +3,9 @@
 use super::error::Problem;
 use super::protocol::{DISCARDED, LENGTH};
 use super::reader::{Located, Table, Values, number, whole, wrong_type};
-use crate::axes::{Axis, Value};
-use crate::protocol::PlannedSegment;
+use crate::data::Value;
+use crate::model::axes::Axis;
+use crate::model::protocol::PlannedSegment;
 use sd_core::model::{CrossShear, Form, Range, Segment};
 use std::ops;
 use toml::Spanned;

@@ -2,7 +2,7 @@
 
 use super::error::Problem;
 use super::reader::{Table, number, wrong_type};
-use crate::axes::Value;
+use crate::data::Value;
 use sd_core::model::{Distribution, KindOfSizes, Range, Refusal, Sizes, Words as _};
 use std::ops;
 use toml::Spanned;

@@ -207,7 +207,7 @@ fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spaces::{AnyFrame, InSpace};
+    use crate::model::spaces::{AnyFrame, InSpace};
     use crate::trajectory::{FrameSource, write_extxyz};
     use sd_core::simulation::Frame as Kept;
 

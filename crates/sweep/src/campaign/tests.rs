@@ -4,7 +4,7 @@ mod sizes;
 mod suspensions;
 
 use super::*;
-use crate::axes::Axis;
+use crate::model::axes::Axis;
 use std::fmt::Write as _;
 
 const GOOD: &str = r#"name = "friction"
@@ -22,7 +22,7 @@ hydrodynamics = "ball-melrose"
 "#;
 
 fn parse_text(text: &str) -> Result<Campaign, CampaignError> {
-    Campaign::parse("friction.toml", text.into())
+    crate::campaign::parse("friction.toml", text.into())
 }
 
 #[test]
@@ -356,7 +356,7 @@ fn a_grid_may_have_its_own_time_steps() {
              spheres = 90\ntime_step = {steps}\n"
         )
     };
-    let campaign = Campaign::parse("steps.toml", text("[0.02, 0.01]")).unwrap();
+    let campaign = crate::campaign::parse("steps.toml", text("[0.02, 0.01]")).unwrap();
     let seen: Vec<(f64, u64, u64)> = campaign
         .cases
         .iter()
@@ -364,7 +364,7 @@ fn a_grid_may_have_its_own_time_steps() {
         .collect();
     assert_eq!(seen, [(0.02, 250, 1), (0.01, 500, 2)]);
     // The strain between samples, 0.02, is no whole number of steps of 0.008.
-    let error = Campaign::parse("steps.toml", text("0.008")).unwrap_err();
+    let error = crate::campaign::parse("steps.toml", text("0.008")).unwrap_err();
     assert!(error.to_string().contains("sample_every"), "{error}");
 }
 
@@ -413,7 +413,7 @@ fn imposed(more: &str) -> String {
 /// A campaign of a file in that folder, or the error as it is shown.
 fn shown_or(folder: &Path, text: &str) -> Result<Campaign, String> {
     let file = folder.join("x.toml").display().to_string();
-    Campaign::parse(&file, text.into()).map_err(|error| {
+    crate::campaign::parse(&file, text.into()).map_err(|error| {
         let mut shown = String::new();
         miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
             .render_report(&mut shown, &error)

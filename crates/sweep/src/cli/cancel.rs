@@ -4,7 +4,7 @@ use super::Output;
 use super::place::StoreArguments;
 use crate::cluster::jobs::cancel;
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 use std::time::Duration;
 
 /// Cancel the submitted tasks of a campaign

@@ -2,8 +2,8 @@
 
 use super::Output;
 use crate::error::Error;
-use crate::exit;
 use crate::store::check;
+use crate::system::exit;
 use std::path::PathBuf;
 
 /// Verify the contents of a store by its checksums

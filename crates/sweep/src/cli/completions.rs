@@ -2,7 +2,7 @@
 
 use super::{Cli, Output};
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 use clap::CommandFactory;
 
 /// Print a completion script for a shell

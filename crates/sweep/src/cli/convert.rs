@@ -2,11 +2,11 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::axes::{AXES, Axis};
 use crate::error::Error;
-use crate::exit;
-use crate::format::significant;
+use crate::model::axes::{AXES, Axis};
 use crate::report::{Point, Report, Selection, table};
+use crate::system::exit;
+use crate::text::format::significant;
 use sd_core::model::PublishedUnits;
 use serde::Serialize;
 

@@ -4,9 +4,9 @@ use super::Output;
 use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::exit;
-use crate::format::significant;
 use crate::report::{Format, Range, SphereColour, SphereView, draw_spheres};
+use crate::system::exit;
+use crate::text::format::significant;
 use std::path::{Path, PathBuf};
 
 /// Draw the spheres of one run at a kept strain, with the forces of their contacts

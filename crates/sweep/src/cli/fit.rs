@@ -5,9 +5,9 @@ use super::output_file::{check_outputs, format_of, save};
 use super::place::StoreArguments;
 use crate::data::csv_rows;
 use crate::error::Error;
-use crate::exit;
-use crate::format::{short, significant, wrapped};
 use crate::report::{FitReport, Selection, table};
+use crate::system::exit;
+use crate::text::format::{short, significant, wrapped};
 use std::path::PathBuf;
 
 /// Fit the Wyart-Cates model to the viscosities of a campaign

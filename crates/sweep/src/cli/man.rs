@@ -2,7 +2,7 @@
 
 use super::{Cli, Output};
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 use crate::system::files::write_whole;
 use clap::CommandFactory;
 use std::io::Write as _;

@@ -4,7 +4,7 @@ use super::Output;
 use super::place::{StoreArguments, print_warning};
 use crate::cluster::merge::{Joined, join, shards_in, store_for};
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 use std::path::PathBuf;
 
 /// Merge the shards that tasks published into the store of their campaign

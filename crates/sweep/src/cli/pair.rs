@@ -3,10 +3,10 @@
 use super::Output;
 use super::output_file::{check_outputs, format_of, save};
 use crate::error::Error;
-use crate::exit;
-use crate::format::significant;
+use crate::near_field_cache;
 use crate::report::{draw_graphs, table};
-use crate::tables;
+use crate::system::exit;
+use crate::text::format::significant;
 use sd_core::NearFields;
 use sd_core::pair::{PairScenario, pass};
 use std::path::PathBuf;
@@ -76,7 +76,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             });
         }
     }
-    let tables = tables::make(&NearFields::ratios(&[1.0, arguments.size_ratio]), |_| ())?;
+    let tables = near_field_cache::make(&NearFields::ratios(&[1.0, arguments.size_ratio]), |_| ())?;
     let scenario = PairScenario {
         size_ratio: arguments.size_ratio,
         contact: (!arguments.no_contact).then_some((arguments.roughness, arguments.friction)),

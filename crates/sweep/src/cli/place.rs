@@ -1,8 +1,8 @@
 //! The store of a command, and the number of cases it computes in parallel.
 
 use super::Output;
-use crate::campaign::Campaign;
 use crate::error::Error;
+use crate::model::campaign::Campaign;
 use crate::store::{Store, StoreSource};
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -45,7 +45,7 @@ impl StoreArguments {
             }
             return Ok(StoreSource::new(whole(&self.file)?, None));
         }
-        let campaign = Campaign::read(&self.file)?;
+        let campaign = crate::campaign::read(&self.file)?;
         Ok(StoreSource::new(
             store_of(&campaign, self.store.as_deref())?,
             Some(campaign),
@@ -62,7 +62,7 @@ impl StoreArguments {
             return self.open(output);
         };
         let source = self.find()?;
-        let store = source.open_segment(number)?;
+        let store = crate::campaign::open_segment(&source, number)?;
         let store = store.map_err(|message| Error::Argument {
             argument: "--segment",
             message,

@@ -7,11 +7,10 @@ use super::Output;
 use super::output_file::{check_outputs, save};
 use super::place::{store_of, workers, workers_or_all};
 use super::tables::TableArguments;
-use crate::campaign::Campaign;
 use crate::error::Error;
-use crate::exit;
 use crate::plan::make;
 use crate::store::StoreSource;
+use crate::system::exit;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -60,7 +59,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     .flatten()
     .collect();
     check_outputs(&[("--latex", &arguments.tables.latex)], &inputs, output)?;
-    let campaign = Campaign::read(&arguments.campaign)?;
+    let campaign = crate::campaign::read(&arguments.campaign)?;
     let workers = workers_or_all(arguments.workers);
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let store = if path.exists() {

@@ -2,11 +2,11 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::campaign::Order;
 use crate::error::Error;
-use crate::exit;
-use crate::format::bytes;
+use crate::model::order::Order;
 use crate::store::Store;
+use crate::system::exit;
+use crate::text::format::bytes;
 use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 
 /// Maximum number of failures named in an error.
 const NAMED: u32 = 8;

@@ -9,13 +9,13 @@ use super::place::StoreArguments;
 use super::tables::TableArguments;
 use crate::data::write_parquet;
 use crate::error::Error;
-use crate::exit;
-use crate::format::wrapped;
 use crate::report::{
     Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
     write_csv, write_json, write_latex, write_markdown, write_text, write_units,
 };
 use crate::store::Store;
+use crate::system::exit;
+use crate::text::format::wrapped;
 use figure::{FigureArguments, Sources};
 use std::path::PathBuf;
 

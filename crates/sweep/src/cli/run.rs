@@ -4,18 +4,19 @@ mod task;
 
 use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
-use crate::campaign::{Campaign, Priority};
 use crate::cluster::jobs::jobs;
 use crate::cluster::task::Part;
-use crate::disk::network_file_system;
 use crate::error::Error;
-use crate::exit;
-use crate::format::{bytes, counted, parse_duration, parse_positive_duration};
+use crate::model::campaign::Campaign;
+use crate::model::order::Priority;
 use crate::runner::{
     Options, Progress, Reason, RunObserver, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
 };
 use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
+use crate::system::disk::network_file_system;
+use crate::system::exit;
+use crate::text::format::{bytes, counted, parse_duration, parse_positive_duration};
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -185,7 +186,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 
 /// Computes the open cases and prints the report.
 fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let campaign = Campaign::read(&arguments.campaign)?;
+    let campaign = crate::campaign::read(&arguments.campaign)?;
     if let Some(part) = arguments.cluster.shard {
         return task::run(arguments, part, campaign, output);
     }

@@ -2,9 +2,9 @@
 
 use super::Output;
 use crate::error::Error;
-use crate::exit;
 use crate::instant::named_scalars;
 use crate::report::table;
+use crate::system::exit;
 use serde_json::json;
 
 /// Print the resistance functions of two spheres

@@ -4,9 +4,9 @@ use super::Output;
 use super::output_file::{check_outputs, format_of, save, save_table};
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::exit;
-use crate::format::wrapped;
 use crate::report::{SegmentReport, Selection, Shape};
+use crate::system::exit;
+use crate::text::format::wrapped;
 use std::path::PathBuf;
 
 /// Print results of each segment: averages, stress after a reversal, harmonics of an oscillation

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{StoreArguments, print_last_run};
 use crate::error::Error;
-use crate::exit;
+use crate::system::exit;
 use std::net::{SocketAddr, ToSocketAddrs as _};
 
 /// Show the report as a live page in the browser

@@ -2,11 +2,11 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::axes::AXES;
 use crate::error::Error;
-use crate::exit;
-use crate::format::{duration, significant};
+use crate::model::axes::AXES;
 use crate::report::{Starts, chart};
+use crate::system::exit;
+use crate::text::format::{duration, significant};
 
 /// Columns of the chart where the output is not a terminal.
 const WIDTH: u16 = 78;

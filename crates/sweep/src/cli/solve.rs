@@ -2,9 +2,9 @@
 
 use super::{Output, read_input};
 use crate::error::Error;
-use crate::exit;
 use crate::instant::{Amount, Answer, answer, read};
 use crate::report::table;
+use crate::system::exit;
 use crate::text::format::significant;
 use sd_core::contact::ContactState;
 use std::path::PathBuf;

@@ -6,9 +6,9 @@ use super::Output;
 use super::place::{StoreArguments, print_warning};
 use crate::cluster::status::Status;
 use crate::error::Error;
-use crate::exit;
-use crate::format::{counted, duration};
 use crate::report::{FailureGroup, table};
+use crate::system::exit;
+use crate::text::format::{counted, duration};
 use std::path::Path;
 
 /// Show the progress of a campaign

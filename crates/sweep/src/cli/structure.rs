@@ -4,9 +4,9 @@ use super::Output;
 use super::output_file::{check_outputs, format_of, save, save_table};
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::exit;
-use crate::format::wrapped;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};
+use crate::system::exit;
+use crate::text::format::wrapped;
 use std::path::PathBuf;
 
 /// Print the structure of layers: contacts, clusters, percolation, rigid clusters, fabric

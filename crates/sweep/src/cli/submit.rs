@@ -2,15 +2,15 @@
 
 use super::Output;
 use super::place::{positive, store_of, workers};
-use crate::campaign::Campaign;
 use crate::cluster::submit::{SubmitOptions, Submitted, submit};
 use crate::cluster::{
     ClusterError, Scheduler, quoted,
     slurm::{Slurm, TimeLimit},
 };
 use crate::error::Error;
-use crate::exit;
-use crate::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
+use crate::model::campaign::Campaign;
+use crate::system::exit;
+use crate::text::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
 use clap::ValueEnum;
 use serde::Serialize;
 use std::num::NonZeroUsize;
@@ -138,7 +138,7 @@ struct Answer<'a> {
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let campaign = Campaign::read(&arguments.campaign)?;
+    let campaign = crate::campaign::read(&arguments.campaign)?;
     let wanted = SubmitOptions {
         scheduler: scheduler(arguments)?,
         tasks: arguments.tasks.map(NonZeroUsize::get),

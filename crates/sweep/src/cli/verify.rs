@@ -2,9 +2,9 @@
 
 use super::Output;
 use crate::error::Error;
-use crate::exit;
-use crate::format::significant;
 use crate::report::table;
+use crate::system::exit;
+use crate::text::format::significant;
 use sd_core::verify::{Check, checks};
 use serde_json::json;
 

@@ -1,8 +1,8 @@
 //! Errors of schedulers, slices and shards.
 
 use crate::campaign::CampaignError;
-use crate::disk::is_full;
 use crate::store::StoreError;
+use crate::system::disk::is_full;
 use std::io;
 use std::path::{Path, PathBuf};
 

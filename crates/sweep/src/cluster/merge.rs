@@ -1,7 +1,7 @@
 //! Joining shards into the store of their campaign.
 
 use super::{ClusterError, shard};
-use crate::campaign::{Campaign, Order};
+use crate::model::order::Order;
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -80,7 +80,7 @@ pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Stor
     for shard in shards {
         match Store::campaign_of(shard) {
             Ok(text) => {
-                let campaign = Campaign::parse(&shard.display().to_string(), text)?;
+                let campaign = crate::campaign::parse(&shard.display().to_string(), text)?;
                 return Ok(Store::enter(path, &campaign, Order::default())?.0);
             }
             Err(error) => first = first.or(Some(error)),

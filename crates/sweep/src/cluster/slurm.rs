@@ -1,8 +1,8 @@
 //! Slurm: one array job, submitted with `sbatch`, without queries to an accounting database.
 
 use super::{ActiveTask, ClusterError, Job, Requeue, quoted_path};
-use crate::format::{counted, parse_duration};
 use crate::store::TaskName;
+use crate::text::format::{counted, parse_duration};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output};

@@ -2,7 +2,7 @@
 
 use super::jobs::{Jobs, jobs};
 use super::{ClusterError, shard};
-use crate::statistics::Verdict;
+use crate::measure::Verdict;
 use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, Store, StoreError};
 use serde::Serialize;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ mod folder;
 
 use super::slices::Slices;
 use super::{ClusterError, Job, Scheduler, shard};
-use crate::campaign::Campaign;
+use crate::model::campaign::Campaign;
 use crate::plan::memory_bytes;
 use crate::store::{OpenCase, Store, Submission};
 use folder::{Draft, write_plan};
@@ -74,7 +74,7 @@ pub(crate) fn submit(
     }
     let tasks = tasks(&wanted, &open, limit)?;
     let slices = Slices::cut(&open, tasks);
-    let text = campaign.text_elsewhere();
+    let text = crate::campaign::text_elsewhere(campaign);
     let plan = slices.plan(&text);
     let job = Job {
         campaign: campaign.name.clone(),
@@ -239,6 +239,6 @@ fn default_tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> usi
     };
     let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
     let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let tasks = crate::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
+    let tasks = crate::text::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
     tasks.clamp(1, limit.min(open.len().div_ceil(wanted.workers)).max(1))
 }

@@ -3,7 +3,8 @@
 use super::publish::Publisher;
 use super::slices::Slices;
 use super::{ClusterError, Requeue, Scheduler, shard};
-use crate::campaign::{Campaign, Order};
+use crate::model::campaign::Campaign;
+use crate::model::order::Order;
 use crate::runner::{Progress, RunObserver};
 use crate::store::{MergeMode, OpenCase, Store, StoreError, TaskName};
 use crate::system::process::Identity;

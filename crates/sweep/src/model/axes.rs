@@ -7,11 +7,10 @@
 
 mod volume_fraction;
 
+use crate::data::{DataColumn, Kind, Tag, Value};
 use sd_core::Params;
 use sd_core::model::{Form, PARAMETERS, Parameter, Refusal, Segment};
-use serde::{Serialize, Serializer};
 use std::collections::HashSet;
-use std::fmt;
 use std::ops::Deref;
 use std::sync::LazyLock;
 
@@ -38,28 +37,6 @@ const OTHER_NAMES: [(&str, &str); 8] = [
     ("dt", "time_step"),
     ("n", "spheres"),
 ];
-
-/// A value on an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value {
-    /// A choice, by its keyword in campaign files.
-    Word(&'static str),
-    /// A whole number.
-    Count(u64),
-    /// A number, possibly infinite.
-    Number(f64),
-}
-
-/// Type of the values of an axis or of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Words.
-    Word,
-    /// Whole numbers.
-    Count,
-    /// Numbers, possibly infinite.
-    Number,
-}
 
 impl Deref for Axis {
     type Target = Parameter;
@@ -93,7 +70,7 @@ impl Axis {
         match &self.form {
             Form::Choice(choice) => Value::Word((choice.get)(params)),
             Form::Number(number) if number.whole => {
-                Value::Count(crate::format::count((number.get)(params)) as u64)
+                Value::Count(crate::text::format::count((number.get)(params)) as u64)
             }
             Form::Number(number) => Value::Number((number.get)(params)),
         }
@@ -188,62 +165,20 @@ impl Axis {
         params.any(|p| Some(self.value(p)) != first)
     }
 
+    /// The values of some parameters on it as a column.
+    pub(crate) fn column<'p>(&self, params: impl Iterator<Item = &'p Params>) -> DataColumn {
+        let cells = params.map(|params| Some(self.value(params)));
+        DataColumn {
+            unit: self.unit,
+            ..DataColumn::of(self.key, self.kind(), self.meaning, cells)
+        }
+    }
+
     /// The values of some parameters on it, each once, in the order of their first use.
     pub(crate) fn distinct<'p>(&self, params: impl Iterator<Item = &'p Params>) -> Vec<Value> {
         let mut seen = HashSet::new();
         let values = params.map(|p| self.value(p));
         values.filter(|value| seen.insert(value.tag())).collect()
-    }
-}
-
-impl Value {
-    /// Type of the value.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Word(_) => Kind::Word,
-            Self::Count(_) => Kind::Count,
-            Self::Number(_) => Kind::Number,
-        }
-    }
-
-    /// The value as a number; `None` for keywords.
-    pub(crate) fn number(self) -> f64 {
-        match self {
-            Self::Word(_) => f64::NAN,
-            Self::Count(count) => count as f64,
-            Self::Number(number) => number,
-        }
-    }
-
-    /// Order of values of one axis.
-    pub fn order(&self, other: &Self) -> std::cmp::Ordering {
-        match (self, other) {
-            (Self::Word(a), Self::Word(b)) => a.cmp(b),
-            (Self::Count(a), Self::Count(b)) => a.cmp(b),
-            (Self::Number(a), Self::Number(b)) => a.total_cmp(b),
-            _ => std::cmp::Ordering::Equal,
-        }
-    }
-}
-
-impl fmt::Display for Value {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Word(word) => f.write_str(word),
-            Self::Count(count) => write!(f, "{count}"),
-            Self::Number(number) => write!(f, "{number}"),
-        }
-    }
-}
-
-/// Infinity as `"inf"`, since JSON has no number for it.
-impl Serialize for Value {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Number(number) if number.is_finite() => s.serialize_f64(*number),
-            Self::Count(count) => s.serialize_u64(*count),
-            value => s.collect_str(value),
-        }
     }
 }
 
@@ -313,26 +248,6 @@ pub(crate) fn folded_params_of(
 
 /// The identity of a point.
 pub(crate) type Identity = Vec<Tag>;
-
-/// A value by its bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) enum Tag {
-    /// A word.
-    Word(&'static str),
-    /// Bits of a number.
-    Bits(u64),
-}
-
-impl Value {
-    /// The value by its bits.
-    pub(crate) fn tag(self) -> Tag {
-        match self {
-            Self::Word(word) => Tag::Word(word),
-            Self::Count(count) => Tag::Bits(count),
-            Self::Number(number) => Tag::Bits((number + 0.0).to_bits()),
-        }
-    }
-}
 
 /// The identity of the point of a run.
 pub(crate) fn identity(params: &Params) -> Identity {

@@ -2,7 +2,7 @@
 
 use super::case::{Case, CaseKey};
 use super::protocol::{Discard, Protocol};
-use crate::statistics::Precision;
+use crate::model::precision::Precision;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! One case: all inputs that determine the result of a run, its key, its state, its cost.
 
-use crate::protocol::Protocol;
+use crate::model::protocol::Protocol;
 use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write as _};
@@ -269,7 +269,7 @@ mod tests {
         let other = Case { seed: 8, ..case() };
         assert_ne!(case().key(), other.key());
         let protocol = Protocol {
-            discard: crate::campaign::Discard::Strain(1.0),
+            discard: crate::model::protocol::Discard::Strain(1.0),
             checkpoint_every: 0.3,
             ..Protocol::default()
         };

@@ -1,7 +1,7 @@
 //! The format of a checkpoint: versioned, with a checksum and all that the rest of the run and its
 //! result need.
 
-use crate::spaces::AnySnapshot;
+use crate::model::spaces::AnySnapshot;
 use sd_core::Sample;
 use sd_core::simulation::Counters;
 use serde::{Deserialize, Serialize};
@@ -121,7 +121,7 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spaces::{AnySimulation, InSpace};
+    use crate::model::spaces::{AnySimulation, InSpace};
     use proptest::prelude::*;
     use sd_core::{ContactScheme, Hydrodynamics, NearFields, Params};
     use std::sync::LazyLock;

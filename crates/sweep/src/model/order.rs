@@ -4,9 +4,10 @@
 //! first. Where every point has one seed only, the most expensive points, which account for 75 % of
 //! the work, are ordered like the other seeds.
 
-use super::axes::{AXES, Axis, Identity, Value, identity};
+use super::axes::{AXES, Axis, Identity, identity};
 use super::campaign::Campaign;
 use super::case::Case;
+use crate::data::Value;
 use sd_core::Params;
 use std::collections::HashMap;
 use std::fmt;
@@ -217,7 +218,7 @@ mod tests {
             "name = \"order\"\n[[grid]]\narea_fraction = [0.5, 0.6]\nfriction = 0.3\nroughness = 0.01\nspheres = 40\n\
              shear_rate = [1, inf]\n{text}"
         );
-        Campaign::parse("order.toml", text).unwrap()
+        crate::campaign::parse("order.toml", text).unwrap()
     }
 
     /// Cases as (area fraction, shear rate, seed) in the order of work.
@@ -276,7 +277,7 @@ mod tests {
                 "name = \"order\"\n[[grid]]\narea_fraction = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]\nfriction = 0.3\nroughness = 0.01\n\
                  spheres = 40\nshear_rate = [1, 2, inf]\nseeds = {seeds}\n"
             );
-            Campaign::parse("order.toml", text).unwrap()
+            crate::campaign::parse("order.toml", text).unwrap()
         };
         for seeds in ["1", "2", "5"] {
             let campaign = grid(seeds);

@@ -1,6 +1,6 @@
 //! The protocol of the runs of a campaign: length, discarded strain, sampling, checkpoints.
 
-use crate::format::short;
+use crate::text::format::short;
 use sd_core::model::Segment;
 use serde::{Deserialize, Serialize};
 
@@ -170,7 +170,7 @@ impl Steps<'_> {
 
 /// The whole number nearest to a number of steps, which the reader bounds.
 fn count(steps: f64) -> u64 {
-    crate::format::count(steps) as u64
+    crate::text::format::count(steps) as u64
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The state of a run as input of `sweep solve`, which is kept of a failure so that it can be
 //! studied separately.
 
-use crate::spaces::{AnySnapshot, of_either};
+use crate::model::spaces::{AnySnapshot, of_either};
 use sd_core::instant::look_ahead;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{ContactScheme, Params, Snapshot, Space};

@@ -8,8 +8,9 @@
 pub(crate) use super::cache::record;
 
 use super::cache;
-use crate::axes::{AXES, Axis, Identity, Value, identity};
-use crate::case::{Case, step_cost};
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis, Identity, identity};
+use crate::model::case::{Case, step_cost};
 use sd_core::{Method, Params};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! Memory and disk space of runs.
 
-use crate::spaces::InSpace;
+use crate::model::spaces::InSpace;
 use crate::trajectory;
 use sd_core::simulation::{Frame, FrameContact};
 use sd_core::{Bulk, Layer, Params, Space, memory_bytes};

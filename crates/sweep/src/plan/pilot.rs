@@ -1,11 +1,11 @@
 //! Short runs that measure the cost of a step: long enough for contacts to form, if time permits.
 
 use super::costs::{Costs, NEAR, Record, distance, values};
-use crate::case::{Case, step_cost};
-use crate::spaces::AnySimulation;
+use crate::model::case::{Case, step_cost};
+use crate::model::spaces::AnySimulation;
+use crate::near_field_cache;
 use crate::system::clock::Clock;
 use crate::system::lock;
-use crate::tables;
 use sd_core::{Error, NearFields, Params};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -144,12 +144,13 @@ impl ShortRun {
         if Duration::from_secs_f64(SHORTEST * step_cost(&case.params)) > time {
             return Err(format!(
                 "a step takes about {} s, which is too long",
-                crate::format::significant(step_cost(&case.params), 2)
+                crate::text::format::significant(step_cost(&case.params), 2)
             ));
         }
-        let ratios = tables::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
+        let ratios =
+            near_field_cache::ratios(std::iter::once(&case.params)).map_err(|e| e.to_string())?;
         // Tables are computed in a fraction of a second where they are not in the cache.
-        let tables = tables::make(&ratios, |_| {}).map_err(|e| e.to_string())?;
+        let tables = near_field_cache::make(&ratios, |_| {}).map_err(|e| e.to_string())?;
         let lead_in = self.lead_in(&tables, time.mul_f64(LEAD_IN_SHARE));
         let mut layer = lead_in.map_err(|e| e.to_string())?;
         layer.step().map_err(|e| e.to_string())?;

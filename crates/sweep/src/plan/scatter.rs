@@ -1,7 +1,7 @@
 //! The uncertainty of estimated costs, from the scatter of similar measured runs.
 
+use crate::measure::student_95;
 use crate::plan::costs::StepCost;
-use crate::statistics::student_95;
 
 /// The runs of one kind, added point by point. With n runs of a point to come that take T in all,
 /// and m measured near with the relative scatter s, the half width of the 95 % interval is

@@ -1,8 +1,8 @@
 //! Start layers that cannot be made: one is tried for every point, within seconds.
 
-use crate::axes::Value;
-use crate::format::significant;
-use crate::spaces::try_start;
+use crate::data::Value;
+use crate::model::spaces::try_start;
+use crate::text::format::significant;
 use sd_core::Params;
 use sd_core::model::Sizes;
 use std::collections::HashSet;

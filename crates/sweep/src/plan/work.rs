@@ -1,10 +1,10 @@
 //! The remaining work of a campaign.
 
-use crate::axes::identity;
-use crate::campaign::Campaign;
-use crate::case::Case;
+use crate::measure::{Verdict, student_95};
+use crate::model::axes::identity;
+use crate::model::campaign::Campaign;
+use crate::model::case::Case;
 use crate::plan::costs::Record;
-use crate::statistics::{Verdict, student_95};
 use crate::store::{PointState, PointWork, Store, StoreError};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -147,7 +147,7 @@ impl<'c> Work<'c> {
         }
         Ok(Self {
             points,
-            ended: crate::format::count(ended),
+            ended: crate::text::format::count(ended),
             expected,
         })
     }
@@ -156,7 +156,7 @@ impl<'c> Work<'c> {
 /// Seeds of a point that count so far, and those that will count at the end.
 fn seeds_of(
     point: usize,
-    rule: crate::statistics::Precision,
+    rule: crate::model::precision::Precision,
     states: &[PointState],
     scatter: f64,
 ) -> (usize, usize) {
@@ -192,8 +192,8 @@ fn expected(
     };
     let scatters: Vec<f64> = states.iter().filter_map(scatter_of).collect();
     let measured = !scatters.is_empty();
-    let scatter = crate::statistics::mean(&scatters).unwrap_or(DEFAULT_SCATTER);
-    let sum = |of: &dyn Fn(usize, crate::statistics::Precision) -> usize| {
+    let scatter = crate::measure::mean(&scatters).unwrap_or(DEFAULT_SCATTER);
+    let sum = |of: &dyn Fn(usize, crate::model::precision::Precision) -> usize| {
         let rules = campaign.rules.iter().enumerate();
         rules.map(|(point, rule)| of(point, rule.precision)).sum()
     };
@@ -224,7 +224,7 @@ fn expected(
 fn lengths(
     campaign: &Campaign,
     store: &Store,
-    rule: crate::statistics::Precision,
+    rule: crate::model::precision::Precision,
 ) -> Result<Vec<Length>, StoreError> {
     let mut points: HashMap<_, Vec<(f64, f64, f64)>> = HashMap::new();
     for run in store.point_runs()? {
@@ -239,7 +239,7 @@ fn lengths(
     }
     let strain = campaign.protocol.strain;
     // Not limited by the allowed number: runs of different lengths are compared.
-    let rule = crate::statistics::Precision {
+    let rule = crate::model::precision::Precision {
         at_most: MAX_SEEDS,
         ..rule
     };

@@ -6,8 +6,9 @@ use super::points::Report;
 use super::sheet::{Head, NumberFormat, SheetColumn};
 use super::starts::Starts;
 use super::units::{At, Units};
-use crate::axes::{AXES, Axis, Kind, Value};
-use crate::format::{Digits, Uncertain};
+use crate::data::{Kind, Value};
+use crate::model::axes::{AXES, Axis};
+use crate::text::format::{Digits, Uncertain};
 use sd_core::Params;
 
 /// Format of the values on one axis.

@@ -4,11 +4,12 @@
 use super::error::ReportError;
 use super::figure::scale::count;
 use super::points::{Point, Report, Runs};
-use crate::axes::{AXES, Axis, Kind, Value};
-use crate::case::State;
 use crate::data::{DataColumn, Word};
-use crate::model::sampled;
-use crate::statistics::{Estimate, mean, ratio};
+use crate::data::{Kind, Value};
+use crate::measure::sampled;
+use crate::measure::{Estimate, mean, ratio};
+use crate::model::axes::{AXES, Axis};
+use crate::model::case::State;
 use crate::store::PointRun;
 use std::sync::LazyLock;
 
@@ -87,7 +88,7 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
     let axis = |axis: &'static Axis| (axis.key, axis.unit, axis.meaning, "", Content::Axis(axis));
     let means = sampled::means().enumerate().map(|(place, number)| {
         let mean = Content::Mean(|run, place| run.means[place], place);
-        let meaning = number.meaning();
+        let meaning = number.meaning;
         (number.name, number.unit, meaning, meaning, mean)
     });
     let mut all: Vec<Column> = Vec::new();

@@ -5,7 +5,8 @@ use super::axis_words::AxisWords;
 use super::points::{Point, Report};
 use super::starts::Starts;
 use super::units::Units;
-use crate::axes::{AXES, Axis, Tag, identity};
+use crate::data::Tag;
+use crate::model::axes::{AXES, Axis, identity};
 use sd_core::Params;
 use std::cmp::Ordering;
 

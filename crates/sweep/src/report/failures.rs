@@ -1,6 +1,6 @@
 //! Groups of similar failures.
 
-use crate::case::without_shear;
+use crate::model::case::without_shear;
 use crate::store::FailureLine;
 
 /// Runs that failed in the same way: with the same message and the same parameters but for the

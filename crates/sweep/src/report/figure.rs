@@ -38,8 +38,8 @@ pub use outline::Outline;
 use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
-use crate::axes::{Axis, Identity, identity};
-use crate::statistics::Estimate;
+use crate::measure::Estimate;
+use crate::model::axes::{Axis, Identity, identity};
 use crate::store::{PointRun, Store};
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
@@ -192,8 +192,8 @@ pub fn traces(
         .last()
         .map_or(0.0, |last| last.imposed.start);
     let usual = match protocol.discard {
-        crate::campaign::Discard::Strain(strain) => Some(strain - start),
-        crate::campaign::Discard::Auto => None,
+        crate::model::protocol::Discard::Strain(strain) => Some(strain - start),
+        crate::model::protocol::Discard::Auto => None,
     };
     // Runs of a point, or the cases one by one.
     let mut groups: Vec<(Option<Identity>, Vec<&PointRun>)> = Vec::new();

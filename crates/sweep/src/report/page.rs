@@ -10,10 +10,10 @@ use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::states::{Flow, flows_of};
 use super::units::Units;
-use crate::axes::{self, AXES, Axis};
-use crate::campaign::Discard;
-use crate::spaces::of_either;
-use crate::statistics::ratio;
+use crate::measure::ratio;
+use crate::model::axes::{AXES, Axis};
+use crate::model::protocol::Discard;
+use crate::model::spaces::of_either;
 use crate::store::{PointRun, Store};
 use crate::trajectory::{Kept, state_number};
 use sd_core::simulation::Frame;
@@ -99,7 +99,7 @@ impl Serialize for Row<'_> {
             .shear_stress()
             .filter(|stress| stress.mean.is_finite());
         let factor = report.units.factor("F_crit/a²", point.at());
-        let shown = |number: Option<f64>| Some(axes::Value::Number(factor? * number?));
+        let shown = |number: Option<f64>| Some(crate::data::Value::Number(factor? * number?));
         let columns = COLUMNS
             .iter()
             .map(|column| (column.name.as_ref(), column.shown(report, point)));

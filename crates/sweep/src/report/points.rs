@@ -8,13 +8,14 @@ use super::selection::Selection;
 use super::starts::Starts;
 use super::steady;
 use super::units::{At, Units};
-use crate::axes::{Axis, Value, identity};
-use crate::campaign::{Discard, WrittenPoints};
-use crate::case::State;
-use crate::doubt::is_rigid;
-use crate::statistics::{
-    Decision, Distribution, Drift, Estimate, Measure, Precision, relative_half_width,
-};
+use crate::campaign::WrittenPoints;
+use crate::data::Value;
+use crate::measure::doubt::is_rigid;
+use crate::measure::{Decision, Distribution, Drift, Estimate, relative_half_width};
+use crate::model::axes::{Axis, identity};
+use crate::model::case::State;
+use crate::model::precision::{Precision, Quantity};
+use crate::model::protocol::Discard;
 use crate::store::{Counts, PointRun, Provenance, Store};
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
@@ -424,12 +425,12 @@ impl Runs<'_> {
     pub(super) fn precision(&self) -> Option<f64> {
         let measure = self
             .rule
-            .map_or(Measure::Viscosity, |(rule, _)| rule.quantity);
+            .map_or(Quantity::Viscosity, |(rule, _)| rule.quantity);
         let values = self.values(|run| match measure {
-            Measure::Viscosity => run.viscosity,
-            Measure::ViscosityMedian => run.viscosity_median,
-            Measure::ViscosityStresslet => run.viscosity_stresslet,
-            Measure::NormalStressDifference => run.normal_stress_difference,
+            Quantity::Viscosity => run.viscosity,
+            Quantity::ViscosityMedian => run.viscosity_median,
+            Quantity::ViscosityStresslet => run.viscosity_stresslet,
+            Quantity::NormalStressDifference => run.normal_stress_difference,
         });
         relative_half_width(&values).filter(|width| width.is_finite())
     }

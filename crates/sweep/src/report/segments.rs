@@ -8,13 +8,14 @@ use super::figure::{Format, Origin, draw_graphs_of, mean_trace};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
-use crate::axes::{AXES, Axis, Kind, Value};
 use crate::data::DataColumn;
-use crate::format::{Uncertain, short};
-use crate::protocol::PlannedSegment;
-use crate::statistics::Estimate;
-use crate::statistics::segments::{Cycle, RunSegment};
+use crate::data::{Kind, Value};
+use crate::measure::Estimate;
+use crate::measure::segments::{Cycle, RunSegment};
+use crate::model::axes::{AXES, Axis};
+use crate::model::protocol::PlannedSegment;
 use crate::store::Store;
+use crate::text::format::{Uncertain, short};
 use sd_core::Params;
 use serde_json::{Map, Value as Json, json};
 
@@ -364,10 +365,8 @@ impl SegmentReport {
 
     /// One row per segment of each point: all axes, the segment, numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table: Vec<DataColumn> = AXES
-            .iter()
-            .map(|axis| DataColumn::of_axis(axis, self.params()))
-            .collect();
+        let mut table: Vec<DataColumn> =
+            AXES.iter().map(|axis| axis.column(self.params())).collect();
         let number = |name: &'static str, meaning, of: &dyn Fn(&PlannedSegment) -> Option<f64>| {
             let cells = self.rows.iter().map(|row| of(&self.segments[row.1]));
             let cells = cells.map(|number| number.map(Value::Number));
@@ -499,8 +498,8 @@ impl SegmentReport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::statistics::Averages;
-    use crate::statistics::segments::Reversal;
+    use crate::measure::Averages;
+    use crate::measure::segments::Reversal;
 
     #[test]
     fn the_recovery_strain_is_that_of_the_runs_that_have_recovered() {

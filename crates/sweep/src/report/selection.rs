@@ -2,8 +2,9 @@
 
 use super::error::ReportError;
 use super::units::Units;
-use crate::axes::{AXES, Axis, Value};
 use crate::campaign::nearest;
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
 use crate::store::{PointRun, Store};
 use sd_core::Params;
 use std::fmt;

@@ -6,7 +6,7 @@ mod points;
 pub(crate) use latex::write_latex;
 
 use super::text::styled;
-use crate::format::Uncertain;
+use crate::text::format::Uncertain;
 use comfy_table::CellAlignment;
 
 /// Default width of the terminal in columns.

@@ -1,7 +1,7 @@
 //! Names of start layers: tables and legends show `end of forward` instead of the number on the
 //! axis.
 
-use crate::axes::Axis;
+use crate::model::axes::Axis;
 use crate::store::{Store, StoreError};
 use sd_core::Params;
 use std::collections::BTreeMap;

@@ -2,7 +2,8 @@
 //! limit.
 
 use super::points::Point;
-use crate::axes::{AXES, Axis, Tag, identity};
+use crate::data::Tag;
+use crate::model::axes::{AXES, Axis, identity};
 use std::collections::HashMap;
 
 /// State of a point.
@@ -184,7 +185,7 @@ fn slope(before: (usize, f64, f64), after: (usize, f64, f64)) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::statistics::Estimate;
+    use crate::measure::Estimate;
     use crate::test_support::params;
     use sd_core::Params;
 

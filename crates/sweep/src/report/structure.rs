@@ -9,13 +9,13 @@ use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs_of, 
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
-use crate::axes::{AXES, Axis};
-use crate::campaign::Discard;
-use crate::case::State;
-use crate::format::{Uncertain, count};
-use crate::spaces::of_either;
+use crate::model::axes::{AXES, Axis};
+use crate::model::case::State;
+use crate::model::protocol::Discard;
+use crate::model::spaces::of_either;
 use crate::store::{PointRun, Store};
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
+use crate::text::format::{Uncertain, count};
 use sd_core::Params;
 use std::collections::HashMap;
 

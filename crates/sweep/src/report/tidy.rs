@@ -7,9 +7,10 @@ use super::columns::{Column, point_table};
 use super::error::ReportError;
 use super::points::Report;
 use super::runs::about;
-use crate::axes::{Axis, Value};
+use crate::data::Value;
 use crate::data::csv_rows;
-use crate::format::short;
+use crate::model::axes::Axis;
+use crate::text::format::short;
 use std::io::Write;
 
 /// Writes the points as comma-separated values: a header row of names, numbers in full, missing

@@ -12,7 +12,7 @@
 //! undetermined rate and are left out.
 
 use super::error::ReportError;
-use crate::axes::Axis;
+use crate::model::axes::Axis;
 use sd_core::Params;
 use sd_core::law::StiffnessUnit;
 use std::f64::consts::PI;

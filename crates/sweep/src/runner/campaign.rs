@@ -1,7 +1,8 @@
 //! A campaign from its file to its store, and to the last of its cases.
 
 use super::{Options, RunnerError, compute_campaign};
-use crate::campaign::{Campaign, Order, Priority};
+use crate::model::campaign::Campaign;
+use crate::model::order::{Order, Priority};
 use crate::plan::costs::Costs;
 use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};

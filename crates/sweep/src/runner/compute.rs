@@ -1,10 +1,10 @@
 //! One case from its claim to its end.
 
 use super::{Shared, panics};
-use crate::case::{Case, State};
+use crate::model::case::{Case, State};
 use crate::model::replay::replay;
+use crate::model::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::plan::costs;
-use crate::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, ElapsedTime};
@@ -83,7 +83,7 @@ impl WallLimit {
             format!(
                 "took longer than {} of computing, {WALL_FACTOR} times its estimate; \
                  `sweep run --retry-failed --max-wall-time SECONDS` gives it longer",
-                crate::format::duration(self.seconds)
+                crate::text::format::duration(self.seconds)
             )
         } else {
             format!(

@@ -4,7 +4,7 @@ mod bars;
 mod event;
 mod overall;
 
-use crate::case::{Case, State, step_cost, without_shear};
+use crate::model::case::{Case, State, step_cost, without_shear};
 use crate::store::{Claim, Counts, Work};
 use crate::system::lock;
 use crate::text::visible::visible;
@@ -216,7 +216,7 @@ impl Progress {
         }
         let message = {
             let campaign = self.advanced();
-            let part = crate::format::count((campaign.fraction() * PARTS as f64).floor());
+            let part = crate::text::format::count((campaign.fraction() * PARTS as f64).floor());
             self.overall.set_position(part as u64);
             campaign.message()
         };
@@ -261,7 +261,7 @@ impl Progress {
         let text = &*visible(text);
         match self.style {
             Style::Bars => {
-                let text = crate::format::wrapped(text, terminal_width());
+                let text = crate::text::format::wrapped(text, terminal_width());
                 // Lost if the terminal is gone, like the bars.
                 let _ = self.bars.println(text.trim_end());
             }

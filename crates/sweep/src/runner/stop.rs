@@ -3,7 +3,7 @@
 //! as `timeout` send their signal to the process and to its group.
 
 use super::RunnerError;
-use crate::exit;
+use crate::system::exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};

@@ -8,10 +8,10 @@ use super::request::Request;
 use super::schema::{self, axis_cells, axis_columns};
 use super::statements::Statements;
 use super::{Store, StoreError, rules, settle, states};
-use crate::axes::AXES;
+use crate::model::axes::AXES;
 use crate::model::campaign::Campaign;
 use crate::model::order::{self, Order};
-use crate::protocol::Protocol;
+use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
 use rusqlite::types::Value;
@@ -67,8 +67,9 @@ impl Store {
         };
         let folder = folder_of(path);
         std::fs::create_dir_all(folder).map_err(unwritable)?;
-        let draft = temporary_file(folder)
-            .map_err(|error| unwritable(crate::disk::reason_against(path).unwrap_or(error)))?;
+        let draft = temporary_file(folder).map_err(|error| {
+            unwritable(crate::system::disk::reason_against(path).unwrap_or(error))
+        })?;
         let failed = |error| StoreError::sqlite(path, error, false);
         // No other process knows the file, and an incomplete one is discarded.
         let connection = Connection::open(draft.path()).map_err(failed)?;

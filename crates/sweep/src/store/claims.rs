@@ -3,7 +3,7 @@
 use super::statements::Statements;
 use super::states::{self, SUSPECT};
 use super::{Checkpoint, Damage, Store, StoreError, checkpoints, ends};
-use crate::case::Case;
+use crate::model::case::Case;
 use crate::system::process::now;
 use rusqlite::{Connection, params};
 use std::time::Duration;

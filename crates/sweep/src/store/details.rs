@@ -5,7 +5,7 @@ use super::processes::program;
 use super::schema::params;
 use super::statements::Statements;
 use super::{Store, StoreError, checkpoints, ends, results, samples};
-use crate::doubt::Doubt;
+use crate::measure::doubt::Doubt;
 use rusqlite::Row;
 use sd_core::{Params, Sample};
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! Errors of stores.
 
 use super::digest::DigestMismatch;
-use crate::disk::{is_full, reason_against};
+use crate::system::disk::{is_full, reason_against};
 use rusqlite::ErrorCode;
 use std::io;
 use std::path::{Path, PathBuf};

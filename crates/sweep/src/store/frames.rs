@@ -4,7 +4,7 @@ use super::claims::Claim;
 use super::digest::{Sealed, whole};
 use super::statements::Statements;
 use super::{Store, StoreError};
-use crate::spaces::AnyFrame;
+use crate::model::spaces::AnyFrame;
 use crate::trajectory;
 use rusqlite::{Connection, Row};
 

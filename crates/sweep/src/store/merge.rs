@@ -9,7 +9,7 @@ mod shards;
 
 use super::statements::Statements;
 use super::{Store, StoreError, rules, settle};
-use crate::protocol::Protocol;
+use crate::model::protocol::Protocol;
 use crate::system::process::now;
 use case::Merging;
 use rusqlite::params;

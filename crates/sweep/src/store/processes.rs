@@ -4,7 +4,7 @@ use super::digest::{DigestMismatch, Sealed, whole};
 use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
-use crate::case::PHYSICS_VERSION;
+use crate::model::case::PHYSICS_VERSION;
 use crate::system::process::{self, Identity, ProcessState};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row};

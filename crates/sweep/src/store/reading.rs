@@ -4,8 +4,8 @@ use super::lock::wait_for_lock;
 use super::place::{self, address, refuse_other_than_files};
 use super::statements::Statements;
 use super::{Store, StoreError};
-use crate::disk::is_full;
 use crate::model::campaign::Campaign;
+use crate::system::disk::is_full;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use std::path::{Path, PathBuf};
 
@@ -147,30 +147,5 @@ impl StoreSource {
             store.show_as_requested(campaign)?;
         }
         Ok(store)
-    }
-
-    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
-    /// whose kept strain is averaged.
-    ///
-    /// # Errors
-    /// As [`StoreSource::open`], and if its campaign cannot be read; the inner error is a message
-    /// about a missing segment.
-    pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
-        let mut store = Store::open_read_only(&self.path)?;
-        let campaign = match &self.campaign {
-            Some(campaign) => campaign.clone(),
-            None => match Campaign::parse(&self.path.display().to_string(), store.campaign_text()?)
-            {
-                Ok(campaign) => campaign,
-                Err(error) => return Ok(Err(error.to_string())),
-            },
-        };
-        Ok(match campaign.of_segment(number) {
-            Ok(campaign) => {
-                store.show_as_requested(&campaign)?;
-                Ok(store)
-            }
-            Err(message) => Err(message),
-        })
     }
 }

@@ -2,8 +2,8 @@
 
 use super::statements::Statements;
 use crate::model::campaign::Campaign;
-use crate::protocol::Discard;
-use crate::statistics::Precision;
+use crate::model::precision::Precision;
+use crate::model::protocol::Discard;
 use rusqlite::Connection;
 use std::path::PathBuf;
 

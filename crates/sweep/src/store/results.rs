@@ -3,10 +3,10 @@
 use super::digest::{self, Digest, DigestMismatch, whole};
 use super::ends::RunEnd;
 use super::statements::Statements;
-use crate::case::State;
-use crate::doubt::Doubt;
-use crate::model::sampled::{self, Number};
-use crate::statistics::{Averages, Distribution};
+use crate::measure::doubt::Doubt;
+use crate::measure::sampled::{self, Number};
+use crate::measure::{Averages, Distribution};
+use crate::model::case::State;
 use rusqlite::types::Value;
 use rusqlite::{Connection, params_from_iter};
 use sd_core::{Params, Sample};

@@ -7,8 +7,9 @@
 use super::digest::{DigestMismatch, Sealed, whole};
 use super::statements::Statements;
 use super::{Store, StoreError};
+use crate::measure::{Decision, Outcome};
 use crate::model::campaign::Campaign;
-use crate::statistics::{Decision, Measure, Outcome, Precision};
+use crate::model::precision::{Precision, Quantity};
 use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 
@@ -120,7 +121,7 @@ fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
         row.get(0)?,
         Precision {
             precision: row.get(1)?,
-            quantity: Measure::of_name(&quantity).ok_or(rusqlite::Error::InvalidQuery)?,
+            quantity: Quantity::of_name(&quantity).ok_or(rusqlite::Error::InvalidQuery)?,
             at_least: row.get(3)?,
             at_most: row.get(4)?,
         },

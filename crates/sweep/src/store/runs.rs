@@ -2,7 +2,7 @@
 
 use super::schema::axis_columns;
 use super::{Store, StoreError, results};
-use crate::axes::Kind;
+use crate::data::Kind;
 use crate::data::{Cells, DataColumn, Word};
 use rusqlite::Connection;
 use rusqlite::types::{FromSqlError, Type, ValueRef};

@@ -2,8 +2,8 @@
 
 use super::digest::{Digest, DigestMismatch, whole};
 use super::statements::Statements;
-use crate::axes;
-use crate::model::sampled::{self, Number};
+use crate::data;
+use crate::measure::sampled::{self, Number};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
@@ -123,9 +123,9 @@ fn shown(value: &Value) -> String {
 /// The values of a sample, in the order of the columns.
 fn values(step: u64, sample: &Sample) -> Vec<Value> {
     let value = |field: sampled::Field| match field.value {
-        axes::Value::Number(number) => number.into(),
-        axes::Value::Count(count) => whole(count),
-        axes::Value::Word(word) => word.to_owned().into(),
+        data::Value::Number(number) => number.into(),
+        data::Value::Count(count) => whole(count),
+        data::Value::Word(word) => word.to_owned().into(),
     };
     std::iter::once(whole(step))
         .chain(sampled::fields(sample).into_iter().map(value))

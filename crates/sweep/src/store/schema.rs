@@ -2,9 +2,10 @@
 
 use super::digest::DigestMismatch;
 use super::statements::Statements as _;
-use crate::axes::{AXES, Kind, Value as AxisValue};
-use crate::case::State;
-use crate::model::sampled::{Number, listed};
+use crate::data::{Kind, Value as AxisValue};
+use crate::measure::sampled::{Number, listed};
+use crate::model::axes::AXES;
+use crate::model::case::State;
 use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, Row};
 use sd_core::Params;

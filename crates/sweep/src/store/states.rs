@@ -2,7 +2,7 @@
 
 use super::failures;
 use super::statements::Statements;
-use crate::case::State;
+use crate::model::case::State;
 use crate::system::process::now;
 use rusqlite::{Connection, params, params_from_iter};
 

@@ -1,6 +1,7 @@
 use super::*;
-use crate::campaign::{Campaign, Order};
-use crate::case::State;
+use crate::model::campaign::Campaign;
+use crate::model::case::State;
+use crate::model::order::Order;
 use crate::test_support::{counters, sample, snapshot};
 use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
@@ -29,7 +30,7 @@ spheres = 40
 "#;
 
 fn campaign(text: &str) -> Campaign {
-    Campaign::parse("small.toml", text.into()).unwrap()
+    crate::campaign::parse("small.toml", text.into()).unwrap()
 }
 
 fn open(directory: &Path) -> Store {

@@ -3,7 +3,7 @@
 use super::schema::{params, state};
 use super::statements::Statements;
 use super::{Store, StoreError};
-use crate::case::State;
+use crate::model::case::State;
 use crate::system::process;
 use rusqlite::Row;
 use sd_core::Params;

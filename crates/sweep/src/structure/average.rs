@@ -6,7 +6,7 @@ use super::contacts::{Contacts, contacts, deviator, force_bins};
 use super::network::Network;
 use super::pairs::{ANGLES, Pairs, angle_bins, pairs, radial_bins, radial_bins_with_angle};
 use super::scalars::{NAMED, SCALARS, scalars};
-use crate::statistics::Estimate;
+use crate::measure::Estimate;
 use sd_core::Space;
 
 /// Cluster sizes up to which there are bins: 1, 2 to 3, 4 to 7, and so on.

@@ -21,7 +21,7 @@ impl Bins {
         if let Some(&from) = self.edges.last()
             && to > from
         {
-            let number = crate::format::count(((to - from) / width).round()).max(1);
+            let number = crate::text::format::count(((to - from) / width).round()).max(1);
             let more = Self::equal(from, to, number);
             self.edges.extend(more.edges.into_iter().skip(1));
         }

@@ -4,6 +4,7 @@ use super::clusters::clusters;
 use super::core::core;
 use super::network::Network;
 use super::pebble::PebbleGame;
+use crate::measure::sampled::named;
 use sd_core::contact::ContactState;
 use sd_core::simulation::NetworkSample;
 use sd_core::{Layer, Space};
@@ -16,8 +17,15 @@ const HELD: usize = 2;
 pub(crate) struct Scalar {
     /// Its name in tables and in JSON.
     pub name: &'static str,
+    /// Its meaning; empty for a number that samples have too.
+    meaning: &'static str,
+}
+
+impl Scalar {
     /// Its meaning.
-    pub meaning: &'static str,
+    pub(crate) fn meaning(&self) -> &'static str {
+        named(self.name).map_or(self.meaning, |number| number.meaning)
+    }
 }
 
 const fn scalar(name: &'static str, meaning: &'static str) -> Scalar {
@@ -30,27 +38,21 @@ pub(crate) const SCALARS: usize = 14;
 /// All of them, in the order of [`scalars`].
 #[rustfmt::skip]
 pub(crate) static NAMED: [Scalar; SCALARS] = [
-    scalar("coordination", "loaded contacts of a sphere"),
+    scalar("coordination", ""),
     scalar("coordination_without_rattlers", "loaded contacts of a sphere between spheres that are not rattlers"),
     scalar("rattlers", "fraction of spheres with fewer than two contacts, removed one after the other"),
-    scalar("frictional_coordination", "contacts of a sphere on which friction acts"),
+    scalar("frictional_coordination", ""),
     scalar("sticking", "fraction of loaded contacts that friction holds"),
     scalar("sliding", "fraction of loaded contacts that slide against friction"),
-    scalar("largest_cluster", "fraction of spheres in the largest cluster of frictional contacts"),
-    scalar("percolating_x", "fraction of instants at which such a cluster percolates along the flow"),
-    scalar("percolating_y", "fraction of instants at which such a cluster percolates along the gradient"),
+    scalar("largest_cluster", ""),
+    scalar("percolating_x", ""),
+    scalar("percolating_y", ""),
     scalar("percolating_z", "fraction of instants at which such a cluster percolates along the vorticity; none in a layer"),
-    scalar("core_fraction", "fraction of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension"),
+    scalar("core_fraction", ""),
     scalar("rigid_fraction", "fraction of spheres of a layer in rigid clusters of at least three spheres, by the frictional pebble game"),
     scalar("largest_rigid_cluster", "fraction of spheres of a layer in the largest of these"),
     scalar("redundant_constraints", "fraction of constraints of a layer that others of them imply"),
 ];
-
-/// Meaning of the number with this name in [`NAMED`]; `None` for other names.
-pub(crate) fn meaning_of(name: &str) -> &'static str {
-    let scalar = NAMED.iter().find(|scalar| scalar.name == name);
-    scalar.map_or("", |scalar| scalar.meaning)
-}
 
 /// The numbers of a network that a run may sample, which are cheap.
 pub(crate) fn observe<S: Space>(network: &Network<S>) -> NetworkSample {

@@ -1,7 +1,7 @@
 //! Contacts as bonds between spheres, in a separate file, since extended XYZ has no bonds.
 
 use super::{Kept, state_number};
-use crate::spaces::{AnyFrame, of_either};
+use crate::model::spaces::{AnyFrame, of_either};
 use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
@@ -59,7 +59,7 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spaces::InSpace;
+    use crate::model::spaces::InSpace;
     use crate::test_support::{frame, suspension};
 
     #[test]

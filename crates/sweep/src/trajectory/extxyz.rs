@@ -1,9 +1,10 @@
 //! Frames as extended XYZ, which OVITO and ASE read.
 
 use super::{Kept, by_space};
-use crate::axes::{AXES, Axis, Value};
-use crate::format::count;
-use crate::spaces::AnyFrame;
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
+use crate::model::spaces::AnyFrame;
+use crate::text::format::count;
 use sd_core::Params;
 use sd_core::simulation::Frame;
 use std::fmt::Write as _;

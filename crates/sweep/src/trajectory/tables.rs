@@ -1,9 +1,9 @@
 //! Frames as tables, for spreadsheets and data frames.
 
 use super::{Frames, Kept, STATES, by_space, state_number};
-use crate::axes::{Kind, Value};
 use crate::data::DataColumn;
-use crate::spaces::AnyFrame;
+use crate::data::{Kind, Value};
+use crate::model::spaces::AnyFrame;
 use sd_core::simulation::Frame;
 use std::slice::from_ref;
 

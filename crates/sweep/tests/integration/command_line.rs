@@ -371,7 +371,7 @@ fn version_names_physics_and_build() {
         let said = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
         let (_, names) = said.trim_end().split_once(" (physics ").unwrap();
         let (physics, build) = names.split_once(", build ").unwrap();
-        assert_eq!(physics, sweep::case::PHYSICS_VERSION.to_string());
+        assert_eq!(physics, sweep::model::case::PHYSICS_VERSION.to_string());
         let build = build.strip_suffix(')').unwrap();
         assert!(
             build.len() == 16 && build.bytes().all(|b| b.is_ascii_hexdigit()),

@@ -260,7 +260,7 @@ fn every_campaign_is_one() {
             let directory = tempfile::tempdir().unwrap();
             let at = directory.path().join("campaign.toml");
             std::fs::write(&at, &text).unwrap();
-            let read = sweep::campaign::Campaign::read(&at);
+            let read = sweep::campaign::read(&at);
             let campaign = match read {
                 Ok(campaign) => campaign,
                 Err(error) => panic!("{file}: {error}\n{text}"),
@@ -269,8 +269,7 @@ fn every_campaign_is_one() {
             // beside.
             let name = text.lines().next().unwrap_or_default();
             if let Some(name) = name.strip_prefix("# sweeps/") {
-                let there =
-                    sweep::campaign::Campaign::read(&root().join("sweeps").join(name)).unwrap();
+                let there = sweep::campaign::read(&root().join("sweeps").join(name)).unwrap();
                 assert_eq!(campaign.cases, there.cases, "{file} and {name}");
                 assert_eq!(campaign.protocol, there.protocol, "{file} and {name}");
             }

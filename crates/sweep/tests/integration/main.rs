@@ -20,6 +20,7 @@ mod fit;
 mod folded;
 mod harness;
 mod interruptions;
+mod layers;
 mod precision;
 mod progress;
 mod published;

@@ -2,7 +2,7 @@
 //! `scripts/published --check` compares tables, figures and quoted numbers with the CSV files.
 
 use crate::harness::root;
-use sweep::case::PHYSICS_VERSION;
+use sweep::model::case::PHYSICS_VERSION;
 
 /// The versions of the physics that a report names:
 /// `... by sweep 0.1.0 (physics 12, build a22173902e77)`.

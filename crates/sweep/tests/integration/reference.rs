@@ -12,7 +12,7 @@ use sd_core::model::Form;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
-use sweep::axes::AXES;
+use sweep::model::axes::AXES;
 
 /// What every generated page says below its title.
 const ORIGIN: &str = "<!-- Generated: UPDATE_REFERENCE=1 cargo test --release -p sweep --test integration reference -->";
@@ -58,7 +58,7 @@ fn cases() -> Vec<Params> {
                  [[grid]]\narea_fraction = 0.5\nfriction = 0.5\nroughness = 0.01\nshear_rate = 1.0\nseeds = 1\nspheres = 30\n\
                  hydrodynamics = \"lubrication\"\n";
     let folder = folder("c.toml", campaign("defaults", [1.0, 0.0], grids));
-    let read = sweep::campaign::Campaign::read(&folder.path().join("c.toml"));
+    let read = sweep::campaign::read(&folder.path().join("c.toml"));
     let cases = read.unwrap().cases;
     cases.iter().map(|case| case.1.params.clone()).collect()
 }

@@ -87,7 +87,7 @@ fn with_new_keys(directory: &Path) {
         .collect::<Result<_, _>>()
         .unwrap();
     for (id, params, seed, sample_stride) in cases {
-        let case = sweep::case::Case {
+        let case = sweep::model::case::Case {
             params: serde_json::from_str(&params).unwrap(),
             seed: seed.unsigned_abs(),
             steps: 1,

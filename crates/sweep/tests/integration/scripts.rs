@@ -119,7 +119,7 @@ fn every_campaign_can_be_read_and_has_its_published_results() {
         std::fs::read_to_string(scripts().join("published_results/campaigns.py")).unwrap();
     for entry in std::fs::read_dir(sweeps).unwrap() {
         let entry = entry.unwrap();
-        let read = sweep::campaign::Campaign::read(&entry.path());
+        let read = sweep::campaign::read(&entry.path());
         assert!(read.is_ok(), "{:?}", read.err());
         let name = entry.file_name().into_string().unwrap();
         let name = name.strip_suffix(".toml").unwrap_or_default();

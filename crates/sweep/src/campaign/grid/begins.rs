@@ -1,10 +1,11 @@
 //! Start layers of the runs of a grid that do not come from their seeds.
 
 use super::START;
-use crate::axes::{AXES, Axis, Value};
 use crate::campaign::error::Problem;
 use crate::campaign::reader::{Located, Table, of_axis, wrong_type};
 use crate::campaign::{ends_of_runs, start};
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
 use sd_core::model::StartLayer;
 use std::ops;
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! Protocols of several segments.
 
 use super::*;
+use crate::model::protocol::Discard;
 use sd_core::model::{CrossShear, Segment};
 
 /// The campaign at Γ = 0.1 with segments in place of the length of its runs.

@@ -88,7 +88,7 @@ fn no_suspension_begins_with_a_layer() {
     std::fs::write(directory.path().join("layer.json"), layer).unwrap();
     let text = suspension().replace("seeds = 4", "seeds = 1\nstart = \"layer.json\"");
     let file = directory.path().join("bulk.toml");
-    let error = crate::campaign::Campaign::parse(&file.display().to_string(), text).unwrap_err();
+    let error = crate::campaign::parse(&file.display().to_string(), text).unwrap_err();
     let error = error.to_string();
     assert!(
         error.contains(":11:9: `start` = a layer is no suspension"),

@@ -1,9 +1,9 @@
 //! The tables of a plan: its axes, and its kinds of runs.
 
 use crate::error::Error;
-use crate::format::{Digits, Uncertain, bytes, duration, significant};
 use crate::plan::{Kind, Plan, Source, Values};
 use crate::report::{Head, Shape, Sheet, SheetColumn, room};
+use crate::text::format::{Digits, Uncertain, bytes, duration, significant};
 use std::io::{self, Write};
 
 /// Maximum characters of a kind on one line.

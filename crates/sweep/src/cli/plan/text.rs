@@ -3,8 +3,8 @@
 use super::tables::Sheets;
 use crate::cli::Output;
 use crate::error::Error;
-use crate::format::{bytes, counted, duration, significant, wrapped};
 use crate::plan::{Kind, Plan};
+use crate::text::format::{bytes, counted, duration, significant, wrapped};
 use std::io::Write;
 
 /// Writes it.

@@ -1,14 +1,14 @@
 //! One task of a campaign, in a store of its own that is published as a shard.
 
 use super::{Arguments, ClusterArguments, compute, style};
-use crate::campaign::Campaign;
 use crate::cli::Output;
 use crate::cluster::shard;
 use crate::cluster::task::{Part, Task, TaskOptions, restrict};
 use crate::error::Error;
-use crate::exit;
+use crate::model::campaign::Campaign;
 use crate::runner::Stop;
 use crate::store::Counts;
+use crate::system::exit;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -50,7 +50,7 @@ pub(super) fn write(
                 format!("{:.0} %", 100.0 * task.slice.work_done),
                 task.published_s.map_or_else(
                     || "–".into(),
-                    |s| format!("{} ago", crate::format::duration(s)),
+                    |s| format!("{} ago", crate::text::format::duration(s)),
                 ),
             ]
         });

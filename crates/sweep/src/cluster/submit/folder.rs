@@ -1,8 +1,9 @@
 //! The files of a submission: the store, or a copy of it, and the folder of the plan.
 
-use crate::campaign::{Campaign, Order};
 use crate::cluster::shard::BEGUN;
 use crate::cluster::{ClusterError, Job};
+use crate::model::campaign::Campaign;
+use crate::model::order::Order;
 use crate::store::{self, OpenCase, Store};
 use crate::system::files::write_whole;
 use std::collections::HashSet;

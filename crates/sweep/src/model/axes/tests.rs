@@ -92,8 +92,8 @@ fn written_values_make_parameters_that_have_them() {
 
 /// One entry adds an axis everywhere: see [`ONE_MORE`].
 mod one_more {
-    use crate::campaign::Campaign;
-    use crate::campaign::Order;
+    use crate::model::campaign::Campaign;
+    use crate::model::order::Order;
     use crate::report::{PageHost, Report, Selection, data, write_csv, write_json, write_markdown};
     use crate::store::Store;
 
@@ -115,7 +115,7 @@ hydrodynamics = "ball-melrose"
 "#;
 
     fn read(text: &str) -> Result<Campaign, String> {
-        Campaign::parse("one-more.toml", text.into()).map_err(|error| {
+        crate::campaign::parse("one-more.toml", text.into()).map_err(|error| {
             let mut shown = String::new();
             miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
                 .render_report(&mut shown, &error)

@@ -70,7 +70,8 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
 fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
     let mut more = params.clone();
     while more.spheres < Params::MAX_SPHERES {
-        let wanted = crate::format::count((more.spheres as f64 * (needed / side).powi(3)).ceil());
+        let wanted =
+            crate::text::format::count((more.spheres as f64 * (needed / side).powi(3)).ceil());
         more.spheres = wanted.max(more.spheres + 1);
         match Bulk::radii_and_side(&more) {
             Err(Error::CellTooSmall {

@@ -2,7 +2,7 @@
 //! of a single figure.
 
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
-use crate::axes::{AXES, Axis};
+use crate::model::axes::{AXES, Axis};
 use crate::report::error::ReportError;
 use crate::report::selection::range;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};

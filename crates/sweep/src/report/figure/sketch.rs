@@ -6,12 +6,12 @@ mod draft;
 use super::log_axis::LogAxis;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::{Drawing, Kind, Quantity, Trace, refused};
-use crate::axes::AXES;
+use crate::measure::Estimate;
+use crate::model::axes::AXES;
 use crate::report::columns::Column;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::points::{Point, Report};
-use crate::statistics::Estimate;
 use draft::Draft;
 
 /// Maximum number of panels of an automatic split.

@@ -1,8 +1,8 @@
 //! Units and meanings of the columns of runs and of samples.
 
-use crate::axes::AXES;
 use crate::data::{Cells, DataColumn};
-use crate::model::sampled::named;
+use crate::measure::sampled::named;
+use crate::model::axes::AXES;
 
 /// Name, unit and meaning of a column.
 type Meaning = (&'static str, &'static str, &'static str);
@@ -75,7 +75,7 @@ fn explain(
     let name = column.name.as_ref();
     let axis = AXES.iter().find(|axis| axis.key == name);
     let axis = axis.map(|axis| (axis.unit, axis.meaning));
-    let number = named(name).map(|number| (number.unit, number.meaning()));
+    let number = named(name).map(|number| (number.unit, number.meaning));
     let found = listed(OF_ROWS, name).or_else(|| choose(axis, number));
     if let Some((unit, meaning)) = found {
         // A choice is a keyword in samples and runs, whatever its unit.

@@ -1,10 +1,10 @@
 //! Tables as LaTeX.
 
 use super::{NumberFormat, Shape, Sheet, SheetColumn};
-use crate::format::Uncertain;
 use crate::report::error::ReportError;
 use crate::report::figure::Origin;
 use crate::report::points::Report;
+use crate::text::format::Uncertain;
 use std::io::{self, Write};
 
 impl Sheet {
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn numbers_are_mathematics_and_signs_commands() {
         let plain = |value: Uncertain| cell(Some(&value), NumberFormat::Plain);
-        let digits = crate::format::Digits::of([f64::INFINITY].into_iter());
+        let digits = crate::text::format::Digits::of([f64::INFINITY].into_iter());
         let si = |value: Uncertain| cell(Some(&value), NumberFormat::Si);
         assert_eq!(plain(Uncertain::Interval(9.863, 0.79)), "$9.86 \\pm 0.79$");
         assert_eq!(si(Uncertain::Interval(9.863, 0.79)), "$9.86(79)$");

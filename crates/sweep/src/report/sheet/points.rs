@@ -1,12 +1,13 @@
 //! The table of the points of a report.
 
 use super::{Head, NumberFormat, Shape, Sheet, SheetColumn};
-use crate::axes::{AXES, Axis, Value};
-use crate::campaign::Discard;
-use crate::format::{Uncertain, significant};
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
+use crate::model::protocol::Discard;
 use crate::report::axis_words::AxisWords;
 use crate::report::columns::Column;
 use crate::report::points::{Point, Report};
+use crate::text::format::{Uncertain, significant};
 
 /// Columns of a wide table: name, heading, significant digits, and rank at which it is dropped, the
 /// highest first.

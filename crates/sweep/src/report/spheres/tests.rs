@@ -1,7 +1,7 @@
 //! Pictures of spheres.
 
 use super::*;
-use crate::spaces::InSpace;
+use crate::model::spaces::InSpace;
 use crate::test_support;
 use sd_core::{Bulk, Layer, Space};
 

@@ -1,8 +1,9 @@
 //! Structure for programs: JSON, and tables of numbers and of curves.
 
 use super::{Count, StructureReport};
-use crate::axes::{AXES, Kind, Value};
 use crate::data::DataColumn;
+use crate::data::{Kind, Value};
+use crate::model::axes::AXES;
 use crate::report::columns::point_row;
 use crate::structure::{Band, Curve, NAMED, Structure};
 use sd_core::Params;
@@ -24,10 +25,8 @@ impl StructureReport {
 
     /// One row per point: all axes, then numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table: Vec<DataColumn> = AXES
-            .iter()
-            .map(|axis| DataColumn::of_axis(axis, self.params()))
-            .collect();
+        let mut table: Vec<DataColumn> =
+            AXES.iter().map(|axis| axis.column(self.params())).collect();
         let counts: [Count; 2] = [
             ("runs", "runs averaged", |s| s.runs),
             ("frames", "their frames together", |s| s.frames),
@@ -72,7 +71,7 @@ impl StructureReport {
         }
         let axes = self.axes().into_iter();
         let mut table: Vec<DataColumn> = axes
-            .map(|axis| DataColumn::of_axis(axis, rows.iter().map(|row| row.0)))
+            .map(|axis| axis.column(rows.iter().map(|row| row.0)))
             .collect();
         let names = rows.iter().map(|row| Some(Value::Word(row.1)));
         table.push(DataColumn {
@@ -109,7 +108,7 @@ type Number = (String, &'static str, Option<Band>);
 fn numbers(structure: &Structure) -> Vec<Number> {
     let scalars = NAMED.iter().zip(&structure.scalars);
     let mut all: Vec<Number> = scalars
-        .map(|(scalar, band)| (scalar.name.to_owned(), scalar.meaning, *band))
+        .map(|(scalar, band)| (scalar.name.to_owned(), scalar.meaning(), *band))
         .collect();
     for (name, row, column) in [("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)] {
         let rows = structure.fabric.get(row);

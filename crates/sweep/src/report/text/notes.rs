@@ -1,9 +1,10 @@
 //! Notes on points that lack the requested precision, are not steady, or have too soft contacts.
 
-use crate::axes::Axis;
-use crate::format::{counted, significant};
+use crate::measure::{Decision, Verdict};
+use crate::model::axes::Axis;
+use crate::model::precision::Precision;
 use crate::report::points::{Point, Report};
-use crate::statistics::{Decision, Precision, Verdict};
+use crate::text::format::{counted, significant};
 
 /// Maximum number of points named.
 const SHOWN: usize = 12;

@@ -1,6 +1,6 @@
 //! Layout of bars on a terminal.
 
-use crate::case::Case;
+use crate::model::case::Case;
 
 /// Widths of a bar, and width of the terminal from which the long one is used.
 const BARS: [(u16, usize); 2] = [(110, 30), (0, 12)];
@@ -28,7 +28,10 @@ pub(super) fn room() -> usize {
 pub(super) fn line(case: &Case, strain: f64, viscosity: f64, room: usize) -> String {
     let mut so_far = format!("strain {strain:.2}");
     if viscosity.is_finite() {
-        so_far = format!("{so_far}  η {}", crate::format::significant(viscosity, 4));
+        so_far = format!(
+            "{so_far}  η {}",
+            crate::text::format::significant(viscosity, 4)
+        );
     }
     let label = case.label_within(room.saturating_sub(so_far.chars().count() + 2));
     format!("{label}  {so_far}")
@@ -37,7 +40,7 @@ pub(super) fn line(case: &Case, strain: f64, viscosity: f64, room: usize) -> Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::Protocol;
+    use crate::model::protocol::Protocol;
 
     #[test]
     fn a_line_fits_beside_its_bar_and_no_word_is_cut() {

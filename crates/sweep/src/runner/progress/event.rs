@@ -1,7 +1,7 @@
 //! Progress as lines of JSON, one object each, for programs that monitor a run. Names and meanings
 //! are in `docs/json.md`.
 
-use crate::case::Case;
+use crate::model::case::Case;
 use crate::store::{Claim, Counts};
 use serde_json::{Value, json};
 use std::time::Instant;

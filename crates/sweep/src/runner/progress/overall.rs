@@ -105,7 +105,7 @@ impl Overall {
         match self.left().filter(|_| is_open) {
             Some(left) => format!(
                 "{words}, {} left",
-                crate::format::duration(left.as_secs_f64())
+                crate::text::format::duration(left.as_secs_f64())
             ),
             None => words,
         }

@@ -2,8 +2,8 @@
 //! written.
 
 use super::{MergeMode, Merged};
-use crate::case::{Case, State};
-use crate::protocol::Protocol;
+use crate::model::case::{Case, State};
+use crate::model::protocol::Protocol;
 use crate::store::campaign::Points;
 use crate::store::digest::{self, whole};
 use crate::store::ends::RunEnd;

@@ -287,7 +287,7 @@ proptest::proptest! {
         let mut saved = Store::at(&directory.path().join("saved.sqlite"), &campaign(CAMPAIGN));
         if saved.merge(std::slice::from_ref(&path), true).is_ok() {
             let right = finished(State::Done).samples;
-            let right = crate::statistics::Averages::of(&right, 100).viscosity.unwrap().mean;
+            let right = crate::measure::Averages::of(&right, 100).viscosity.unwrap().mean;
             for run in saved.point_runs().unwrap() {
                 proptest::prop_assert!(run.viscosity.is_none_or(|v| (v - right).abs() < 1e-12));
             }
@@ -433,7 +433,7 @@ proptest::proptest! {
         for run in store.point_runs().unwrap() {
             let is_right = run.viscosity.is_none_or(|viscosity| {
                 let samples = finished(State::Done).samples;
-                let mean = crate::statistics::Averages::of(&samples, 100).viscosity.unwrap().mean;
+                let mean = crate::measure::Averages::of(&samples, 100).viscosity.unwrap().mean;
                 (viscosity - mean).abs() < 1e-12
             });
             proptest::prop_assert!(is_right, "{:?}", run.viscosity);

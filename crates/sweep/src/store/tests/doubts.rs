@@ -1,7 +1,7 @@
 //! Runs with doubtful numbers: stored, counted, and averaged only on request.
 
 use super::*;
-use crate::doubt::Doubt;
+use crate::measure::doubt::Doubt;
 use crate::report::{Report, Selection, write_csv, write_json, write_markdown, write_text};
 
 /// A store with a sound and a doubtful run of each point.

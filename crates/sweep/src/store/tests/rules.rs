@@ -1,7 +1,7 @@
 //! Seeds under a requested precision.
 
 use super::*;
-use crate::statistics::Verdict;
+use crate::measure::Verdict;
 
 const PRECISE: &str = r#"name = "small"
 [protocol]

@@ -1,8 +1,9 @@
 //! The runs of a campaign as a table.
 
 use super::*;
-use crate::axes::{AXES, Kind};
+use crate::data::Kind;
 use crate::data::{Cells, DataColumn};
+use crate::model::axes::AXES;
 
 /// The column of this name.
 fn column<'t>(table: &'t [DataColumn], name: &str) -> &'t Cells {

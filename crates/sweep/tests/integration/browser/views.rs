@@ -4,7 +4,7 @@ use super::chromium::{Browser, DEFAULT, Page, WINDOWS, Window};
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 use serde_json::Value;
-use sweep::format::Uncertain;
+use sweep::text::format::Uncertain;
 
 /// Helpers for every user of the page.
 const COMMON: &str = r"

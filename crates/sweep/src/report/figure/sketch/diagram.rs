@@ -2,7 +2,8 @@
 
 use super::draft::Draft;
 use super::{Form, Height, Line, Sketch, Spot};
-use crate::axes::{AXES, Axis, Value};
+use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;

@@ -1,8 +1,9 @@
 //! Reports as lines: the points of each curve, their positions, and their panels.
 
 use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
-use crate::axes::{AXES, Axis, identity};
-use crate::format::counted;
+use crate::measure::Estimate;
+use crate::model::axes::{AXES, Axis, identity};
+use crate::model::spaces::dilute_viscosity;
 use crate::report::axis_words::AxisWords;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
@@ -13,8 +14,7 @@ use crate::report::points::{Point, Report};
 use crate::report::starts::Starts;
 use crate::report::units::At;
 use crate::report::units::Units;
-use crate::spaces::dilute_viscosity;
-use crate::statistics::Estimate;
+use crate::text::format::counted;
 use sd_core::Params;
 use std::f64::consts::PI;
 

@@ -1,10 +1,11 @@
 use super::*;
+use crate::model::precision::Quantity;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 const RULE: Precision = Precision {
     precision: 0.05,
-    quantity: Measure::Viscosity,
+    quantity: Quantity::Viscosity,
     at_least: 4,
     at_most: 64,
 };

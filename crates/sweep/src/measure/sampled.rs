@@ -2,8 +2,7 @@
 //!
 //! The store, averages, tables, exports, the page and the Python package use this list.
 
-use super::axes::Value;
-use crate::structure::meaning_of;
+use crate::data::{DataColumn, Kind, Value};
 use sd_core::simulation::NetworkSample;
 use sd_core::{Sample, StressComponents};
 
@@ -14,7 +13,8 @@ pub(crate) struct Number {
     pub(crate) name: &'static str,
     /// Its unit.
     pub(crate) unit: &'static str,
-    meaning: &'static str,
+    /// Its meaning; for the stress also its label on the page.
+    pub(crate) meaning: &'static str,
     place: Place,
 }
 
@@ -28,8 +28,7 @@ enum Place {
     Sum(fn(&StressComponents) -> f64),
     /// A part of a component of the stress.
     Part(fn(&mut StressComponents) -> &mut f64),
-    /// A number of the contact network, which most samples lack; defined in
-    /// [`crate::structure::NAMED`].
+    /// A number of the contact network, which most samples lack.
     Network(fn(&mut NetworkSample) -> &mut f64),
 }
 use Place::{Count, Network, Part, Real, Sum, Total};
@@ -90,26 +89,18 @@ pub(crate) static NUMBERS: [Number; 45] = [
     number("jam_events", "1", "times the viscosity rose above the threshold of jamming", Total(|s| &mut s.counters.jam_events)),
     number("jammed_steps", "1", "steps begun above that threshold", Total(|s| &mut s.counters.jammed_steps)),
     number("jammed_steps_running", "1", "steps since it was last below", Total(|s| &mut s.counters.jammed_steps_running)),
-    number("coordination", "1", "", Network(|n| &mut n.coordination)),
-    number("frictional_coordination", "1", "", Network(|n| &mut n.frictional_coordination)),
-    number("largest_cluster", "1", "", Network(|n| &mut n.largest_cluster)),
-    number("percolating_x", "1", "", Network(|n| &mut n.percolating_x)),
-    number("percolating_y", "1", "", Network(|n| &mut n.percolating_y)),
-    number("core_fraction", "1", "", Network(|n| &mut n.core_fraction)),
+    number("coordination", "1", "loaded contacts of a sphere", Network(|n| &mut n.coordination)),
+    number("frictional_coordination", "1", "contacts of a sphere on which friction acts", Network(|n| &mut n.frictional_coordination)),
+    number("largest_cluster", "1", "fraction of spheres in the largest cluster of frictional contacts", Network(|n| &mut n.largest_cluster)),
+    number("percolating_x", "1", "fraction of instants at which such a cluster percolates along the flow", Network(|n| &mut n.percolating_x)),
+    number("percolating_y", "1", "fraction of instants at which such a cluster percolates along the gradient", Network(|n| &mut n.percolating_y)),
+    number("core_fraction", "1", "fraction of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension", Network(|n| &mut n.core_fraction)),
 ];
 
 /// Number of those of which results have means.
 pub(crate) const MEANS: usize = 23;
 
 impl Number {
-    /// Its meaning; for the stress also its label on the page.
-    pub(crate) fn meaning(&self) -> &'static str {
-        match self.place {
-            Network(_) => meaning_of(self.name),
-            _ => self.meaning,
-        }
-    }
-
     /// Whether it is derived as a sum and not stored.
     pub(crate) fn is_sum(&self) -> bool {
         matches!(self.place, Sum(_))
@@ -236,9 +227,53 @@ pub(crate) fn read<E>(
     Ok(sample)
 }
 
+/// A table of samples, each with its step in the first column, whose other columns are these
+/// fields.
+pub(crate) fn numbered(
+    samples: &[(u64, Sample)],
+    fields: impl Fn(&Sample) -> Vec<Field>,
+) -> Vec<DataColumn> {
+    let rows = samples.len();
+    let mut steps = DataColumn::named("step", Kind::Count, rows);
+    let mut columns: Vec<DataColumn> = fields(&Sample::default())
+        .into_iter()
+        .map(|field| DataColumn::named(field.name, field.value.kind(), rows))
+        .collect();
+    for (step, sample) in samples {
+        steps.cells.push(Some(Value::Count(*step)));
+        for (column, field) in columns.iter_mut().zip(fields(sample)) {
+            column.cells.push(Some(field.value));
+        }
+    }
+    columns.insert(0, steps);
+    columns
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::Cells;
+
+    #[test]
+    fn samples_are_a_table_with_the_columns_of_the_store() {
+        let sample = Sample {
+            viscosity: f64::NAN,
+            minimum_gap: f64::INFINITY,
+            contacts: 7,
+            ..Sample::default()
+        };
+        let table = numbered(&[(40, sample)], fields);
+        let cells = |name: &str| &table.iter().find(|c| c.name == name).unwrap().cells;
+        assert_eq!(*cells("step"), Cells::Count(vec![Some(40)]));
+        assert_eq!(*cells("contacts"), Cells::Count(vec![Some(7)]));
+        assert_eq!(*cells("viscosity"), Cells::Number(vec![None]));
+        let infinite = Cells::Number(vec![Some(f64::INFINITY)]);
+        assert_eq!(*cells("minimum_gap"), infinite);
+        assert_eq!(*cells("minimum_gap_so_far"), infinite);
+        let none = numbered(&[], fields);
+        assert_eq!(none.len(), table.len());
+        assert!(none.iter().all(|column| column.cells.is_empty()));
+    }
 
     #[test]
     fn numbers_come_back_and_parts_add_up_to_what_they_are_parts_of() {
@@ -270,7 +305,7 @@ mod tests {
         for number in &NUMBERS {
             let of_name = NUMBERS.iter().filter(|other| other.name == number.name);
             assert_eq!(of_name.count(), 1, "{}", number.name);
-            assert!(!number.meaning().is_empty(), "{}", number.name);
+            assert!(!number.meaning.is_empty(), "{}", number.name);
         }
         assert_eq!(means().count(), MEANS);
     }

@@ -1,15 +1,16 @@
 //! Averages of samples over a run, and means over runs with their errors.
 
 pub mod doubt;
+pub mod sampled;
 pub(crate) mod segments;
 mod steady;
 mod stopping;
 pub(crate) mod wyart_cates;
 
 pub(crate) use steady::{Drift, Steadiness, mser_5};
-pub(crate) use stopping::{Decision, Measure, Outcome, Precision, Verdict, relative_half_width};
+pub(crate) use stopping::{Decision, Outcome, Verdict, relative_half_width};
 
-use crate::model::sampled::{self, MEANS};
+use sampled::MEANS;
 use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::cell::RefCell;

@@ -4,9 +4,9 @@
 //! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read
 //! back has the same bits as the computed one.
 
-use crate::format::counted;
-use crate::spaces::radii_and_side;
+use crate::model::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
+use crate::text::format::counted;
 use sd_core::model::Sizes;
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
 use sd_core::{Error, NearFields, Params};

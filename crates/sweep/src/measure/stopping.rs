@@ -21,7 +21,8 @@
 //! Oper. Res. 30, 641 (1982).
 
 use super::Estimate;
-use serde::{Deserialize, Serialize};
+use crate::model::precision::Precision;
+use serde::Serialize;
 
 /// A batch has 1 over this times the number of seeds before it.
 const SHARE: usize = 5;
@@ -29,59 +30,6 @@ const SHARE: usize = 5;
 const LEAST: usize = 2;
 /// The factor 1 + GUARD/n guards against a scatter that is small by chance.
 const GUARD: f64 = 2.0;
-
-/// The quantity with a requested precision.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Measure {
-    /// Mean viscosity.
-    Viscosity,
-    /// Median viscosity of a run; over runs the mean is taken.
-    ViscosityMedian,
-    /// Viscosity from the stresslets alone.
-    ViscosityStresslet,
-    /// First normal stress difference.
-    NormalStressDifference,
-}
-
-impl Measure {
-    /// All of them.
-    pub const ALL: [Self; 4] = [
-        Self::Viscosity,
-        Self::ViscosityMedian,
-        Self::ViscosityStresslet,
-        Self::NormalStressDifference,
-    ];
-
-    /// Its name: that of the column in results of the store and in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Viscosity => "viscosity",
-            Self::ViscosityMedian => "viscosity_median",
-            Self::ViscosityStresslet => "viscosity_stresslet",
-            Self::NormalStressDifference => "normal_stress_difference",
-        }
-    }
-
-    /// The quantity of this name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|measure| measure.name() == name)
-    }
-}
-
-/// The precision requested at a point.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[expect(clippy::struct_field_names, reason = "the words of the campaign file")]
-pub struct Precision {
-    /// Half width of the 95 % interval over the mean; in (0, 1].
-    pub precision: f64,
-    /// The quantity.
-    pub quantity: Measure,
-    /// Seeds of the first batch, at least 2.
-    pub at_least: usize,
-    /// Maximum number of seeds.
-    pub at_most: usize,
-}
 
 /// Outcome of the run of a seed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 //! The rules are declared here alone, each with its threshold and the reason for it; the store
 //! keeps which of them a run broke, and tables, figures and the page count such runs.
 
-use crate::statistics::{mean, ratio};
+use crate::measure::{mean, ratio};
 use sd_core::simulation::Counters;
 use sd_core::{ContactScheme, Params, Sample};
 

@@ -1,7 +1,7 @@
 //! Results of a segment of a run: averages, stress after a reversal, harmonics of an oscillation.
 
 use super::{Averages, mean};
-use crate::protocol::PlannedSegment;
+use crate::model::protocol::PlannedSegment;
 use sd_core::model::phase;
 use sd_core::{Params, Sample};
 use std::f64::consts::PI;
@@ -115,7 +115,7 @@ impl RunSegment {
             trace,
             reversal,
             cycles,
-            averaged_cycles: crate::format::count(averaged),
+            averaged_cycles: crate::text::format::count(averaged),
         })
     }
 
@@ -140,7 +140,7 @@ fn first_above(trace: &[(f64, f64)], value: f64) -> Option<f64> {
 fn cycles(trace: &[(f64, f64)], amplitude: f64, time_step: f64, number: f64) -> Vec<Cycle> {
     // A sample is taken in a step, or at its start, and represents its middle.
     let middle = |k: usize| trace[k].0 + 0.5 * time_step;
-    (0..crate::format::count(number))
+    (0..crate::text::format::count(number))
         .filter_map(|cycle| {
             let [start, end] = [cycle, cycle + 1].map(|n| 4.0 * amplitude * n as f64);
             let is_in = |k: &usize| (start..end).contains(&middle(*k));
@@ -220,7 +220,7 @@ mod tests {
     /// A trace with a viscosity that depends on the strain since the start, in which `every` step
     /// is sampled.
     fn trace(strain: f64, every: usize, viscosity: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
-        let steps = crate::format::count(strain / STEP);
+        let steps = crate::text::format::count(strain / STEP);
         (0..steps)
             .step_by(every)
             .map(|step| (step as f64 * STEP, viscosity((step as f64 + 0.5) * STEP)))
