@@ -117,10 +117,6 @@ pub struct Cli {
     /// Print no progress and no notes on standard error
     #[arg(long, short, global = true, help_heading = "Global options")]
     quiet: bool,
-    /// Log events of cases on standard error; twice for more. `SWEEP_LOG` selects in detail, as in
-    /// SWEEP_LOG=sweep=debug
-    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
-    verbose: u8,
     /// Colour errors
     #[arg(long, global = true, help_heading = "Global options", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
     color: Colour,
@@ -203,7 +199,6 @@ fn note(quiet: bool, text: &str) {
 /// # Errors
 /// Any error; [`Error::exit_code`] is its exit code.
 pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
-    cli.start_log();
     // Reaching a limit on file sizes is an error like a full disk, instead of a signal that ends
     // the process.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
@@ -258,30 +253,6 @@ fn terminal_width() -> Option<u16> {
 }
 
 impl Cli {
-    /// Logs events to standard error at the chosen level, unless the calling program has a log of
-    /// its own.
-    fn start_log(&self) {
-        use tracing_subscriber::filter::{LevelFilter, Targets};
-        use tracing_subscriber::layer::SubscriberExt as _;
-        use tracing_subscriber::util::SubscriberInitExt as _;
-        let level = match self.verbose {
-            0 if self.quiet => LevelFilter::OFF,
-            0 => LevelFilter::WARN,
-            1 => LevelFilter::INFO,
-            _ => LevelFilter::DEBUG,
-        };
-        let chosen = std::env::var("SWEEP_LOG").ok();
-        let chosen = chosen.and_then(|text| text.parse::<Targets>().ok());
-        let lines = tracing_subscriber::fmt::layer()
-            .with_writer(std::io::stderr)
-            .with_ansi(false)
-            .with_target(false);
-        let _ = tracing_subscriber::registry()
-            .with(lines)
-            .with(chosen.unwrap_or_else(|| Targets::new().with_target("sweep", level)))
-            .try_init();
-    }
-
     /// The renderer for errors of this command.
     pub fn error_renderer(&self) -> ErrorRenderer {
         ErrorRenderer {

@@ -30,12 +30,13 @@
 //! ```
 //!
 //! # From another program
-//! The Python package calls the same functions as the commands:
+//! There is no layer between commands and rooms: a room is named for what it is for, and the command
+//! line and the Python package call the same functions of it. Those that Python needs are public:
 //! ```text
 //! campaign::{read, parse}             a campaign file, or the text of one
-//! api::{plan, InstantInput, …}        what plan, solve and scalars read and answer
-//! api::begin                          a campaign in its store, before anything is computed
-//! api::complete                       the cases of a store computed: with runner::{Stop, Progress, Options}
+//! plan::plan, instant                 what plan, solve and scalars read and answer
+//! runner::begin                       a campaign in its store, before anything is computed
+//! runner::complete                    the cases of a store computed: with runner::{Stop, Progress, Options}
 //! store::StoreSource                  opened for reading, for report::Report, Store::samples, Store::frames, Store::runs
 //! report::outline                     a figure, to be drawn elsewhere
 //! report::draw_spheres                a picture of a kept frame

@@ -1,33 +1,27 @@
-//! The plan of a campaign: runs, estimated time on this machine, and size on disk.
+//! The plan of a campaign: runs, estimated time on this machine, memory, and size on disk.
+//!
+//! The time of a step is measured: by runs of the store that this build has computed on this
+//! machine, or else by a short run. It is measured for each [`Class`] of runs, as its ratio to the
+//! rough estimate [`step_cost`], which knows how the methods scale with the number of spheres.
 
-mod cache;
-pub(crate) mod costs;
 mod memory;
-mod pilot;
-mod scatter;
-mod starts;
+mod trials;
 mod work;
 
 use crate::data::Value;
-use crate::model::axes::{AXES, Axis, identity};
+use crate::model::axes::{AXES, Axis};
 use crate::model::campaign::Campaign;
-use crate::model::case::Case;
+use crate::model::case::{Case, step_cost};
 use crate::model::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
 use crate::text::format::{count, significant};
-use costs::{COMPARABLE, Costs};
-use pilot::{Trial, trials};
-use scatter::Sum;
-use sd_core::Params;
 use sd_core::model::Words as _;
+use sd_core::{Method, Params};
 use serde::{Serialize, Serializer};
 use serde_json::json;
-use std::collections::{HashMap, HashSet};
-use std::time::Instant;
+use std::collections::HashSet;
 use work::Work;
 
-/// CPU seconds of the program apart from its cases: start, store and report; measured.
-const PROGRAM_S: f64 = 0.15;
 /// The plan of a campaign.
 #[derive(Debug, Serialize)]
 pub struct Plan {
@@ -53,7 +47,7 @@ pub struct Plan {
     pub(crate) segments: Vec<String>,
     /// Runs computed in parallel.
     pub(crate) workers: usize,
-    /// Kinds of runs.
+    /// Kinds of runs that are still to be computed, the cheapest step first.
     pub(crate) kinds: Vec<Kind>,
     /// Estimated CPU seconds of the remaining work.
     pub(crate) computing_time_s: f64,
@@ -63,7 +57,7 @@ pub struct Plan {
     pub(crate) disk_bytes: f64,
     /// Memory with that many workers at the largest kind, in bytes.
     pub(crate) memory_bytes: f64,
-    /// Warnings: start layers that could not be made.
+    /// Warnings: starts that could not be made, estimates from few steps.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -75,28 +69,24 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
     s.collect_map(axes.iter().map(|(name, values)| (name, values)))
 }
 
-/// The source of the cost of a kind of runs.
+/// The source of the time of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Source {
-    /// Runs measured on this machine.
+    /// Runs of the store, computed by this build on this machine.
     Runs,
     /// A short run made now.
     Trial,
-    /// Runs of other parameters.
+    /// The rough estimate, scaled by measured runs of other classes.
     Rough,
 }
 
-/// Runs of one kind.
+/// Runs that differ only in numbers that affect the cost of a step little.
 #[derive(Debug, Serialize)]
 pub(crate) struct Kind {
-    /// Number of spheres.
     pub(crate) spheres: usize,
-    /// Word of the hydrodynamics.
     pub(crate) hydrodynamics: &'static str,
-    /// Word of the contact scheme.
     pub(crate) contact: &'static str,
-    /// Word of the tangential law.
     pub(crate) tangential: &'static str,
     /// A step, in strain.
     pub(crate) time_step: f64,
@@ -106,20 +96,79 @@ pub(crate) struct Kind {
     pub(crate) cases: usize,
     /// CPU seconds per step, mean over its points.
     pub(crate) step_s: f64,
-    /// Half width of its 95 % interval, from the scatter of similar measured runs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) step_ci95_s: Option<f64>,
     /// CPU seconds of all its runs.
     pub(crate) computing_time_s: f64,
     /// Memory of one of its runs, in bytes.
     pub(crate) memory_bytes: f64,
-    /// Whether the time was measured here.
-    pub(crate) measured: bool,
-    /// Source of the estimate, for its least certain point.
     pub(crate) source: Source,
-    /// Why a short run that was needed could not be made.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) reason: Option<String>,
+}
+
+/// Runs whose steps cost the same multiple of [`step_cost`]: of one method, one choice of
+/// hydrodynamics and contacts, one space, and numbers of spheres between two powers of two.
+#[derive(Debug, Clone, PartialEq)]
+struct Class {
+    method: Method,
+    words: [&'static str; 3],
+    is_suspension: bool,
+    size: u32,
+}
+
+impl Class {
+    fn of(params: &Params) -> Self {
+        Self {
+            method: Method::of(params),
+            words: words(params),
+            is_suspension: params.volume_fraction.is_some(),
+            size: params.spheres.max(1).ilog2(),
+        }
+    }
+}
+
+/// The words of hydrodynamics, contact scheme and tangential law.
+fn words(params: &Params) -> [&'static str; 3] {
+    let word = |key: &str| match Axis::of_key(key).map(|axis| axis.value(params)) {
+        Some(Value::Word(word)) => word,
+        _ => "",
+    };
+    [
+        params.hydrodynamics.word(),
+        word("contact"),
+        word("tangential"),
+    ]
+}
+
+/// Measured times of steps by class: CPU seconds, and their rough estimate.
+#[derive(Debug, Default)]
+struct Costs(Vec<(Class, Source, f64, f64)>);
+
+impl Costs {
+    fn learn(&mut self, params: &Params, source: Source, steps: f64, cpu_s: f64) {
+        let (class, rough) = (Class::of(params), steps * step_cost(params));
+        if rough <= 0.0 || cpu_s <= 0.0 {
+            return;
+        }
+        match self.0.iter_mut().find(|(known, ..)| *known == class) {
+            Some((.., cpu, estimate)) => {
+                *cpu += cpu_s;
+                *estimate += rough;
+            }
+            None => self.0.push((class, source, cpu_s, rough)),
+        }
+    }
+
+    /// CPU seconds of a step, and how they are known.
+    fn step(&self, params: &Params) -> (f64, Source) {
+        let class = Class::of(params);
+        let own = self.0.iter().find(|(known, ..)| *known == class);
+        let (ratio, source) = if let Some((_, source, cpu_s, rough)) = own {
+            (cpu_s / rough, *source)
+        } else {
+            let logarithms = self.0.iter().map(|(.., cpu_s, rough)| (cpu_s / rough).ln());
+            let mean = logarithms.sum::<f64>() / self.0.len().max(1) as f64;
+            (mean.exp(), Source::Rough)
+        };
+        (ratio * step_cost(params), source)
+    }
 }
 
 /// Memory in bytes of a program that computes this many cases of a campaign in parallel.
@@ -134,7 +183,7 @@ pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
 /// Plans a campaign with an empty store. Writes nothing.
 ///
 /// # Errors
-/// None where there is no store.
+/// An I/O error: none without a store.
 pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, StoreError> {
     make(campaign, workers, false, None)
 }
@@ -148,64 +197,70 @@ pub(crate) fn make(
     store: Option<&Store>,
 ) -> Result<Plan, StoreError> {
     let resident = memory::resident_bytes();
-    let mut costs = Costs::of_this_machine();
-    if let Some(store) = store {
-        for record in work::measured(store)? {
-            costs.learn(&record);
-        }
+    let mut costs = Costs::default();
+    for (params, steps, cpu_s) in store.map_or(Ok(Vec::new()), Store::measured_runs)? {
+        costs.learn(&params, Source::Runs, steps as f64, cpu_s);
     }
     let work = Work::of(campaign, store)?;
-    let open = work.points.iter().filter(|point| point.open > 0.0);
-    let starts = starts::tried(open.map(|point| (&point.case.params, point.case.seed)));
-    let cannot_start = |params: &Params| {
-        let of = starts.iter().find(|tried| tried.is_of(params));
-        of.is_some_and(starts::StartTrial::has_failed)
+    let open = || work.points.iter().filter(|point| point.open > 0.0);
+    let (mut warnings, failed) = trials::starts(open().map(|point| point.case));
+    let mut classes: Vec<(Class, Vec<&Case>)> = Vec::new();
+    for case in open().map(|point| point.case) {
+        let class = Class::of(&case.params);
+        if failed(&case.params) || costs.0.iter().any(|(known, ..)| *known == class) {
+            continue;
+        }
+        match classes.iter_mut().find(|(known, _)| *known == class) {
+            Some((_, cases)) => cases.push(case),
+            None => classes.push((class, vec![case])),
+        }
+    }
+    let middle = |(_, cases): &(Class, Vec<&Case>)| {
+        let mut cases = cases.clone();
+        cases.sort_by(|a, b| trials::covered(&a.params).total_cmp(&trials::covered(&b.params)));
+        cases[cases.len() / 2].clone()
     };
-    let points: Vec<(&Case, f64)> = work
-        .points
-        .iter()
-        .filter(|point| !cannot_start(&point.case.params))
-        .map(|point| (point.case, point.runs()))
-        .collect();
-    let trials = trials(&costs, &points, Instant::now());
-    let tried = trials
-        .iter()
-        .filter_map(|(_, outcome, _)| outcome.as_ref().ok());
-    tried.for_each(|record| costs.learn(record));
-    let reasons: Vec<(&Params, &String)> = trials
-        .iter()
-        .filter_map(|(params, outcome, _)| Some((params, outcome.as_ref().err()?)))
-        .collect();
-    let kinds = kinds(&work, &costs, &trials, &reasons);
-    let program_s = if kinds.is_empty() { 0.0 } else { PROGRAM_S };
-    let computing_time_s = kinds
-        .iter()
-        .fold(program_s, |sum, kind| sum + kind.computing_time_s);
-    let longest = work
-        .points
-        .iter()
-        .map(|point| costs.step(&point.case.params).seconds * point.case.steps as f64)
+    let runs = trials::short_runs(classes.iter().map(middle).collect());
+    let mut least = f64::INFINITY;
+    for run in runs {
+        match run.step_s {
+            Ok(step_s) => {
+                costs.learn(&run.case.params, Source::Trial, 1.0, step_s);
+                least = least.min(run.strain);
+            }
+            Err(reason) => warnings.push(format!(
+                "could not time a short run of {} spheres: {reason}",
+                run.case.params.spheres
+            )),
+        }
+    }
+    if least < trials::CONTACTS {
+        warnings.push(format!(
+            "steps were timed up to a strain of {} only, where contacts are still few: dense runs may take several times as long",
+            significant(least, 2)
+        ));
+    }
+    let kinds = kinds(&work, &costs);
+    let computing_time_s: f64 = kinds.iter().map(|kind| kind.computing_time_s).sum();
+    let longest = open()
+        .map(|point| costs.step(&point.case.params).0 * point.case.steps as f64)
         .fold(0.0, f64::max);
+    let largest = kinds.iter().map(|kind| kind.memory_bytes);
     let samples = (campaign.protocol.strain / campaign.protocol.sample_every).ceil();
-    let frames = if trajectory { samples } else { 0.0 };
-    let largest = kinds
-        .iter()
-        .map(|kind| kind.memory_bytes)
-        .fold(0.0, f64::max);
-    let frame_bytes = |point: &work::Point<'_>| memory::frame_bytes(&point.case.params);
-    let frames_bytes: f64 = work
-        .points
-        .iter()
-        .map(|point| point.all * frames * frame_bytes(point))
-        .sum();
-    let all = work.points.iter().map(|point| point.all).sum::<f64>();
+    let of_run = |case: &Case| {
+        let frame = if trajectory {
+            memory::frame_bytes(&case.params)
+        } else {
+            0.0
+        };
+        f64::from(CASE_BYTES) + samples * (f64::from(SAMPLE_BYTES) + frame)
+    };
     Ok(Plan {
         campaign: campaign.name.clone(),
-        cases: count(all),
+        cases: count(work.points.iter().map(|point| point.all).sum()),
         ended: work.ended,
         folded: campaign.folded,
         points: work.points.len(),
-        precision: work.expected,
         axes: axes(campaign),
         segments: campaign
             .protocol
@@ -216,109 +271,61 @@ pub(crate) fn make(
         workers,
         computing_time_s,
         elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),
-        disk_bytes: all * (f64::from(CASE_BYTES) + samples * f64::from(SAMPLE_BYTES))
-            + frames_bytes,
-        memory_bytes: resident + workers as f64 * largest,
-        warnings: starts
+        disk_bytes: work
+            .points
             .iter()
-            .filter_map(starts::StartTrial::warning)
-            .chain(measured_early(&trials))
-            .collect(),
+            .map(|point| point.all * of_run(point.case))
+            .sum(),
+        memory_bytes: resident + workers as f64 * largest.fold(0.0, f64::max),
+        precision: work.expected,
+        warnings,
         kinds,
     })
 }
 
-/// A warning that steps were measured before contacts form, when they cost less than later.
-fn measured_early(trials: &[Trial]) -> Option<String> {
-    let measured = trials.iter().filter(|(_, outcome, _)| outcome.is_ok());
-    let strain = measured.filter_map(|trial| trial.2).reduce(f64::min)?;
-    Some(format!(
-        "steps were measured at a strain of {} only, where contacts are still few: dense runs may take several times as long",
-        significant(strain, 2)
-    ))
-}
-
-/// The word of a choice.
-fn word(params: &Params, key: &str) -> &'static str {
-    match Axis::of_key(key).map(|axis| axis.value(params)) {
-        Some(Value::Word(word)) => word,
-        _ => "",
-    }
-}
-
-/// The kinds of runs there are to compute, the cheapest first.
-fn kinds(
-    work: &Work<'_>,
-    costs: &Costs,
-    trials: &[Trial],
-    reasons: &[(&Params, &String)],
-) -> Vec<Kind> {
-    let tried: HashSet<_> = trials
-        .iter()
-        .filter(|(_, outcome, _)| outcome.is_ok())
-        .map(|(params, ..)| identity(params))
-        .collect();
-    let mut kinds: Vec<Kind> = Vec::new();
-    let mut sums: Vec<Sum> = Vec::new();
-    let mut place_of = HashMap::new();
-    for point in &work.points {
+/// The kinds of runs there are to compute, the cheapest step first.
+fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
+    let mut kinds: Vec<(Kind, f64)> = Vec::new();
+    for point in work.points.iter().filter(|point| count(point.open) > 0) {
         let (p, steps) = (&point.case.params, point.case.steps);
-        let (contact, tangential) = (word(p, "contact"), word(p, "tangential"));
-        let hydrodynamics = p.hydrodynamics.word();
-        let place = *place_of
-            .entry((
-                p.spheres,
+        let [hydrodynamics, contact, tangential] = words(p);
+        let (step_s, source) = costs.step(p);
+        let is_like = |kind: &Kind| {
+            (kind.spheres, kind.steps, kind.time_step) == (p.spheres, steps, p.time_step)
+                && [kind.hydrodynamics, kind.contact, kind.tangential] == words(p)
+        };
+        let at = kinds
+            .iter()
+            .position(|(kind, _)| is_like(kind))
+            .unwrap_or(kinds.len());
+        if at == kinds.len() {
+            let kind = Kind {
+                spheres: p.spheres,
                 hydrodynamics,
                 contact,
                 tangential,
-                p.time_step.to_bits(),
+                time_step: p.time_step,
                 steps,
-            ))
-            .or_insert_with(|| {
-                kinds.push(Kind {
-                    spheres: p.spheres,
-                    hydrodynamics,
-                    contact,
-                    tangential,
-                    time_step: p.time_step,
-                    steps,
-                    cases: 0,
-                    step_s: 0.0,
-                    step_ci95_s: None,
-                    computing_time_s: 0.0,
-                    memory_bytes: 0.0,
-                    measured: true,
-                    source: Source::Runs,
-                    reason: None,
-                });
-                sums.push(Sum::default());
-                kinds.len() - 1
-            });
-        let (kind, cost) = (&mut kinds[place], costs.step(p));
+                cases: 0,
+                step_s: 0.0,
+                computing_time_s: 0.0,
+                memory_bytes: 0.0,
+                source,
+            };
+            kinds.push((kind, 0.0));
+        }
+        let (kind, steps_left) = &mut kinds[at];
         kind.cases += count(point.open);
-        kind.computing_time_s += cost.seconds * steps as f64 * point.runs();
-        sums[place].add(cost, steps as f64, point.runs());
+        kind.computing_time_s += step_s * steps as f64 * point.runs();
+        *steps_left += steps as f64 * point.runs();
+        kind.step_s = kind.computing_time_s / steps_left.max(f64::MIN_POSITIVE);
         kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));
-        kind.source = match kind.source {
-            _ if cost.distance > COMPARABLE => Source::Rough,
-            Source::Runs if tried.contains(&identity(p)) => Source::Trial,
-            source => source,
-        };
-        kind.measured = kind.source != Source::Rough;
-        if let Some((_, reason)) = reasons.iter().find(|(of, _)| *of == p) {
-            kind.reason = Some((*reason).clone());
+        if source == Source::Rough {
+            kind.source = source;
         }
     }
-    for (kind, sum) in kinds.iter_mut().zip(sums) {
-        if sum.steps > 0.0 {
-            kind.step_s = kind.computing_time_s / sum.steps;
-            let half = sum.half().filter(|_| kind.measured);
-            kind.step_ci95_s = half.map(|half| half / sum.steps);
-        }
-    }
-    kinds.retain(|kind| kind.cases > 0);
-    kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));
-    kinds
+    kinds.sort_by(|(a, _), (b, _)| a.step_s.total_cmp(&b.step_s));
+    kinds.into_iter().map(|(kind, _)| kind).collect()
 }
 
 /// Axes with all their values in the order of first use, without those that have no effect on these
@@ -336,4 +343,31 @@ fn axes(campaign: &Campaign) -> Vec<Values> {
         })
         .chain([("seeds", seeds.collect())])
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    #[test]
+    fn steps_cost_what_was_measured_and_scale_with_the_spheres_within_a_class() {
+        let with = |spheres| Params {
+            spheres,
+            ..params()
+        };
+        let mut costs = Costs::default();
+        assert_eq!(costs.step(&with(40)).1, Source::Rough);
+        assert!((costs.step(&with(40)).0 / step_cost(&with(40)) - 1.0).abs() < 1e-12);
+        costs.learn(&with(40), Source::Runs, 1000.0, 2.0);
+        costs.learn(&with(40), Source::Runs, 1000.0, 4.0);
+        let (step_s, source) = costs.step(&with(40));
+        assert_eq!(source, Source::Runs);
+        assert!((step_s / 3e-3 - 1.0).abs() < 1e-12, "{step_s}");
+        let ratio = step_cost(&with(60)) / step_cost(&with(40));
+        let (larger, source) = costs.step(&with(60));
+        assert_eq!(source, Source::Runs);
+        assert!((larger / step_s / ratio - 1.0).abs() < 1e-12);
+        assert_eq!(costs.step(&with(64)).1, Source::Rough);
+    }
 }

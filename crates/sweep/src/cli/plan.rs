@@ -1,27 +1,29 @@
 //! `sweep plan`.
 
-mod tables;
-mod text;
-
 use super::Output;
-use super::output_file::{check_outputs, save};
 use super::place::{store_of, workers, workers_or_all};
-use super::tables::TableArguments;
 use crate::error::Error;
-use crate::plan::make;
+use crate::plan::{Kind, Plan, Source, make};
+use crate::report::{room, table};
 use crate::store::StoreSource;
 use crate::system::exit;
+use crate::text::format::{Digits, bytes, counted, duration, significant, wrapped};
+use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+/// Columns of a terminal apart from the values of an axis: its name, their number, the spaces
+/// between.
+const COLUMNS_WITHOUT_VALUES: usize = 32;
+
 /// Show the plan of a campaign: axes, runs, estimated time and disk space
 ///
-/// Writes nothing. CPU times come from runs that this build has measured on this machine, or else
-/// from short runs of a few seconds in all. Runs in the store of the campaign are left out.
+/// Writes nothing. CPU times come from runs of the store that this build has computed on this
+/// machine, or else from short runs of a few seconds in all. Runs in the store of the campaign are
+/// left out.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \
-                  sweep plan sweeps/quickstart.toml --columns step_s,memory_bytes --latex -\n  \
                   sweep plan sweeps/quickstart.toml --json"
 )]
 pub(crate) struct Arguments {
@@ -44,21 +46,9 @@ pub(crate) struct Arguments {
         value_parser = workers
     )]
     workers: Option<NonZeroUsize>,
-    #[command(flatten)]
-    tables: TableArguments,
 }
 
-/// Writes the plan.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let columns = tables::columns_named(&arguments.tables.columns)?;
-    let inputs: Vec<_> = [
-        Some(arguments.campaign.as_path()),
-        arguments.store.as_deref(),
-    ]
-    .into_iter()
-    .flatten()
-    .collect();
-    check_outputs(&[("--latex", &arguments.tables.latex)], &inputs, output)?;
     let campaign = crate::campaign::read(&arguments.campaign)?;
     let workers = workers_or_all(arguments.workers);
     let path = store_of(&campaign, arguments.store.as_deref())?;
@@ -68,17 +58,144 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         None
     };
     let plan = make(&campaign, workers, arguments.trajectory, store.as_ref())?;
-    let shape = arguments.tables.shape();
-    let sheets = |width| tables::Sheets::of(&plan, &columns, shape, width);
-    if let Some(path) = &arguments.tables.latex {
-        let mut bytes = Vec::new();
-        sheets(None).write_latex(&plan, &mut bytes)?;
-        save(path, &bytes, output)?;
-    }
     if output.json {
         output.json(&plan)?;
-    } else if arguments.tables.latex.is_none() {
-        text::write(&plan, &sheets(output.width), output)?;
+    } else {
+        let text = text(&plan, output.width).unwrap_or_default();
+        let text = wrapped(&text, output.width);
+        output.out.write_all(text.as_bytes())?;
     }
     Ok(exit::DONE)
+}
+
+/// The plan for a terminal of this width.
+fn text(plan: &Plan, width: Option<u16>) -> Result<String, std::fmt::Error> {
+    let mut out = String::new();
+    let ended = match plan.ended {
+        0 => String::new(),
+        ended => format!(", {ended} of them ended"),
+    };
+    writeln!(
+        out,
+        "{}: {} at {}{ended}",
+        plan.campaign,
+        counted(plan.cases, "run"),
+        counted(plan.points, "point")
+    )?;
+    if plan.folded > 0 {
+        writeln!(
+            out,
+            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has Γ without friction, \
+             which is listed as Γ = 0",
+            plan.folded
+        )?;
+    }
+    let most = room(width).saturating_sub(COLUMNS_WITHOUT_VALUES);
+    let axes = plan.axes.iter().map(|(name, values)| {
+        [
+            (*name).to_owned(),
+            values.len().to_string(),
+            listed(values, most),
+        ]
+    });
+    writeln!(out, "{}", table(None, ["axis", "number", "values"], axes))?;
+    if !plan.kinds.is_empty() {
+        writeln!(out, "{}", kinds(&plan.kinds, width))?;
+    }
+    if !plan.segments.is_empty() {
+        writeln!(out, "segments of a run: {}", plan.segments.join("; "))?;
+    }
+    for warning in &plan.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
+    if let Some(expected) = &plan.precision {
+        writeln!(
+            out,
+            "a precision is requested at {} points, of which {} are finished: {} to {} seeds in all, about {} if runs scatter by {} % ({})",
+            expected.points,
+            expected.settled,
+            expected.at_least,
+            expected.at_most,
+            expected.seeds,
+            significant(100.0 * expected.scatter, 2),
+            if expected.measured {
+                "measured"
+            } else {
+                "assumed until some are done"
+            },
+        )?;
+    }
+    writeln!(
+        out,
+        "about {} of CPU time, {} of wall time with {} in parallel; about {} on disk, {} of memory",
+        duration(plan.computing_time_s),
+        duration(plan.elapsed_s),
+        plan.workers,
+        bytes(plan.disk_bytes),
+        bytes(plan.memory_bytes)
+    )?;
+    Ok(out)
+}
+
+/// Values as a list of limited length that includes the last one.
+fn listed(values: &[serde_json::Value], most: usize) -> String {
+    let numbers = values.iter().filter(|value| value.is_f64());
+    let digits = Digits::of(numbers.filter_map(serde_json::Value::as_f64));
+    let word = |value: &serde_json::Value| match (value.as_str(), value.as_f64()) {
+        (Some(word), _) => word.to_owned(),
+        (None, Some(number)) if value.is_f64() => digits.write(number),
+        _ => value.to_string(),
+    };
+    let words: Vec<String> = values.iter().map(word).collect();
+    let whole = words.join(", ");
+    if whole.chars().count() <= most {
+        return whole;
+    }
+    let last = words.last().cloned().unwrap_or_default();
+    let with = |number: usize| format!("{}, … {last}", words[..number].join(", "));
+    let fits = |number: &usize| with(*number).chars().count() <= most;
+    with((1..words.len()).rev().find(fits).unwrap_or(1))
+}
+
+/// The table of the kinds of runs. Their step is shown where they differ in it.
+fn kinds(kinds: &[Kind], width: Option<u16>) -> String {
+    let has_step = kinds
+        .iter()
+        .any(|kind| kind.time_step != kinds[0].time_step);
+    let cells = |name, steps: Option<String>, rest: [String; 6]| {
+        let mut cells: Vec<String> = vec![name];
+        cells.extend(steps);
+        cells.extend(rest);
+        cells
+    };
+    let heads = ["N", "runs", "step", "all runs", "memory", "known by"].map(String::from);
+    let heads = cells(
+        "hydrodynamics, contacts".into(),
+        has_step.then(|| "Δt".into()),
+        heads,
+    );
+    let rows = kinds.iter().map(|kind| {
+        let mut name = format!("{}, {}", kind.hydrodynamics, kind.contact);
+        if kind.tangential != "roll-slip" {
+            let _ = write!(name, ", {}", kind.tangential);
+        }
+        cells(
+            name,
+            has_step.then(|| kind.time_step.to_string()),
+            [
+                kind.spheres.to_string(),
+                kind.cases.to_string(),
+                format!("{} ms", significant(1e3 * kind.step_s, 2)),
+                duration(kind.computing_time_s),
+                bytes(kind.memory_bytes),
+                match kind.source {
+                    Source::Runs => "runs",
+                    Source::Trial => "trial",
+                    Source::Rough => "guess",
+                }
+                .to_owned(),
+            ],
+        )
+    });
+    table(width, heads, rows)
 }

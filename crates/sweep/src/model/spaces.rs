@@ -172,11 +172,6 @@ impl AnySnapshot {
         of_either!(self, of => of.steps)
     }
 
-    /// The steps, to count them in other steps.
-    pub(crate) fn steps_mut(&mut self) -> &mut u64 {
-        of_either!(self, of => &mut of.steps)
-    }
-
     /// Counters.
     pub(crate) fn counters(&self) -> &Counters {
         of_either!(self, of => &of.counters)

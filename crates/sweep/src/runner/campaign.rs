@@ -2,8 +2,8 @@
 
 use super::{Options, RunnerError, compute_campaign};
 use crate::model::campaign::Campaign;
+use crate::model::case::Case;
 use crate::model::order::{Order, Priority};
-use crate::plan::costs::Costs;
 use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
@@ -44,10 +44,9 @@ pub fn begin(
     for other in beginning.reuse {
         Store::open_read_only(other)?;
     }
-    let costs = Costs::of_this_machine();
     let order = Order {
         priority: beginning.priority,
-        cost: &costs.of_cases(),
+        cost: &Case::cost,
     };
     let damaged = if store::is_free(path) {
         Vec::new()

@@ -4,7 +4,6 @@ use super::{Shared, panics};
 use crate::model::case::{Case, State};
 use crate::model::replay::replay;
 use crate::model::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
-use crate::plan::costs;
 use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, ElapsedTime};
@@ -142,7 +141,6 @@ impl Shared<'_> {
         worker: usize,
         claim: &Claim,
     ) -> Result<Option<Finished>, StoreError> {
-        tracing::info!(case = claim.key, "claimed");
         let mut run = self.resume(claim)?;
         let clock = self.clock();
         self.options.progress.start_case(worker, claim, run.steps());
@@ -173,7 +171,6 @@ impl Shared<'_> {
 
     /// Reports the end of a case.
     fn print_end(&self, claim: &Claim, state: &str, steps: u64, cpu_s: f64) {
-        tracing::info!(case = claim.key, state, steps, cpu_s, "finished");
         self.options.progress.ended(claim, state, steps, cpu_s);
     }
 
@@ -206,17 +203,6 @@ impl Shared<'_> {
             .map(|(claim, finished)| (*claim, finished))
             .collect();
         let owned = self.store().finish(&runs)?;
-        // A resumed run may have been started on another machine.
-        let records: Vec<costs::Record> = runs
-            .iter()
-            .filter(|(_, finished)| finished.resumed == 0)
-            .map(|(claim, finished)| costs::Record {
-                params: claim.case.params.clone(),
-                steps: finished.steps,
-                cpu_s: finished.cpu_time_s,
-            })
-            .collect();
-        costs::record(&records);
         for ((claim, finished), owned) in runs.into_iter().zip(owned) {
             if !owned {
                 self.options.progress.note(&claim.lost().to_string());
@@ -273,11 +259,6 @@ impl Shared<'_> {
                         self.tables,
                     ) {
                         Ok(simulation) => {
-                            tracing::info!(
-                                case = claim.key,
-                                steps = good.snapshot.steps(),
-                                "resumed"
-                            );
                             return Ok(Run {
                                 simulation: Some(simulation),
                                 before: None,
@@ -385,7 +366,6 @@ impl Shared<'_> {
                 let frames = std::mem::take(&mut record.frames);
                 self.store().keep_frames(claim, &frames)?;
                 self.store().keep(claim, simulation.steps(), &bytes)?;
-                tracing::info!(case = claim.key, steps = simulation.steps(), "checkpointed");
                 cost = writing.elapsed();
                 kept = Instant::now();
             }

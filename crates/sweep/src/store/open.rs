@@ -9,6 +9,7 @@ use super::schema;
 use super::statements::Statements;
 use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -164,7 +165,7 @@ impl Store {
                     if self.process.is_some() {
                         *lock(&self.waiting) = Some(text);
                     } else {
-                        tracing::warn!("{text}");
+                        let _ = writeln!(crate::text::visible::stderr(), "{text}");
                     }
                 }
                 Some(_) => {}

@@ -367,15 +367,14 @@ impl Store {
     /// Resets all failed cases of the grid to pending. Returns their number.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
-            let failed: Vec<(i64, String, u64)> = connection.all(
-                "SELECT c.id, c.key, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
+            let failed: Vec<(i64, u64)> = connection.all(
+                "SELECT c.id, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
                  WHERE c.state = 'failed' AND c.counts",
                 [],
                 |row| row.try_into(),
             )?;
-            for (case, key, steps) in failed {
+            for (case, steps) in failed {
                 samples::cut(connection, case, steps)?;
-                tracing::info!(case = key, "retried");
             }
             let reopened = states::reopen(connection, "state = 'failed' AND counts", &[])?;
             rules::apply_all(connection)?;

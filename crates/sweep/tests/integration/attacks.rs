@@ -498,8 +498,6 @@ fn no_output_replaces_a_store_a_campaign_or_the_log_of_a_store() {
         &["report", "small.toml", "--csv", "small.toml"],
         &["report", "small.toml", "--csv", "campaign.csv"],
         &["report", "odd.toml", "--store", file, "--csv", "odd.txt"],
-        &["plan", "small.toml", "--latex", "small.toml"],
-        &["plan", "small.toml", "--latex", file],
         &["segments", file, "--csv", file],
         &["structure", file, "--csv", file],
         &["structure", file, "--curves", "link.csv"],

@@ -153,7 +153,4 @@ fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
     let after = plan(&[]);
     assert_eq!((&after["cases"], &after["ended"]), (&4.into(), &4.into()));
     assert_eq!(after["computing_time_s"], 0.0);
-    // The plan for another store uses the measured runs.
-    let again = plan(&["--store", "none.sqlite"]);
-    assert_eq!(again["kinds"][0]["source"], "runs");
 }
