@@ -61,10 +61,10 @@ pub struct Quality {
     /// Outcome.
     pub status: Status,
     /// Largest violation of the conditions on normal forces and gaps, in a·rate:
-    /// `max |min(G f, w)|`, where G is the mobility of a contact.
+    /// `max |min(G f, w)|`, where G = 0.02/(mu·a) is a typical mobility of a contact.
     pub residual: f64,
     /// Largest difference between a friction force and the force required by the law, over the
-    /// largest normal force.
+    /// largest normal force: `max |t − P(t + z/G)|`, where P projects onto the bound of friction.
     pub friction_error: f64,
     /// Number of linear systems solved.
     pub systems: u32,

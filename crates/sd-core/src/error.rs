@@ -79,7 +79,7 @@ pub enum Error {
         "the cell is {side:.4} wide along {direction}, less than {needed:.4}, twice the cutoff distance of pairs: use more spheres or a larger cell"
     )]
     CellTooSmall {
-        /// `x` or `y`.
+        /// `x`, `y`, or in a suspension `z`.
         direction: char,
         /// Side of the cell, in a.
         side: f64,
@@ -134,8 +134,9 @@ pub enum Error {
         /// Its purpose.
         purpose: &'static str,
     },
-    /// The paper's steps, which stop all pairs simultaneously, under an iterated far field.
-    #[error("the paper's steps need a dense far field")]
+    /// The paper's steps, which stop all pairs simultaneously, with a resistance that is stored pair
+    /// by pair.
+    #[error("the paper's steps need dense matrices: no resistance stored pair by pair")]
     ProcedureNeedsDense,
     /// A number that is not finite came out of a computation.
     #[error("{quantity} of sphere {sphere} is not finite")]

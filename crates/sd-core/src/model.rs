@@ -145,8 +145,8 @@ fn half() -> f64 {
 impl Params {
     /// Most spheres of a layer or configuration.
     pub const MAX_SPHERES: usize = parameters::MAX_SPHERES;
-    /// Layers with more spheres than this are large: their active sets are updated after less exact
-    /// linear solves, and start layers are numbered row by row.
+    /// The spheres of a start layer with more than this number are numbered row by row, so that the
+    /// factors of its sparse matrices are small.
     pub const LARGE_ABOVE: usize = 1000;
 
     /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.

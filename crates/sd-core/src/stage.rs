@@ -116,6 +116,27 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
+    /// Keeps what a step changes beside [`ContactMemory`]: the initial far field and the pattern of
+    /// sparse matrices, on which the bits of results depend.
+    pub(crate) fn save(&mut self) {
+        if let Some(far) = &mut self.far {
+            far.save();
+        }
+        if let Some(pairwise) = self.resistance.pairwise_mut() {
+            pairwise.save_pattern();
+        }
+    }
+
+    /// Restores what [`StageSolver::save`] kept.
+    pub(crate) fn restore(&mut self) {
+        if let Some(far) = &mut self.far {
+            far.restore();
+        }
+        if let Some(pairwise) = self.resistance.pairwise_mut() {
+            pairwise.restore_pattern();
+        }
+    }
+
     /// Initial far field of the next solve, if it is iterated: see [`crate::Snapshot::far_field`].
     pub fn far_field(&self) -> Vec<f32> {
         self.far.as_ref().map_or_else(Vec::new, |far| far.found())

@@ -111,7 +111,7 @@ impl<S: Space> ProblemSolver<S> {
         }
         let (converged, systems) = self.newton(problem, system, activation, &mut refine);
         if converged {
-            return self.accept(problem, system, systems);
+            return self.accept(problem, systems);
         }
         self.restore_activation(problem);
         self.forces.copy_from(&self.initial);
@@ -124,9 +124,9 @@ impl<S: Space> ProblemSolver<S> {
     }
 
     /// The outcome of a converged solution, after projection of its forces onto their bounds.
-    fn accept(&mut self, problem: &Problem<S>, system: &impl System<S>, systems: u32) -> Outcome {
+    fn accept(&mut self, problem: &Problem<S>, systems: u32) -> Outcome {
         self.forces.project_onto_bounds(problem);
-        let violation = self.forces.violation(problem, system);
+        let violation = self.forces.violation(problem);
         Outcome {
             status: violation.status(),
             violation,

@@ -152,9 +152,6 @@ impl<S: Fluid> ContactSolver<S> {
                     contact.held_load = contact.normal_force;
                 }
             }
-            for contact in &mut self.list {
-                contact.set_velocities(velocities);
-            }
             changed |= self.store_activation() && !laws.is_smooth();
             let quality = Quality {
                 status: outcome.status,

@@ -182,6 +182,17 @@ impl<S: Fluid> IterativeFarField<S> {
         self.split.round();
     }
 
+    /// Keeps the initial guess of the next solve with contacts for
+    /// [`IterativeFarField::restore`].
+    pub(crate) fn save(&mut self) {
+        self.split.save();
+    }
+
+    /// Restores the initial guess as it was saved.
+    pub(crate) fn restore(&mut self) {
+        self.split.restore();
+    }
+
     /// Initial guess of the next solve with contacts, in single precision: force modes and
     /// translations, scaled; `[12N + 4]`.
     pub(crate) fn found(&self) -> Vec<f32> {

@@ -303,6 +303,14 @@ impl<S: Fluid> Resistance<S> {
         }
     }
 
+    /// The resistance stored pair by pair, to save and restore its pattern.
+    pub(crate) fn pairwise_mut(&mut self) -> Option<&mut PairwiseResistance<S>> {
+        match &mut self.form {
+            Form::Pairwise(pairwise) => Some(pairwise),
+            Form::Dense(_) | Form::Skyline(_) => None,
+        }
+    }
+
     /// Terms of the far field of near pairs, if included.
     pub(crate) fn far_pairs(&self) -> impl Iterator<Item = (&Neighbours<S>, &S::Term)> {
         let pairs = self.neighbours.pairs();

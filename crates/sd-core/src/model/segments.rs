@@ -58,7 +58,7 @@ pub struct CrossShear {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CrossStrain {
     /// Strain of the run at which it has the value `strain`.
-    since: f64,
+    pub(crate) since: f64,
     strain: f64,
     /// Its rate over that of the primary shear.
     pub(crate) rate: f64,

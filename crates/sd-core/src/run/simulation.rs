@@ -21,12 +21,13 @@ use crate::law::CustomNormalLaw;
 use crate::model::{
     ContactScheme, DEEPEST_OVERLAP, Imposed, Params, Refusal, SolverSettings, Words as _,
 };
+use crate::procedure::ContactList;
 use crate::run::started::Started;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
-use crate::space::{ImposedFlow as _, Layer};
+use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use serde::{Deserialize, Serialize};
@@ -53,14 +54,14 @@ pub struct Simulation<S: Started = Layer> {
     custom_law: Option<&'static dyn CustomNormalLaw>,
     /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,
-    imposed: Imposed,
+    pub(crate) imposed: Imposed,
     /// Steps done.
     steps: u64,
     /// Side of the square or cubic cell, in a.
-    side: f64,
+    pub(crate) side: f64,
     state: State<S>,
-    /// Positions at the start of the step.
-    before: State<S>,
+    /// What the current step changes, as it was before.
+    before: Before<S>,
     /// Contact laws at the present critical load.
     laws: Laws,
     /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
@@ -78,8 +79,16 @@ pub struct Simulation<S: Started = Layer> {
     stress: StressWork<S>,
     /// The frame of the current step, if requested.
     frame: Option<Box<Frame<S>>>,
-    /// Memory of soft contacts before the step, and of the procedure before the stage.
-    remembered: SchemeMemory<S>,
+    /// Pairs in contact before the stage, under the procedure.
+    listed_before: ContactList,
+}
+
+/// What a step changes, as it was before the step.
+struct Before<S: Space> {
+    state: State<S>,
+    memory: SchemeMemory<S>,
+    shear_control: ShearControl,
+    counters: Counters,
 }
 
 impl<S: Started> Simulation<S> {
@@ -203,9 +212,19 @@ impl<S: Started> Simulation<S> {
             };
         }
         snapshot.memory.reserve(most);
-        let mut remembered = SchemeMemory::new(&params.contact);
-        remembered.reserve(most);
+        let mut memory = SchemeMemory::new(&params.contact);
+        memory.reserve(most);
+        let mut listed_before = ContactList::default();
+        if params.contact == ContactScheme::Procedure {
+            listed_before.pairs.reserve(most);
+        }
         Ok(Self {
+            before: Before {
+                state: State::default(),
+                memory,
+                shear_control,
+                counters: snapshot.counters,
+            },
             settings: *settings,
             custom_law: None,
             run,
@@ -216,7 +235,6 @@ impl<S: Started> Simulation<S> {
                 centres: snapshot.centres.iter().map(S::vector).collect(),
                 orientations: snapshot.orientations,
             },
-            before: State::default(),
             laws: shear_control.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
             shear_control,
@@ -229,7 +247,7 @@ impl<S: Started> Simulation<S> {
             stepper,
             stress: StressWork::default(),
             frame: None,
-            remembered,
+            listed_before,
             params,
         })
     }
@@ -282,7 +300,12 @@ impl<S: Started> Simulation<S> {
 
     /// Strain reached.
     pub fn strain(&self) -> f64 {
-        self.steps as f64 * self.params.time_step
+        self.strain_of(self.steps)
+    }
+
+    /// Strain after that many steps.
+    fn strain_of(&self, steps: u64) -> f64 {
+        steps as f64 * self.params.time_step
     }
 
     /// Centres, in a, in the cell of the strain reached.

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 
 #[test]
 fn held_friction_bounds_end_the_iteration_of_the_far_field() {
-    let text = std::fs::read_to_string("../../tests/data/inconsistent_friction.json").unwrap();
+    let text = std::fs::read_to_string("tests/data/inconsistent_friction.json").unwrap();
     let data: serde_json::Value = serde_json::from_str(&text).unwrap();
     let vector = |value: &serde_json::Value| {
         Vector3::from_iterator(

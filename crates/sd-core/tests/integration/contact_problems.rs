@@ -1,7 +1,7 @@
 //! Recorded steps of every contact law, flowing and near jamming, each solved from the state before
 //! it.
 //!
-//! Their origin is described in `tests/data/README.md` at the repository's top.
+//! Their origin is described in `tests/data/README.md`.
 
 mod convex;
 
@@ -35,7 +35,7 @@ impl Recorded {
 
 /// The states of a law.
 fn recorded(law: &str) -> Vec<Recorded> {
-    let path = format!("../../tests/data/contact_problems/{law}.json");
+    let path = format!("tests/data/contact_problems/{law}.json");
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
     serde_json::from_str(&text).unwrap()
 }

@@ -68,8 +68,7 @@ fn hardest_problems_end() {
             .expect("a word")
             .parse()
             .expect("a count");
-        let jams = cells[4] != "0";
-        assert!(jams || unconverged <= 0.02 * stages, "{tables}");
+        assert!(unconverged <= 0.02 * stages, "{tables}");
     }
 }
 

@@ -368,7 +368,34 @@ fn very_soft_layers_are_moved_in_shorter_steps() {
         time_step: 0.02,
         ..params(ContactScheme::Laws(springs))
     };
-    let (_, simulation) = run(&params, 6, 30);
-    let stages = simulation.counters().stages;
-    assert!(stages > 60, "{stages} stages: no step was halved");
+    let tables = NearFields::default();
+    let mut simulation = Simulation::<sd_core::Layer>::new(&params, 6, &tables).unwrap();
+    let (mut stages, mut divided) = (0, 0);
+    for _ in 0..30 {
+        let before = simulation.snapshot();
+        let sample = simulation.step().unwrap();
+        // Two for each part of a step, without those of rejected attempts.
+        let taken = sample.counters.stages - stages;
+        assert!(taken.is_power_of_two() && taken >= 2, "{taken} stages");
+        stages += taken;
+        if taken > 2 {
+            divided += 1;
+            check_divided(&params, before, taken / 2, &sample);
+        }
+    }
+    assert!(divided > 0, "no step was divided");
+}
+
+/// Checks that the sample of a step that was made in parts is that of its first part.
+fn check_divided(params: &Params, mut before: Snapshot, parts: u64, sample: &Sample) {
+    before.steps *= parts;
+    let params = Params {
+        time_step: params.time_step / parts as f64,
+        ..params.clone()
+    };
+    let tables = NearFields::default();
+    let mut fine = Simulation::from_snapshot(&params, before, &tables).unwrap();
+    let first = fine.step().unwrap();
+    assert_eq!(first.stress, sample.stress);
+    assert_eq!(first.shear_rate, sample.shear_rate);
 }

@@ -154,7 +154,7 @@ fn rigid_gaps_stay_at_the_roughness_height() {
 }
 
 #[test]
-fn near_jamming_every_stage_is_converged_or_counted() {
+fn near_jamming_every_stage_is_converged() {
     let dense = Params {
         spheres: 100,
         area_fraction: 0.80,
@@ -168,7 +168,7 @@ fn near_jamming_every_stage_is_converged_or_counted() {
     // A condition of the test: contacts come close to the isostatic 2N.
     assert!(samples.iter().any(|s| s.contacts > 160));
     assert!(counters.worst_residual < 1e-8, "{counters:?}");
-    assert!(counters.worst_friction_error < 1e-6 || counters.unconverged_stages > 0);
+    assert!(counters.worst_friction_error < 1e-6, "{counters:?}");
     assert_eq!(counters.unconverged_stages, 0);
 }
 
@@ -186,7 +186,7 @@ fn a_step_in_which_spheres_would_overlap_is_halved() {
     // Still one sample per step, and the gaps held.
     let strains: Vec<f64> = samples.iter().map(|s| s.strain).collect();
     assert!((0..50).all(|k| (strains[k] - 0.02 * k as f64).abs() < 1e-12));
-    assert!(snapshot.counters.minimum_gap > 0.8 * 0.01);
+    assert!(snapshot.counters.minimum_gap >= 0.95 * 0.01);
 }
 
 #[test]

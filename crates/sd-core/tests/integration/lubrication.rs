@@ -17,7 +17,7 @@ const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFA
 fn reference() -> Value {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../tests/data/lubrication_instant.json"
+        "/tests/data/lubrication_instant.json"
     );
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }

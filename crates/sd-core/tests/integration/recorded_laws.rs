@@ -1,7 +1,7 @@
 //! Instants and short runs of every contact law against those of an earlier program with separate
 //! solvers per law.
 //!
-//! The records and their origin are described in `tests/data/README.md` at the repository's top. If
+//! The records and their origin are described in `tests/data/README.md`. If
 //! friction sets in with a jump at a finite critical load, several active sets can be consistent,
 //! and the two programs may find different ones. Such instants are counted, and solved again from
 //! the recorded forces: the recorded solution must then be found.
@@ -284,7 +284,7 @@ fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
 
 /// Compares all records of a law; prints what fails.
 fn check(law: &str) -> (Tally, Vec<String>) {
-    let path = format!("../../tests/data/recorded_laws/{law}.json");
+    let path = format!("tests/data/recorded_laws/{law}.json");
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
     let records: Vec<Record> = serde_json::from_str(&text).unwrap();
     let (mut tally, mut failures) = (Tally::default(), Vec::new());

@@ -287,7 +287,14 @@ fn has_extension(name: &str, extension: &str) -> bool {
 /// Pages whose links are checked: those of the documentation, and the others that a reader meets.
 fn linked_files() -> Vec<String> {
     let mut all = files();
-    all.extend(["CHANGELOG.md", "python/README.md", "tests/data/README.md"].map(str::to_owned));
+    all.extend(
+        [
+            "CHANGELOG.md",
+            "python/README.md",
+            "crates/sd-core/tests/data/README.md",
+        ]
+        .map(str::to_owned),
+    );
     let published = std::fs::read_dir(root().join("results/published")).unwrap();
     let names = published.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let pages = names.filter(|name| has_extension(name, "md"));

@@ -385,16 +385,16 @@ impl Forces {
 
     /// Evaluates the violation of the conditions by forces whose slack and slip are known:
     /// `min(G f, w)` of each candidate, and `|t − P(t + z/G)|` of each friction vector, where P
-    /// projects onto the bound ρ.
+    /// projects onto the bound ρ. `mobility` returns the G of a candidate.
     fn violations<S: Space>(
         &self,
         problem: &Problem<S>,
-        system: &impl System<S>,
+        mobility: impl Fn(usize) -> f64,
         mut normal: impl FnMut(usize, f64),
         mut friction: impl FnMut(f64),
     ) {
         for (k, &f) in self.normal.iter().enumerate() {
-            normal(k, (system.mobility(k) * f).min(self.slack[k]));
+            normal(k, (mobility(k) * f).min(self.slack[k]));
         }
         let slips = S::by_slip(&self.tangential)
             .iter()
@@ -402,7 +402,7 @@ impl Forces {
         for ((t, z), rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
             let row = &rows[0];
             let bound = row.bound(self.normal[row.contact]);
-            let self_mobility = system.mobility(row.contact) + row.compliance;
+            let self_mobility = mobility(row.contact) + row.compliance;
             let mut trial = *t;
             for k in 0..S::TANGENTS {
                 trial[k] += z[k] / self_mobility;
@@ -425,24 +425,21 @@ impl Forces {
         let (mut normal, mut friction) = (0.0, 0.0);
         self.violations(
             problem,
-            system,
+            |k| system.mobility(k),
             |k, violation| normal += (violation / system.mobility(k)).powi(2),
             |violation| friction += violation * violation,
         );
         normal + friction
     }
 
-    /// Largest violations of the conditions by these forces, whose slack and slip are known.
-    pub(crate) fn violation<S: Space>(
-        &self,
-        problem: &Problem<S>,
-        system: &impl System<S>,
-    ) -> Violation {
+    /// Largest violations of the conditions by these forces, whose slack and slip are known, in the
+    /// same measure for any linear algebra: G is [`TYPICAL_MOBILITY`].
+    pub(crate) fn violation<S: Space>(&self, problem: &Problem<S>) -> Violation {
         let (mut residual, mut error) = (0.0_f64, 0.0_f64);
         let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
         self.violations(
             problem,
-            system,
+            |_| TYPICAL_MOBILITY,
             |_, violation| residual = worse(residual, violation.abs()),
             |violation| error = worse(error, violation),
         );
@@ -458,10 +455,13 @@ impl Forces {
     }
 }
 
+/// Typical normal velocity of a contact under a unit of its own force, in 1/(mu·a).
+pub(crate) const TYPICAL_MOBILITY: f64 = 0.02;
+
 /// Violation of the conditions of a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Violation {
-    /// `max |min(G f, w)|`, with the mobility G of the contact; in a·rate.
+    /// `max |min(G f, w)|`, where G is [`TYPICAL_MOBILITY`]; in a·rate.
     pub(crate) residual: f64,
     /// `max |t − P(t + z/G)|` over the largest normal force, where P projects onto the bound ρ.
     pub(crate) friction_error: f64,

@@ -112,7 +112,7 @@ impl<S: Space> ProblemSolver<S> {
             let (converged, more) = self.newton(problem, system, activation, refine);
             systems += more;
             if converged {
-                outcome = self.accept(problem, system, systems);
+                outcome = self.accept(problem, systems);
             } else {
                 self.forces.copy_from(&self.initial);
                 system.measure(problem, &mut self.forces);
@@ -136,7 +136,7 @@ impl<S: Space> ProblemSolver<S> {
         let mut outcome = self.iterate(&mut bounded, system, None, refine);
         problem.normal.clone_from(&bounded.normal);
         self.bounded = bounded;
-        outcome.violation = self.forces.violation(problem, system);
+        outcome.violation = self.forces.violation(problem);
         if outcome.status == Status::Solved {
             outcome.status = outcome.violation.status();
         }
@@ -192,7 +192,7 @@ impl<S: Space> ProblemSolver<S> {
             }
             system.measure(problem, &mut self.forces);
             let is_linearised = refine(problem, &self.forces) == 0;
-            let violation = self.forces.violation(problem, system);
+            let violation = self.forces.violation(problem);
             let is_unbounded = largest(&self.forces.normal) > Quality::UNBOUNDED;
             let status = match violation.status() {
                 Status::Solved if is_linearised => Status::Solved,

@@ -25,7 +25,8 @@ mod linear;
 use self::active::ActiveTerms;
 use self::linear::{BothMotions, Linear, Preconditioner};
 use super::problem::{
-    AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
+    AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System,
+    TYPICAL_MOBILITY, largest,
 };
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{
@@ -63,8 +64,6 @@ const MAX_MEASURE_CALLS: u32 = 8;
 /// Minimum norm of the forces relative to which residuals are measured: the drag on one sphere, in
 /// mu·a²·rate.
 const MIN_FORCE: f64 = 6.0 * PI;
-/// Typical mobility of a contact, in 1/(mu·a).
-const MOBILITY: f64 = 0.02;
 
 /// Availability of the near-field part of R.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -341,7 +340,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
     }
 
     fn mobility(&self, _: usize) -> f64 {
-        MOBILITY
+        TYPICAL_MOBILITY
     }
 }
 

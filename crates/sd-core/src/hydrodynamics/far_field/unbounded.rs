@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn agrees_with_exact_pairs_at_distance() {
-        let text = include_str!("../../../../../tests/data/two_sphere_exact.json");
+        let text = include_str!("../../../tests/data/two_sphere_exact.json");
         let data: serde_json::Value = serde_json::from_str(text).unwrap();
         let vector =
             |v: &serde_json::Value| Vec2::new(v[0].as_f64().unwrap(), v[1].as_f64().unwrap());

@@ -26,6 +26,8 @@ const DEPTH: usize = 40;
 pub(super) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
+    /// `scaled` before the step, to which it returns if the step fails.
+    saved: Vec<f64>,
     /// `√M₀⁻¹`, then one over the root of the layer's drag, `[12N + 4]`.
     pub(super) roots: Vec<f64>,
     /// q.
@@ -62,6 +64,7 @@ impl<S: Fluid> SplitMotion<S> {
         roots.extend([whole.sqrt().recip(); 4]);
         Self {
             scaled: vec![0.0; 2 * n + 4],
+            saved: vec![0.0; 2 * n + 4],
             roots,
             densities: vec![0.0; 2 * n],
             flow: vec![0.0; 2 * n],
@@ -86,6 +89,16 @@ impl<S: Fluid> SplitMotion<S> {
         for x in &mut self.scaled {
             *x = f64::from(single(*x));
         }
+    }
+
+    /// Keeps `scaled` for [`SplitMotion::restore`].
+    pub(super) fn save(&mut self) {
+        self.saved.clone_from(&self.scaled);
+    }
+
+    /// Restores `scaled` as it was saved.
+    pub(super) fn restore(&mut self) {
+        self.scaled.clone_from(&self.saved);
     }
 
     /// `scaled` in single precision.

@@ -44,6 +44,8 @@ pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Pairs of the pattern, ordered.
     pattern_pairs: Vec<PairKey>,
     pattern: NearPattern<S>,
+    /// Pairs and pattern at the last [`PairwiseResistance::save_pattern`], if others replaced them.
+    saved: Option<(Vec<PairKey>, NearPattern<S>)>,
     reach: Reach,
 }
 
@@ -63,6 +65,7 @@ impl<S: Fluid> PairwiseResistance<S> {
             numbers: Vec::new(),
             pattern_pairs: pattern_pairs.to_vec(),
             pattern: NearPattern::new(spheres, pattern_pairs)?,
+            saved: None,
             reach,
         })
     }
@@ -122,12 +125,26 @@ impl<S: Fluid> PairwiseResistance<S> {
         let serves = self.number(pairs, |pair| closer(pair, needed));
         if !serves || self.pattern_pairs.is_empty() {
             let near = pairs.iter().filter(|pair| closer(pair, taken));
-            self.pattern_pairs.clear();
-            self.pattern_pairs.extend(near.map(Neighbours::key));
-            self.pattern = NearPattern::new(radii.len(), &self.pattern_pairs)?;
+            let pattern_pairs: Vec<PairKey> = near.map(Neighbours::key).collect();
+            let pattern = NearPattern::new(radii.len(), &pattern_pairs)?;
+            let replaced_pairs = std::mem::replace(&mut self.pattern_pairs, pattern_pairs);
+            let replaced = std::mem::replace(&mut self.pattern, pattern);
+            self.saved.get_or_insert((replaced_pairs, replaced));
             self.number(pairs, |_| false);
         }
         Ok(())
+    }
+
+    /// Makes the present pattern the one that [`PairwiseResistance::restore_pattern`] restores.
+    pub(crate) fn save_pattern(&mut self) {
+        self.saved = None;
+    }
+
+    /// Restores the saved pattern. The resistance must be assembled again before it is used.
+    pub(crate) fn restore_pattern(&mut self) {
+        if let Some((pairs, pattern)) = self.saved.take() {
+            (self.pattern_pairs, self.pattern) = (pairs, pattern);
+        }
     }
 
     /// Finds each pair in the pattern; `false` if a required one is missing.

@@ -48,10 +48,8 @@ fn far_field(radii: [f64; 2], gap: f64) -> PairMatrix {
 
 #[test]
 fn agrees_with_reference() {
-    let cases: Vec<Value> = serde_json::from_str(include_str!(
-        "../../../../../tests/data/two_sphere_scalars.json"
-    ))
-    .unwrap();
+    let cases: Vec<Value> =
+        serde_json::from_str(include_str!("../../../tests/data/two_sphere_scalars.json")).unwrap();
     for case in &cases {
         let (size_ratio, s_prime) = (number(&case["size_ratio"]), number(&case["s_prime"]));
         let found = scalars(size_ratio, s_prime).unwrap().to_array();
@@ -150,10 +148,8 @@ fn functions_that_join_both_spheres_are_symmetric_under_exchange() {
 
 #[test]
 fn velocities_of_exact_pairs() {
-    let file: Value = serde_json::from_str(include_str!(
-        "../../../../../tests/data/two_sphere_exact.json"
-    ))
-    .unwrap();
+    let file: Value =
+        serde_json::from_str(include_str!("../../../tests/data/two_sphere_exact.json")).unwrap();
     let velocity = [0, 1, 2, 6, 7, 8];
     for case in file["cases"].as_array().unwrap() {
         let [a, b] = [0, 1].map(|k| number(&case["radii"][k]));

@@ -148,7 +148,7 @@ impl<S: Started> Simulation<S> {
                 *orientation
             }
         };
-        let orientations = self.before.orientations.iter().enumerate();
+        let orientations = self.before.state.orientations.iter().enumerate();
         let frame = Frame {
             strain: stage.time,
             side: self.side,

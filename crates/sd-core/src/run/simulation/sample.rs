@@ -80,7 +80,8 @@ pub struct Counters {
     pub stages: u64,
     /// Problems among these with violated conditions: friction is inexact, or the solver failed.
     pub unconverged_stages: u64,
-    /// Problems among these with a friction error above 1e-3 of the largest force.
+    /// Problems among these whose friction error, over the largest force, is above
+    /// [`crate::model::SolverSettings::inexact_friction`].
     #[serde(default)]
     pub inexact_stages: u64,
     /// Problems among these without a solution: the layer was jammed at that instant.

@@ -82,9 +82,6 @@ impl<S: Started> Simulation<S> {
                 Ok(quality)
             }
             SchemeMemory::Procedure { listed, velocities } => {
-                let SchemeMemory::Procedure { listed: before, .. } = &mut self.remembered else {
-                    unreachable!("made for the same scheme");
-                };
                 if pass == SolvePass::First {
                     if stage.number == 0 && !velocities.is_empty() {
                         let roughness = self.params.roughness;
@@ -95,10 +92,10 @@ impl<S: Started> Simulation<S> {
                             velocities,
                         );
                     }
-                    before.pairs.clone_from(&listed.pairs);
+                    self.listed_before.pairs.clone_from(&listed.pairs);
                 } else {
                     // A solve removes pairs from the list.
-                    listed.pairs.clone_from(&before.pairs);
+                    listed.pairs.clone_from(&self.listed_before.pairs);
                 }
                 let surface = self.shear_control.surface(&self.params);
                 let contact = Contact::Procedure { surface, listed };

@@ -93,13 +93,50 @@ impl<S: Started> Simulation<S> {
 
     /// [`Simulation::step`], inlined into its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
-        let shear_control = self.shear_control;
+        self.save();
+        let (step, strain) = (self.steps, self.strain());
+        self.try_step().map_err(|source| {
+            self.restore();
+            Error::Step {
+                step,
+                strain,
+                source: Box::new(source),
+            }
+        })
+    }
+
+    /// Keeps what a step changes.
+    fn save(&mut self) {
+        let before = &mut self.before;
+        before.state.copy_from(&self.state);
+        before.memory.copy_from(&self.memory);
+        (before.shear_control, before.counters) = (self.shear_control, self.counters);
+        self.stage.save();
+    }
+
+    /// Restores the state before a failed step: the next one has the same result as without it.
+    fn restore(&mut self) {
+        self.restore_contacts();
+        self.state.copy_from(&self.before.state);
+        self.counters = self.before.counters;
+        self.stage.restore();
+    }
+
+    /// Restores the memory of contacts and the shear of the preceding step.
+    fn restore_contacts(&mut self) {
+        self.impose(self.steps.saturating_sub(1));
+        self.shear_control = self.before.shear_control;
+        self.laws = self.laws_at_load();
+        self.memory.copy_from(&self.before.memory);
+    }
+
+    /// [`Simulation::advance`], which leaves the state of a step that fails anywhere.
+    fn try_step(&mut self) -> Result<Sample, Error> {
         self.impose(self.steps);
         let (time, dt) = (self.strain(), self.params.time_step);
         let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
-        self.before.copy_from(&state);
         let result = match &mut stepper {
             Stepper::RungeKutta(_) => self
                 .attempt(
@@ -120,32 +157,20 @@ impl<S: Started> Simulation<S> {
             }
             Stepper::Rosenbrock(_) => self.advance_soft(&mut stepper, &mut state, &mut record),
         };
-        if result.is_err() {
-            state.copy_from(&self.before);
-            if self.run.is_some() {
-                self.impose(self.steps.saturating_sub(1));
-                self.shear_control = shear_control;
-            }
-        }
         self.stepper = stepper;
         self.state = state;
-        let failed = |source| Error::Step {
-            step: self.steps,
-            strain: time,
-            source: Box::new(source),
-        };
-        let advance = result.map_err(failed)?;
+        let advance = result?;
+        let end = self.cell_at(self.strain_of(self.steps + 1))?;
         let sample = self.count_step(&record);
         if advance == Advance::Blocked {
-            self.state.copy_from(&self.before);
+            self.state.copy_from(&self.before.state);
             self.counters.jammed_steps_running = self.jam_steps();
             return Ok(sample);
         }
         self.keep_mean_velocities(dt);
         self.steps += 1;
-        let cell = self.cell_at(self.strain())?;
         for x in &mut self.state.centres {
-            *x = cell.wrap(*x);
+            *x = end.wrap(*x);
         }
         Ok(sample)
     }
@@ -212,8 +237,8 @@ impl<S: Started> Simulation<S> {
         state: &mut State<S>,
         record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (time, dt, shear_control) = (self.strain(), self.params.time_step, self.shear_control);
-        self.remembered.copy_from(&self.memory);
+        let (time, dt) = (self.strain(), self.params.time_step);
+        let (empty, counters) = (*record, self.counters);
         let (mut halvings, mut jammed) = (0, false);
         loop {
             let parts = 1_u32 << halvings;
@@ -230,10 +255,9 @@ impl<S: Started> Simulation<S> {
             let Err(error) = checked else {
                 return Ok(Advance::Moved);
             };
-            state.copy_from(&self.before);
-            self.shear_control = shear_control;
-            self.laws = self.laws_at_load();
-            self.memory.copy_from(&self.remembered);
+            state.copy_from(&self.before.state);
+            self.restore_contacts();
+            self.impose(self.steps);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = jammed || self.is_held();
@@ -244,6 +268,8 @@ impl<S: Started> Simulation<S> {
                 return Err(error);
             }
             halvings += 1;
+            *record = empty;
+            self.counters = counters;
         }
     }
 
@@ -285,6 +311,7 @@ impl<S: Started> Simulation<S> {
             return Ok(Advance::Moved);
         }
         *record = before;
+        self.counters = counters;
         let mut held = self.settings.held_share * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
             let quality = self.stage(stage, centres, velocities)?;

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// A file of `tests/data`.
 pub(crate) fn data(name: &str) -> Value {
-    let path = format!("{}/../../tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
