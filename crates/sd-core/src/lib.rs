@@ -140,7 +140,7 @@
 //! error           why a computation was refused or could not be finished
 //! law             constitutive laws of contact: pure functions of numbers, one file each
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
-//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), conjugate_gradients, gmres, anderson:
+//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), gmres, anderson:
 //!                 the only room that names the linear-algebra library
 //! space           what differs between a layer and a suspension: vectors, modes, tangents, orientations, the flow; the sheared cell, pairs and
 //!                 lists of them, written once for both; the six planar modes of a sphere in a layer

@@ -6,7 +6,6 @@
 
 pub(crate) mod anderson;
 pub(crate) mod cholesky;
-pub(crate) mod conjugate_gradients;
 pub(crate) mod dense;
 pub(crate) mod error;
 pub(crate) mod gmres;

@@ -139,7 +139,9 @@ impl<S: Fluid> StageSolver<S> {
 
     /// Initial far field of the next solve, if it is iterated: see [`crate::Snapshot::far_field`].
     pub fn far_field(&self) -> Vec<f32> {
-        self.far.as_ref().map_or_else(Vec::new, |far| far.found())
+        self.far
+            .as_ref()
+            .map_or_else(Vec::new, |far| far.warm_start())
     }
 
     /// Sets the initial far field of the next solve to the value of [`StageSolver::far_field`];
@@ -217,8 +219,9 @@ impl<S: Fluid> StageSolver<S> {
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
         let (strain, mut no_memory) = (background.strain_components(), ContactMemory::default());
+        let is_free = matches!(contact, Contact::None);
         let contact = match contact {
-            Contact::None if self.far.is_none() => Contact::Laws {
+            Contact::None => Contact::Laws {
                 laws: &Laws::NONE,
                 span: Span::single(1.0),
                 memory: &mut no_memory,
@@ -226,13 +229,7 @@ impl<S: Fluid> StageSolver<S> {
             other => other,
         };
         let quality = match contact {
-            Contact::None => {
-                contacts.list.clear();
-                if let Some(far) = &mut self.far {
-                    far.solve(resistance, &strain, forces, velocities)?;
-                }
-                Quality::default()
-            }
+            Contact::None => unreachable!("replaced by no laws"),
             Contact::Laws { laws, span, memory } => {
                 let input = StageInput {
                     resistance,
@@ -254,6 +251,9 @@ impl<S: Fluid> StageSolver<S> {
                     let solution =
                         far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
                     let mut quality = map.quality;
+                    if !solution.converged && is_free {
+                        return Err(far.unconverged(&solution));
+                    }
                     if !solution.converged {
                         // The residual is a spurious flow in addition to the background.
                         quality.residual = quality.residual.max(solution.residual);

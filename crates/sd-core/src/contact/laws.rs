@@ -126,7 +126,7 @@ impl Laws {
             stiffness: f64::INFINITY,
             dashpot: 0.0,
         },
-        tangential: TangentialLaw::RollSlip,
+        tangential: TangentialLaw::Coulomb,
         tangential_stiffness: 0.0,
         onset: FrictionOnset::CriticalLoad,
         repulsion: None,

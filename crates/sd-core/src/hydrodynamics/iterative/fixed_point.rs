@@ -1,4 +1,4 @@
-//! Motion with contacts under an iterated far field.
+//! Motion under an iterated far field.
 //!
 //! ```text
 //! given q and c:   contact forces and velocities under sparse hydrodynamics and the forces −δ of the far field
@@ -55,16 +55,23 @@ const FREE_EVALUATIONS: u32 = 200;
 /// Maximum number of evaluations.
 const MAX_EVALUATIONS: u32 = 300;
 /// Relative residual above which the result is rejected.
-const WORST: f64 = 0.1;
+const LARGEST_ACCEPTED_RESIDUAL: f64 = 0.1;
 /// Ratio of the residual to its minimum at which the acceleration is restarted.
-const WORSE: f64 = 10.0;
+const RESTART_RATIO: f64 = 10.0;
 
 impl<S: Fluid> IterativeFarField<S> {
-    /// Disturbance velocities `[3N]` with contacts; their forces are kept in `map`.
+    /// Disturbance velocities `[3N]`; forces of contacts are kept in `map`.
     ///
-    /// Arguments as in [`IterativeFarField::solve`], of `near` the pair terms alone. The velocities
-    /// are v = v_N + v_T of the last evaluation, and [`IterativeFarField::correct`] then has the
-    /// far field of both parts.
+    /// # Arguments
+    /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by
+    ///   pair, at the positions of [`IterativeFarField::update`].
+    /// - `map`: the motion under forces and the hydrodynamics of `near`.
+    /// - `strain`: background `(e1, e2, e3)`.
+    /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`.
+    ///   External ones should sum to zero, since their sum meets hardly any resistance.
+    ///
+    /// The velocities are v = v_N + v_T of the last evaluation, and [`IterativeFarField::correct`]
+    /// then has the far field of both parts.
     ///
     /// Contact states that are consistent with the far field of their own motion may not exist or
     /// may not be found: the friction bounds are then held, and friction does not obey its law.
@@ -82,9 +89,7 @@ impl<S: Fluid> IterativeFarField<S> {
         let half = self.check_lengths(near, forces, velocities)?;
         self.local.update(&self.drag, near);
         if S::DRIFTS > 0 {
-            self.work
-                .uniform
-                .update(near, &self.local, &self.drag[half..]);
+            self.uniform.update(near, &self.local, &self.drag[half..]);
         }
         self.split.anderson.restart();
         let mut found = Convergence {
@@ -110,22 +115,21 @@ impl<S: Fluid> IterativeFarField<S> {
                 Err(error) => break Err(error),
             };
             found.evaluations += 1;
-            work.take_change(&self.work.uniform, &self.local, strain);
+            work.take_change(&self.uniform, &self.local, strain);
             found.residual = work.relative_residual();
             found.converged = found.residual <= self.residual && !changed;
             if found.converged
                 || found.evaluations >= MAX_EVALUATIONS
                 || !found.residual.is_finite()
             {
-                break Ok(found.residual <= WORST);
+                break Ok(found.residual <= LARGEST_ACCEPTED_RESIDUAL);
             }
-            found.iterations += 1;
             // An update of the active set changes few directions: earlier steps remain useful,
             // except the one across the update.
             if changed {
                 work.anderson.skip_step();
             }
-            if found.residual > WORSE * best {
+            if found.residual > RESTART_RATIO * best {
                 work.anderson.restart();
                 best = found.residual;
             }
@@ -135,19 +139,24 @@ impl<S: Fluid> IterativeFarField<S> {
         let work = &mut self.split;
         match result {
             Ok(true) => {
-                work.finish(&mut self.excess, velocities);
+                work.finish(&mut self.delta, velocities);
                 Ok(found)
             }
             Ok(false) => {
-                self.forget();
-                Err(Error::NotConverged {
-                    quantity: "the far field with contacts",
-                    iterations: found.iterations,
-                    residual: found.residual,
-                    wanted: self.residual,
-                })
+                self.reset();
+                Err(self.unconverged(&found))
             }
             Err(error) => Err(error),
+        }
+    }
+
+    /// The error of a solve that did not converge.
+    pub(crate) fn unconverged(&self, found: &Convergence) -> Error {
+        Error::NotConverged {
+            quantity: "the far field",
+            iterations: found.evaluations,
+            residual: found.residual,
+            wanted: self.residual,
         }
     }
 }

@@ -8,9 +8,9 @@
 //! Contacts are solved under the sparse hydrodynamics R_P, on which the far field acts as the
 //! forces −δ. Given q and c, take `δ = q − P (M q + V c)` and let the spheres move; `P x + δ` is
 //! the next q, and c moves by what the pair terms would need to take up the force on the layer,
-//! `(Vᵀ R_n V)⁻¹ Vᵀ q`. The preconditioned conjugate gradients of [`super`] iterate the same map;
-//! contacts make it piecewise linear, and friction makes it unsymmetric: [`super::fixed_point`]
-//! accelerates it with a history of many steps.
+//! `(Vᵀ R_n V)⁻¹ Vᵀ q`. Without contacts this map is affine. Contacts make it piecewise linear, and
+//! friction makes it unsymmetric: [`super::fixed_point`] accelerates it with a history of many
+//! steps, which on an affine map is GMRES.
 
 use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
@@ -80,7 +80,7 @@ impl<S: Fluid> SplitMotion<S> {
     }
 
     /// Discards the last solution: the next solve starts from zero.
-    pub(super) fn forget(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.scaled.fill(0.0);
     }
 
@@ -102,14 +102,14 @@ impl<S: Fluid> SplitMotion<S> {
     }
 
     /// `scaled` in single precision.
-    pub(super) fn found(&self) -> Vec<f32> {
+    pub(super) fn warm_start(&self) -> Vec<f32> {
         self.scaled.iter().map(|&x| single(x)).collect()
     }
 
-    /// Restores a value of [`SplitMotion::found`].
-    pub(super) fn start_from(&mut self, found: &[f32]) {
-        for (x, &found) in self.scaled.iter_mut().zip(found) {
-            *x = f64::from(found);
+    /// Restores a value of [`SplitMotion::warm_start`].
+    pub(super) fn start_from(&mut self, warm_start: &[f32]) {
+        for (x, &start) in self.scaled.iter_mut().zip(warm_start) {
+            *x = f64::from(start);
         }
     }
 
@@ -169,8 +169,8 @@ impl<S: Fluid> SplitMotion<S> {
             local.apply(flow, pushed);
             for k in 0..moves {
                 let external = if part == 0 { forces[k] } else { 0.0 };
-                let excess = q[half + k] - pushed[half + k];
-                self.forces[part * moves + k] = external - excess;
+                let delta = q[half + k] - pushed[half + k];
+                self.forces[part * moves + k] = external - delta;
             }
         }
     }
@@ -215,16 +215,16 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Writes the excess δ `[6N]` of both parts together, and the sum of their velocities `[3N]`.
-    pub(super) fn finish(&self, excess: &mut [f64], velocities: &mut [f64]) {
-        let whole = excess.len();
+    /// Writes δ `[6N]` of both parts together, and the sum of their velocities `[3N]`.
+    pub(super) fn finish(&self, delta: &mut [f64], velocities: &mut [f64]) {
+        let whole = delta.len();
         let (n, t) = self.velocities.split_at(velocities.len());
         for ((v, n), t) in velocities.iter_mut().zip(n).zip(t) {
             *v = n + t;
         }
-        for (k, excess) in excess.iter_mut().enumerate() {
+        for (k, delta) in delta.iter_mut().enumerate() {
             let parts = [k, k + whole].map(|at| self.densities[at] - self.pushed[at]);
-            *excess = parts[0] + parts[1];
+            *delta = parts[0] + parts[1];
         }
     }
 }

@@ -4,8 +4,8 @@
 //! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The
 //! order is that of approximate minimum degree on the graph of the spheres; faer determines the
 //! supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
-//! precondition [`crate::linalg::conjugate_gradients`] and [`crate::linalg::gmres`], which iterate
-//! in double precision, with half the memory traffic.
+//! precondition [`crate::linalg::gmres`], which iterates in double precision, with half the memory
+//! traffic.
 //!
 //! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
 //! [`single`].
