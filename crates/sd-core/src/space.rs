@@ -111,7 +111,14 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The form of a vector in snapshots.
     type Point: Few<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// An image of the cell, by the number of cells along each axis.
-    type Image: Copy + Debug + PartialEq + Default + Index<usize, Output = i32> + IndexMut<usize>;
+    type Image: Copy
+        + Debug
+        + PartialEq
+        + Default
+        + Index<usize, Output = i32>
+        + IndexMut<usize>
+        + Serialize
+        + DeserializeOwned;
     /// Angular velocities, torques.
     type Spin: Linear;
     /// Slip, friction: vectors perpendicular to the line of centres.

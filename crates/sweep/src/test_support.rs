@@ -97,6 +97,7 @@ pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
             rolling_force: [0.0; 3].into(),
             state: sd_core::contact::ContactState::Rolling,
         }],
+        ..Frame::default()
     })
 }
 
@@ -121,5 +122,6 @@ pub(crate) fn frame() -> AnyFrame {
             rolling_force: 0.5,
             state: sd_core::contact::ContactState::Slipping,
         }],
+        ..Frame::default()
     })
 }

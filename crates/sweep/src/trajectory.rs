@@ -354,6 +354,7 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
         stresslets: spheres.iter().map(|s| few(&s[oriented..])).collect(),
         contacts: contacts?,
         radii,
+        ..Frame::default()
     };
     (frame.radii.len() == n).then_some(frame)
 }

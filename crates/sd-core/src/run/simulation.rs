@@ -60,12 +60,16 @@ pub struct Simulation<S: Started = Layer> {
     /// Side of the square or cubic cell, in a.
     pub(crate) side: f64,
     state: State<S>,
+    /// Cells along each lattice vector by which the spheres have left the first cell.
+    images: Vec<S::Image>,
     /// What the current step changes, as it was before.
     before: Before<S>,
     /// Contact laws at the present critical load.
     laws: Laws,
     /// Disturbance velocities `[3N]` of the first stage of a step, under laws.
     first: Vec<f64>,
+    /// Velocities `[3N]` of the stage solved last, background included; empty before the first.
+    motion: Vec<f64>,
     shear_control: ShearControl,
     /// The background flow.
     background: S::Background,
@@ -212,6 +216,7 @@ impl<S: Started> Simulation<S> {
             };
         }
         snapshot.memory.reserve(most);
+        snapshot.images.resize(params.spheres, S::Image::default());
         let mut memory = SchemeMemory::new(&params.contact);
         memory.reserve(most);
         let mut listed_before = ContactList::default();
@@ -235,8 +240,10 @@ impl<S: Started> Simulation<S> {
                 centres: snapshot.centres.iter().map(S::vector).collect(),
                 orientations: snapshot.orientations,
             },
+            images: snapshot.images,
             laws: shear_control.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
+            motion: Vec::with_capacity(S::MODES * params.spheres),
             shear_control,
             background: S::Background::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
@@ -258,10 +265,19 @@ impl<S: Started> Simulation<S> {
     /// # Errors
     /// Those of [`Cell::periodic`] for a strain that is not finite.
     pub fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
+        let [offset, cross_offset] = self.travelled_at(strain);
+        Cell::equal_sides(self.side, offset)?.with_cross_offset(cross_offset)
+    }
+
+    /// Distances along x and z by which the upper image cell is shifted at a strain of the current
+    /// step, not wrapped.
+    fn travelled_at(&self, strain: f64) -> [f64; 2] {
         let net = self.imposed.net_strain(strain, self.params.time_step);
         let travelled = net * self.side;
-        Cell::equal_sides(self.side, self.offset + travelled)?
-            .with_cross_offset(self.imposed.cross.at(strain) * self.side)
+        [
+            self.offset + travelled,
+            self.imposed.cross.at(strain) * self.side,
+        ]
     }
 
     /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
@@ -311,6 +327,106 @@ impl<S: Started> Simulation<S> {
     /// Centres, in a, in the cell of the strain reached.
     pub fn centres(&self) -> &[S::Vector] {
         &self.state.centres
+    }
+
+    /// Centres, in a, followed from the start of the run without being moved back into the cell: the
+    /// image of each sphere that the flow has carried from its place at strain 0. Differences in
+    /// time are displacements, those of the background flow included.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Layer, NearFields, Params, Simulation};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// let before: Vec<_> = layer.unwrapped().collect();
+    /// for _ in 0..100 {
+    ///     layer.step()?;
+    /// }
+    /// // The mean square displacement along the gradient, which the flow does not contribute to.
+    /// let displacements = layer.unwrapped().zip(&before).map(|(x, start)| x.y - start.y);
+    /// let mean_square = displacements.map(|dy| dy * dy).sum::<f64>() / 40.0;
+    /// assert!(mean_square > 0.0 && mean_square < 1.0);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn unwrapped(&self) -> impl Iterator<Item = S::Vector> {
+        self.unwrapped_at(self.strain(), &self.state.centres)
+    }
+
+    /// Centres at a strain of the current step, each moved to the image that was followed.
+    fn unwrapped_at<'c>(
+        &self,
+        strain: f64,
+        centres: &'c [S::Vector],
+    ) -> impl Iterator<Item = S::Vector> + use<'c, '_, S> {
+        let [along, cross] = self.travelled_at(strain);
+        centres.iter().zip(&self.images).map(move |(&x, image)| {
+            let mut x = x;
+            for k in 0..S::DIMENSIONS {
+                x[k] += f64::from(image[k]) * self.side;
+            }
+            let up = f64::from(image[1]);
+            x[0] += up * along;
+            if S::DIMENSIONS > 2 {
+                x[2] += up * cross;
+            }
+            x
+        })
+    }
+
+    /// Moves all spheres into the cell of the strain reached, and counts the cells moved by.
+    fn wrap(&mut self, cell: &Cell<S>) {
+        // Whole sides by which the shifts of the cell's images differ from those travelled.
+        let sides = self.travelled_at(self.strain()).map(|shift| {
+            #[expect(clippy::cast_possible_truncation, reason = "strains are below 2^31")]
+            let sides = (shift / self.side + 0.5).floor() as i32;
+            sides
+        });
+        for (x, image) in self.state.centres.iter_mut().zip(&mut self.images) {
+            let before = *x;
+            *x = cell.wrap(before);
+            if *x == before {
+                continue;
+            }
+            let (_, moved) = cell.nearest(*x - before);
+            for k in 0..S::DIMENSIONS {
+                image[k] += moved[k];
+            }
+            image[0] -= moved[1] * sides[0];
+            if S::DIMENSIONS > 2 {
+                image[2] -= moved[1] * sides[1];
+            }
+        }
+    }
+
+    /// Velocities and angular velocities `(U, Ω)` of the spheres, in a·rate and rate,
+    /// background included, at the stage solved last: the middle of the last step or its second
+    /// stage. None before the first step. The background is that at the image in the cell.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Layer, NearFields, Params, Simulation};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
+    /// assert!(layer.velocities().is_empty());
+    /// layer.step()?;
+    /// let spin: f64 = layer.velocities().iter().map(|[_, _, spin]| spin).sum();
+    /// assert!((spin / 40.0 + 0.5).abs() < 0.3); // the fluid turns at −1/2
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn velocities(&self) -> &[S::PerMode<f64>] {
+        S::by_sphere(&self.motion)
     }
 
     /// Orientations: in radians, or unit quaternions.
@@ -387,6 +503,7 @@ impl<S: Started> Simulation<S> {
             side: self.side,
             centres: self.state.centres.iter().map(S::point).collect(),
             orientations: self.state.orientations.clone(),
+            images: self.images.clone(),
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
             far_field: self.stage.far_field(),

@@ -13,6 +13,7 @@ mod imposed_stress;
 mod interrupted;
 mod layer;
 mod lubrication;
+mod motion;
 mod pair;
 mod pairwise;
 mod products;

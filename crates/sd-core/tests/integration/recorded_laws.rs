@@ -114,6 +114,7 @@ impl Record {
             side: self.side,
             centres: self.centres.clone(),
             orientations: vec![0.0; self.params.spheres],
+            images: Vec::new(),
             memory,
             near_pairs: Vec::new(),
             far_field: Vec::new(),

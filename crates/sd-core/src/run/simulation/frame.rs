@@ -24,6 +24,13 @@ pub struct Frame<S: Space = Layer> {
     pub radii: Vec<f64>,
     /// Centres, in a.
     pub centres: Vec<S::Point>,
+    /// Centres followed from the start of the run, in a: see [`Simulation::unwrapped`]. Empty in a
+    /// stored frame.
+    pub unwrapped: Vec<S::Point>,
+    /// Velocities U at the centres, in a·rate, background included. Empty in a stored frame.
+    pub velocities: Vec<S::Point>,
+    /// Angular velocities Ω, in rate, background included. Empty in a stored frame.
+    pub angular_velocities: Vec<S::Spin>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
     /// Stresslets S of (20) as `(xx, yy, xy)`, in a suspension `(xx, yy, xy, xz, yz)`, in
@@ -31,6 +38,32 @@ pub struct Frame<S: Space = Layer> {
     pub stresslets: Vec<S::Tensor>,
     /// Pairs with a normal force.
     pub contacts: Vec<FrameContact<S>>,
+}
+
+impl<S: Space> Frame<S> {
+    /// Lattice vectors of the periodic cell, in a: along the flow, across it, and in a suspension
+    /// along the vorticity.
+    ///
+    /// ```
+    /// use sd_core::simulation::Frame;
+    ///
+    /// let frame: Frame = Frame { side: 10.0, offset: -3.0, ..Frame::default() };
+    /// assert_eq!(frame.lattice(), [[10.0, 0.0], [-3.0, 10.0]]);
+    /// ```
+    pub fn lattice(&self) -> Vec<S::Point> {
+        let vector = |k: usize| {
+            let mut vector = S::Point::default();
+            vector[k] = self.side;
+            if k == 1 {
+                vector[0] = self.offset;
+                if S::DIMENSIONS > 2 {
+                    vector[2] = self.cross_offset;
+                }
+            }
+            vector
+        };
+        (0..S::DIMENSIONS).map(vector).collect()
+    }
 }
 
 /// One contact of a frame.
@@ -148,6 +181,7 @@ impl<S: Started> Simulation<S> {
                 *orientation
             }
         };
+        let motion = || self.velocities().iter();
         let orientations = self.before.state.orientations.iter().enumerate();
         let frame = Frame {
             strain: stage.time,
@@ -156,6 +190,12 @@ impl<S: Started> Simulation<S> {
             cross_offset,
             radii: self.stage.resistance.radii().to_vec(),
             centres: centres.iter().map(S::point).collect(),
+            unwrapped: self
+                .unwrapped_at(stage.time, centres)
+                .map(|x| S::point(&x))
+                .collect(),
+            velocities: motion().map(|u| S::point(&S::translation(u))).collect(),
+            angular_velocities: motion().map(S::rotation).collect(),
             orientations: orientations.map(turned).collect(),
             stresslets: self.stress.stresslets.iter().map(S::tensor).collect(),
             contacts: self.contacts().collect(),

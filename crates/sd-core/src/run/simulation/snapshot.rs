@@ -16,7 +16,7 @@ use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 3;
+pub const SNAPSHOT_VERSION: u32 = 4;
 
 /// The state needed by the next step. Restored with the same parameters, a run continues with the
 /// same bits.
@@ -35,6 +35,10 @@ pub struct Snapshot<S: Space = Layer> {
     pub centres: Vec<S::Point>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
+    /// Cells along each lattice vector by which the spheres have left the first cell, see
+    /// [`crate::Simulation::unwrapped`]; empty: none.
+    #[serde(default)]
+    pub images: Vec<S::Image>,
     /// Memory of contacts.
     pub memory: SchemeMemory<S>,
     /// Ordered pairs of the near part's pattern, if the resistance is stored pair by pair: they
@@ -245,6 +249,7 @@ impl<S: Started> Snapshot<S> {
             side: start.side,
             centres: start.centres.iter().map(S::point).collect(),
             orientations: start.orientations,
+            images: Vec::new(),
             memory,
             near_pairs: Vec::new(),
             far_field: Vec::new(),
@@ -262,6 +267,9 @@ impl<S: Started> Snapshot<S> {
         }
         if self.radii.len() != n || self.centres.len() != n || self.orientations.len() != n {
             return refuse("other number of spheres");
+        }
+        if !(self.images.is_empty() || self.images.len() == n) {
+            return refuse("images of another number of spheres");
         }
         if let Some(reason) = self.memory.fault(&params.contact, n) {
             return refuse(reason);

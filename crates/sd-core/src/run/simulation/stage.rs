@@ -40,6 +40,8 @@ impl<S: Started> Simulation<S> {
                 u[k] = v[k] + flow[k];
             }
         }
+        self.motion.clear();
+        self.motion.extend_from_slice(velocities);
         Ok(quality)
     }
 

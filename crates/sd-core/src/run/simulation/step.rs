@@ -169,9 +169,7 @@ impl<S: Started> Simulation<S> {
         }
         self.keep_mean_velocities(dt);
         self.steps += 1;
-        for x in &mut self.state.centres {
-            *x = end.wrap(*x);
-        }
+        self.wrap(&end);
         Ok(sample)
     }
 
