@@ -27,7 +27,6 @@ use sd_core::{
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::{Duration, Instant};
 
 /// Strain of a run.
 const STRAIN: f64 = 1.0;
@@ -117,7 +116,7 @@ pub(crate) struct Part {
     /// The first seed
     #[arg(long, default_value_t = 1)]
     first_seed: u64,
-    /// Seconds after which a run is stopped, checked between steps
+    /// Seconds of CPU time after which a run is stopped, checked between steps
     #[arg(long, default_value_t = 60)]
     limit: u64,
     /// Runs in parallel
@@ -210,14 +209,14 @@ impl Case {
     }
 
     /// Runs it; a panic is a failure like others.
-    fn run(&self, limit: Duration, tables: &NearFields) -> Ran {
+    fn run(&self, limit: f64, tables: &NearFields) -> Ran {
         let run = AssertUnwindSafe(|| self.step_through(limit, tables));
         catch_unwind(run).unwrap_or_else(|_| Ran::without_steps(End::Failed("a panic"), "a panic"))
     }
 
     /// Makes steps until the strain is reached or the run ends.
-    fn step_through(&self, limit: Duration, tables: &NearFields) -> Ran {
-        let started = Instant::now();
+    fn step_through(&self, limit: f64, tables: &NearFields) -> Ran {
+        let started = Moment::now();
         let mut layer = match Simulation::<sd_core::Layer>::new(&self.params, self.seed, tables) {
             Ok(layer) => layer,
             Err(error @ Error::CannotPack { .. }) => {
@@ -237,7 +236,7 @@ impl Case {
             if layer.strain() >= STRAIN - 0.5 * TIME_STEP {
                 break (End::Done, String::new());
             }
-            if started.elapsed() > limit {
+            if started.seconds() > limit {
                 break (End::Stopped, format!("at strain {:.2}", layer.strain()));
             }
             let jammed = layer.counters().jammed_stages;
@@ -429,7 +428,7 @@ pub(crate) fn tables(part: &Part) -> Result<String, rayon::ThreadPoolBuildError>
         .num_threads(part.threads)
         .build()?;
     let (fields, cases) = (NearFields::default(), part.cases());
-    let limit = Duration::from_secs(part.limit);
+    let limit = part.limit as f64;
     // In blocks of one, so that slow runs are spread over the threads.
     let ran: Vec<Ran> = pool.install(|| {
         let runs = cases.par_iter().with_max_len(1);
