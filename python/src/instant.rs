@@ -322,7 +322,7 @@ impl Arrays for Bulk {
 fn solve_in<S: Arrays>(py: Python<'_>, given: Given<'_, '_>) -> PyResult<Solution>
 where
     instant::Configuration<S>: Sync,
-    instant::ContactRequest<S>: Sync,
+    instant::InstantContacts<S>: Sync,
     instant::SolvedConfiguration<S>: Send,
 {
     let Given {

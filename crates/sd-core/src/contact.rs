@@ -15,26 +15,26 @@
 //! ```
 //!
 //! Every law supplies the coefficients of one problem, which is stated at the top of
-//! `contact/solve.rs`. `laws` evaluates the laws at a stage; `solver` chooses the pairs that
+//! `contact/problem.rs`. `laws` evaluates the laws at a stage; `contact_solver` chooses the pairs that
 //! take part, sets up the problem and stores its solution. `procedure` is separate because
 //! it is a time-stepping procedure and not a law.
 
-pub(crate) mod adhesion;
+pub(crate) mod adhesive_pairs;
+pub(crate) mod contact_pair;
+pub(crate) mod contact_solver;
 pub(crate) mod laws;
 pub(crate) mod memory;
-pub(crate) mod pair;
-pub(crate) mod repulsion;
+pub(crate) mod problem;
+pub(crate) mod repulsive_pairs;
 mod row;
-pub(crate) mod solve;
-pub(crate) mod solver;
 pub(crate) mod springs;
 
 pub use crate::model::Surface;
+pub use contact_pair::{Contact, ContactState};
+pub(crate) use contact_solver::{ContactSolver, SolvePass};
 pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
 pub use memory::PairForces;
-pub use pair::{Contact, ContactState};
-pub(crate) use solver::{ContactSolver, SolvePass};
 
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.

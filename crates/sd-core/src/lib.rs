@@ -190,10 +190,10 @@ pub use stress::{Stress, StressComponents, StressParts};
 /// change in any version.
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::contact::contact_pair::tangent;
+    pub use crate::contact::contact_solver::SolvePass;
     pub use crate::contact::laws::{OVERLAP_CORRECTION, Span, StageKind};
     pub use crate::contact::memory::{ContactMemory, WarmStart};
-    pub use crate::contact::pair::tangent;
-    pub use crate::contact::solver::SolvePass;
     pub use crate::contact::springs::Springs;
     pub use crate::hydrodynamics::far_field::{FarField, FarResistance};
     pub use crate::hydrodynamics::iterative::IterativeFarField;
@@ -203,7 +203,7 @@ pub mod internals {
     pub use crate::run::steppers::rosenbrock::Rosenbrock;
     pub use crate::run::steppers::{RungeKutta, State};
     pub use crate::space::neighbours::NeighbourList;
-    pub use crate::stage::{Contact as StageContact, StageSolver};
+    pub use crate::stage::{StageContacts, StageSolver};
     pub use crate::stress::StressWork;
 }
 

@@ -2,7 +2,7 @@
 //!
 //! 1. New contacts: pairs that approached with the last step's velocities and have `g ≤ h`. The
 //!    list is kept between steps.
-//! 2. One simultaneous solve for the normal forces that stop all listed pairs, (12)-(13).
+//! 2. One simultaneous solve for the normal forces that stop all contact_list pairs, (12)-(13).
 //! 3. Pairs whose force would pull are dropped from the list.
 //! 4. to 6. Friction from the motion under the remaining normal forces, added after:
 //!
@@ -15,8 +15,8 @@
 //! computed, and pairs enter below h by up to a step's motion: gaps drift. This error of the scheme
 //! is kept for comparison.
 
-use crate::contact::solve::dense::DenseSystem;
-use crate::contact::solve::problem::{self, Forces, Problem, States, System};
+use crate::contact::problem::dense_system::DenseSystem;
+use crate::contact::problem::statement::{self, Forces, Problem, States, System};
 use crate::contact::{Contact, ContactState, Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -61,7 +61,7 @@ impl ContactList {
         }
     }
 
-    /// Whether a pair is listed.
+    /// Whether a pair is contact_list.
     fn contains(&self, pair: PairKey) -> bool {
         self.pairs.binary_search(&pair).is_ok()
     }
@@ -111,7 +111,7 @@ impl<S: Fluid> ProcedureSolver<S> {
     /// lubrication range.
     ///
     /// # Arguments
-    /// - `listed`: pairs in contact; `contacts`: the same, with the forces found.
+    /// - `contact_list`: pairs in contact; `contacts`: the same, with the forces found.
     /// - `velocities`: resulting disturbances `[3N]`.
     ///
     /// # Errors
@@ -119,7 +119,7 @@ impl<S: Fluid> ProcedureSolver<S> {
     pub(crate) fn solve(
         &mut self,
         input: &ProcedureInput<'_, S>,
-        listed: &mut ContactList,
+        contact_list: &mut ContactList,
         contacts: &mut Vec<Contact<S>>,
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
@@ -134,12 +134,12 @@ impl<S: Fluid> ProcedureSolver<S> {
         }
         contacts.clear();
         let pairs = resistance.neighbours().iter();
-        let pairs = pairs.filter(|pair| listed.contains(pair.key()));
+        let pairs = pairs.filter(|pair| contact_list.contains(pair.key()));
         contacts.extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
         self.problem.uses_frictionless_slip = true;
         self.problem.tangential.clear();
         self.problem.normal.clear();
-        let normal = contacts.iter().map(|contact| problem::Normal {
+        let normal = contacts.iter().map(|contact| statement::Normal {
             row: contact.normal_row(),
             bias: contact.background_approach,
             compliance: CONSTRAINT_COMPLIANCE,
@@ -147,12 +147,12 @@ impl<S: Fluid> ProcedureSolver<S> {
         self.problem.normal.extend(normal);
         self.system.set_up(resistance, &self.problem, forces);
         let residual = self.stop_normal_motion();
-        listed.pairs.clear();
+        contact_list.pairs.clear();
         for (contact, f) in contacts.iter_mut().zip(&mut self.forces.normal) {
             *f = f.max(0.0);
             contact.normal_force = *f;
             if *f > 0.0 {
-                listed.add(contact.pair.key());
+                contact_list.add(contact.pair.key());
             }
         }
         if surface.has_friction() {
@@ -180,7 +180,7 @@ impl<S: Fluid> ProcedureSolver<S> {
             self.forces.normal.fill(0.0);
             return f64::INFINITY;
         }
-        problem::largest(&self.forces.slack)
+        statement::largest(&self.forces.slack)
     }
 
     /// Steps 4 to 6: friction from the slip under the normal forces.
@@ -197,7 +197,7 @@ impl<S: Fluid> ProcedureSolver<S> {
                 let directions = contact.directions();
                 let shifts = S::along(&directions, &contact.background_slip);
                 for d in 0..S::TANGENTS {
-                    self.problem.tangential.push(problem::Tangential {
+                    self.problem.tangential.push(statement::Tangential {
                         contact: k,
                         row: contact.slip_row(&directions[d]),
                         shift: shifts[d],
@@ -232,7 +232,7 @@ impl<S: Fluid> ProcedureSolver<S> {
             }
             contact.tangential_force = S::tangent(&contact.directions(), force);
             contact.state = if rolls {
-                ContactState::Rolling
+                ContactState::Sticking
             } else {
                 ContactState::Slipping
             };

@@ -5,10 +5,10 @@ mod method;
 
 pub use method::{Method, memory_bytes};
 
-use crate::contact::adhesion::AdhesivePairs;
+use crate::contact::adhesive_pairs::AdhesivePairs;
+use crate::contact::contact_solver::{AppliedForces, StageInput};
 use crate::contact::laws::{Laws, Span};
-use crate::contact::repulsion::RepulsivePairs;
-use crate::contact::solver::{AppliedForces, StageInput};
+use crate::contact::repulsive_pairs::RepulsivePairs;
 use crate::contact::{
     ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface, reserved_contacts,
 };
@@ -21,9 +21,8 @@ use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Layer};
 
-/// Tolerance of the contact problem in a far-field iteration, over the iteration's relative
-/// residual: the differences between iterates, which the acceleration uses, must be that much more
-/// accurate.
+/// Contact problems are solved to this fraction of the far field's relative residual, so that the
+/// differences between iterates, from which the acceleration extrapolates, are not noise.
 const CONTACT_TOLERANCE: f64 = 2e-3;
 /// Relative residual assumed for the tolerance of the first evaluation.
 const INITIAL_RESIDUAL: f64 = 1e-2;
@@ -33,8 +32,8 @@ const ACTIVATION_REDUCTION: f64 = 0.1;
 /// Number of changes of friction activation in one solve after which it stays fixed.
 const MAX_ACTIVATION_CHANGES: u32 = 8;
 
-/// The contact model, with its state between stages.
-pub enum Contact<'a, S: Fluid = Layer> {
+/// The contacts of a stage, with their memory.
+pub enum StageContacts<'a, S: Fluid = Layer> {
     /// No contacts: hydrodynamics only.
     None,
     /// Contact laws, which define one contact problem: see `contact::laws`.
@@ -51,7 +50,7 @@ pub enum Contact<'a, S: Fluid = Layer> {
         /// Roughness and friction.
         surface: Surface,
         /// Pairs in contact.
-        listed: &'a mut ContactList,
+        contact_list: &'a mut ContactList,
     },
 }
 
@@ -210,7 +209,7 @@ impl<S: Fluid> StageSolver<S> {
         &mut self,
         background: &S::Background,
         external: &[f64],
-        contact: Contact<'_, S>,
+        contact: StageContacts<'_, S>,
         pass: SolvePass,
     ) -> Result<Quality, Error> {
         if pass == SolvePass::First {
@@ -219,9 +218,9 @@ impl<S: Fluid> StageSolver<S> {
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
         let (strain, mut no_memory) = (background.strain_components(), ContactMemory::default());
-        let is_free = matches!(contact, Contact::None);
+        let is_free = matches!(contact, StageContacts::None);
         let contact = match contact {
-            Contact::None => Contact::Laws {
+            StageContacts::None => StageContacts::Laws {
                 laws: &Laws::NONE,
                 span: Span::single(1.0),
                 memory: &mut no_memory,
@@ -229,8 +228,8 @@ impl<S: Fluid> StageSolver<S> {
             other => other,
         };
         let quality = match contact {
-            Contact::None => unreachable!("replaced by no laws"),
-            Contact::Laws { laws, span, memory } => {
+            StageContacts::None => unreachable!("replaced by no laws"),
+            StageContacts::Laws { laws, span, memory } => {
                 let input = StageInput {
                     resistance,
                     background,
@@ -267,7 +266,10 @@ impl<S: Fluid> StageSolver<S> {
                     contacts.solve(&input, applied, memory, pass, velocities)?.0
                 }
             }
-            Contact::Procedure { surface, listed } => {
+            StageContacts::Procedure {
+                surface,
+                contact_list,
+            } => {
                 let spheres = resistance.radii().len();
                 let input = ProcedureInput {
                     resistance,
@@ -277,7 +279,7 @@ impl<S: Fluid> StageSolver<S> {
                 };
                 self.procedure
                     .get_or_insert_with(|| Box::new(ProcedureSolver::new(spheres)))
-                    .solve(&input, listed, &mut contacts.list, velocities)?
+                    .solve(&input, contact_list, &mut contacts.list, velocities)?
             }
         };
         self.repulsive.finish(&self.velocities);
@@ -304,7 +306,7 @@ impl<S: Fluid> StageSolver<S> {
         &mut self,
         background: &S::Background,
         external: &[f64],
-        contact: &Contact<'_, S>,
+        contact: &StageContacts<'_, S>,
     ) -> Result<(), Error> {
         let (resistance, forces) = (&mut self.resistance, &mut self.forces);
         resistance.background_forces(&background.strain_components(), forces);
@@ -313,7 +315,7 @@ impl<S: Fluid> StageSolver<S> {
         }
         self.repulsive.pairs.clear();
         self.adhesive.pairs.clear();
-        if let Contact::Laws { laws, span, .. } = contact {
+        if let StageContacts::Laws { laws, span, .. } = contact {
             if let Some(repulsion) = &laws.repulsion {
                 self.repulsive
                     .add(repulsion, resistance, background, span, forces);

@@ -1,4 +1,4 @@
-//! All stresses of the layer, by cause, and the energy balance.
+//! All stresses of the spheres, by cause, and the energy balance.
 //!
 //! ```text
 //! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
@@ -9,7 +9,7 @@
 //! Under cross shear at the rate γ̇_z the left-hand side has the additional term V Σ_yz γ̇_z/rate;
 //! η remains that of the primary shear.
 //!
-//! V = 2 ⟨a⟩ A is the volume of the layer. The contact stress is the symmetric first moment of the
+//! V = 2 ⟨a⟩ A is the volume of a layer. The contact stress is the symmetric first moment of the
 //! contact forces: each sphere feels the force at its end of the line of centres. Both n and t lie
 //! in the plane, so that contacts have no zz; that of stresslets is −(S_xx + S_yy), since they are
 //! traceless. The hydrodynamic part of the particle pressure Π needs the trace functions of
@@ -28,7 +28,7 @@ use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::StageSolver;
 use serde::{Deserialize, Serialize};
 
-/// Relative viscosity above which the layer counts as temporarily jammed.
+/// Relative viscosity above which a run counts as temporarily jammed.
 pub const JAM_VISCOSITY: f64 = 1e4;
 
 /// One component of the stress, by cause, in mu·rate.
@@ -81,7 +81,7 @@ pub struct StressComponents {
     pub particle_pressure: StressParts,
 }
 
-/// Bulk stress of the layer at one instant.
+/// Bulk stress at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Stress {
@@ -161,7 +161,7 @@ impl<S: Fluid> StressWork<S> {
 }
 
 impl Stress {
-    /// The stress of a layer that is sheared in that sense, 1 or −1: positive where it resists.
+    /// The stress under shear in that sense, 1 or −1: positive where it resists.
     pub(crate) fn along(mut self, direction: f64) -> Self {
         self.components.shear = self.components.shear.scaled(direction);
         self.viscosity = 1.0 + self.components.shear.total();
@@ -208,7 +208,7 @@ pub(crate) struct ContactCounts {
     /// Of these, pairs with friction.
     pub activated: u32,
     /// Of the activated, pairs that roll.
-    pub rolling: u32,
+    pub sticking: u32,
     /// Of the activated, pairs that slip.
     pub slipping: u32,
     /// Mean `v_n` over the pairs with f > 0, in a·rate; 0 without any.
@@ -224,11 +224,11 @@ impl ContactCounts {
             counts.normal_velocity += c.normal_velocity;
             match c.state {
                 ContactState::Frictionless => {}
-                ContactState::Rolling => counts.rolling += 1,
+                ContactState::Sticking => counts.sticking += 1,
                 ContactState::Slipping => counts.slipping += 1,
             }
         }
-        counts.activated = counts.rolling + counts.slipping;
+        counts.activated = counts.sticking + counts.slipping;
         if counts.contacts > 0 {
             counts.normal_velocity /= f64::from(counts.contacts);
         }

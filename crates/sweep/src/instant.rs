@@ -13,7 +13,7 @@ use components::FirstCentre;
 use contact::Contact;
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
-use sd_core::instant::{self, Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{self, Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Words;
 use sd_core::two_sphere::{scalars, twist};
 use sd_core::{Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents};
@@ -106,7 +106,7 @@ struct Flow<S: Written> {
 }
 
 /// A configuration and its contact problem.
-type Problem<S> = (Configuration<S>, ContactRequest<S>);
+type Problem<S> = (Configuration<S>, InstantContacts<S>);
 
 /// A configuration of a layer or of a suspension.
 pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
@@ -149,7 +149,7 @@ fn read_in<S: Written>(bytes: &[u8]) -> Result<Problem<S>, InputError> {
 /// out of range.
 pub fn configuration<S: Written>(
     input: Input<S>,
-) -> Result<(Configuration<S>, ContactRequest<S>), InputError> {
+) -> Result<(Configuration<S>, InstantContacts<S>), InputError> {
     let refuse = |field, message: &str| {
         Err(InputError::Value {
             field,
@@ -203,7 +203,7 @@ pub fn configuration<S: Written>(
         (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
     };
     let contact = match input.contact {
-        None => ContactRequest::None,
+        None => InstantContacts::None,
         Some(contact) => match contact.request(hydrodynamics) {
             Ok(request) => request,
             Err((field, message)) => return refuse(field, &message),

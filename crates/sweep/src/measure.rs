@@ -190,7 +190,7 @@ impl Averages {
             dissipation: mean(&values(|s| s.dissipation)),
             contacts: sum(|s| s.contacts),
             activated: sum(|s| s.activated),
-            rolling: sum(|s| s.rolling),
+            rolling: sum(|s| s.sticking),
             approach: values(|s| -s.normal_velocity * f64::from(s.contacts))
                 .iter()
                 .sum(),

@@ -50,7 +50,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         dissipation: 6.0,
         contacts: 60,
         activated: 30,
-        rolling: 15,
+        sticking: 15,
         slipping: 15,
         normal_velocity: -1e-4,
         minimum_gap: 0.0099,
@@ -95,7 +95,7 @@ pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
             normal_force: 12.5,
             tangential_force: [3.0, 0.0, -4.0].into(),
             rolling_force: [0.0; 3].into(),
-            state: sd_core::contact::ContactState::Rolling,
+            state: sd_core::contact::ContactState::Sticking,
         }],
         ..Frame::default()
     })

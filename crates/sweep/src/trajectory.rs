@@ -166,7 +166,7 @@ pub const STATES: [&str; 3] = ["frictionless", "rolling", "slipping"];
 pub fn state_number(state: ContactState) -> u8 {
     match state {
         ContactState::Frictionless => 0,
-        ContactState::Rolling => 1,
+        ContactState::Sticking => 1,
         ContactState::Slipping => 2,
     }
 }
@@ -334,7 +334,7 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
                 rolling_force: rolling_force.unwrap_or_default(),
                 state: match state {
                     0 => ContactState::Frictionless,
-                    1 => ContactState::Rolling,
+                    1 => ContactState::Sticking,
                     2 => ContactState::Slipping,
                     _ => return None,
                 },

@@ -2,7 +2,7 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::Laws;
-use sd_core::internals::{ContactMemory, SolvePass, Span, StageContact, StageSolver};
+use sd_core::internals::{ContactMemory, SolvePass, Span, StageContacts, StageSolver};
 use sd_core::model::SolverSettings;
 use sd_core::modes::{Background, Vec2};
 use sd_core::simulation::SchemeMemory;
@@ -130,7 +130,7 @@ impl Layer {
     pub(crate) fn solve(&mut self, time_span: f64) -> bool {
         self.stage.begin_step();
         self.stage.start_far_field_from(&[]);
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &self.laws,
             span: Span::single(time_span),
             memory: &mut self.memory,
@@ -146,7 +146,7 @@ impl Layer {
     pub(crate) fn solve_contacts(&mut self, time_span: f64) {
         self.stage.begin_step();
         self.stage.start_far_field_from(&[]);
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &self.laws,
             span: Span::single(time_span),
             memory: &mut self.memory,

@@ -4,7 +4,7 @@ use super::methods::Method;
 use sd_core::cell::Cell;
 use sd_core::contact::Laws;
 use sd_core::internals::{
-    ContactMemory, Resistance, SolvePass, Span, StageContact, StageKind, StageSolver, StressWork,
+    ContactMemory, Resistance, SolvePass, Span, StageContacts, StageKind, StageSolver, StressWork,
 };
 use sd_core::modes::{Background, Vec2};
 use sd_core::{NearFields, Params, Snapshot};
@@ -93,7 +93,7 @@ impl Layer {
         let background = Background::SHEAR;
         let cell = Cell::equal_sides(self.side, time * self.side).expect("positive sides");
         self.solver.assemble(&cell, centres).ok()?;
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &self.laws,
             span: Span {
                 time: span,
@@ -120,7 +120,7 @@ impl Layer {
                 .map(|(v, &x)| Vec2::new(v[0], v[1]) + background.velocity(x)),
         );
         let viscosity = self.viscosity();
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &self.laws,
             span: Span::single(LOOK),
             memory: &mut self.memory.clone(),

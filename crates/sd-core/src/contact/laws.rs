@@ -15,7 +15,7 @@
 //! gap below h is separated at the rate β/s. At the midpoint of a step of rigid contacts, g is the
 //! gap at the start of the step and s is the whole step.
 
-use super::pair::Contact;
+use super::contact_pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{CustomNormalLaw, FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
@@ -68,14 +68,14 @@ pub struct NormalForce {
 #[derive(Debug, Clone, Copy)]
 pub enum ForceLaw {
     /// A law of the list.
-    Listed(NormalLaw),
+    BuiltIn(NormalLaw),
     /// A law of the user.
     Custom(&'static dyn CustomNormalLaw),
 }
 
 impl From<NormalLaw> for ForceLaw {
     fn from(law: NormalLaw) -> Self {
-        Self::Listed(law)
+        Self::BuiltIn(law)
     }
 }
 
@@ -83,7 +83,7 @@ impl ForceLaw {
     /// Whether surfaces can touch under it.
     pub fn touches(self) -> bool {
         match self {
-            Self::Listed(law) => law.touches(),
+            Self::BuiltIn(law) => law.touches(),
             Self::Custom(_) => true,
         }
     }
@@ -91,7 +91,7 @@ impl ForceLaw {
     /// Force at an overlap d, as [`CustomNormalLaw::force`].
     pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
         match self {
-            Self::Listed(law) => law.force(overlap, stiffness),
+            Self::BuiltIn(law) => law.force(overlap, stiffness),
             Self::Custom(law) => law.force(overlap, stiffness),
         }
     }
@@ -99,7 +99,7 @@ impl ForceLaw {
     /// Slope dF/dd at an overlap d, as [`CustomNormalLaw::slope`].
     pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
         match self {
-            Self::Listed(law) => law.slope(overlap, stiffness),
+            Self::BuiltIn(law) => law.slope(overlap, stiffness),
             Self::Custom(law) => law.slope(overlap, stiffness),
         }
     }
@@ -107,7 +107,7 @@ impl ForceLaw {
     /// Overlap at a force, as [`CustomNormalLaw::overlap`].
     pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
         match self {
-            Self::Listed(law) => law.overlap(force, stiffness),
+            Self::BuiltIn(law) => law.overlap(force, stiffness),
             Self::Custom(law) => law.overlap(force, stiffness),
         }
     }
@@ -122,7 +122,7 @@ impl Laws {
             critical_load: f64::INFINITY,
         },
         normal: NormalForce {
-            law: ForceLaw::Listed(NormalLaw::ExponentialRepulsion),
+            law: ForceLaw::BuiltIn(NormalLaw::ExponentialRepulsion),
             stiffness: f64::INFINITY,
             dashpot: 0.0,
         },
@@ -244,7 +244,7 @@ impl NormalForce {
 
     /// Whether contacts are rigid.
     pub fn is_rigid(&self) -> bool {
-        matches!(self.law, ForceLaw::Listed(NormalLaw::Rigid))
+        matches!(self.law, ForceLaw::BuiltIn(NormalLaw::Rigid))
     }
 
     /// Overlap about which a contact is first linearised, from its current overlap and from its

@@ -1,6 +1,6 @@
 //! State of the contacts between stages and steps: warm-start forces and springs.
 
-use super::pair::Contact;
+use super::contact_pair::Contact;
 use super::springs::Springs;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Space};

@@ -4,9 +4,9 @@
 //! they are transported with it as it rotates. At the start of a step they are projected, since the
 //! line of centres has rotated by O(τ²) since the second stage of the preceding step.
 
+use super::contact_pair::Contact;
 use super::laws::StageKind;
 use super::memory::PairForces;
-use super::pair::Contact;
 use crate::law::tangential::stick_slide::TangentialSpring;
 use crate::space::pair::PairKey;
 use crate::space::{Layer, Space};

@@ -35,8 +35,8 @@ pub fn radius([a_i, a_j]: [f64; 2]) -> f64 {
     2.0 * a_i * a_j / (a_i + a_j)
 }
 
-/// Whether it can be combined with a tangential law: one that constrains the slip of the pair in
-/// its layer, but not its rolling.
+/// Whether it can be combined with a tangential law: one that constrains the slip of the pair
+/// among other spheres, but not its rolling.
 ///
 /// ```
 /// use sd_core::TangentialLaw;

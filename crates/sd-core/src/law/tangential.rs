@@ -14,7 +14,7 @@ use super::Quantity;
 pub enum FrictionConstraint {
     /// The slip of the pair in isolation, without other spheres.
     IsolatedSlip,
-    /// The slip of the pair in its layer.
+    /// The slip of the pair where it is, among other spheres.
     Slip,
     /// The slip of the pair minus the deformation of a tangential spring.
     SpringSlip,

@@ -6,24 +6,24 @@
 //!
 //! η decreases with φ, since fewer contacts then have friction. If friction sets in with a jump, η
 //! jumps too, and h may change sign without a zero. Springs and a repulsion are in units of F_crit:
-//! with them η increases with φ, and if it grows so fast that no φ is large enough, the layer
-//! carries the stress at rest.
+//! with them η increases with φ, and if it grows so fast that no φ is large enough, the
+//! spheres carry the stress at rest.
 
 use crate::stress::JAM_VISCOSITY;
 
 /// Maximum ratio of successive loads while only one side is known.
 const STRIDE: f64 = 8.0;
-/// Viscosity, over that of a jammed layer, at which the search stops.
+/// Viscosity, over that of a jammed run, at which the search stops.
 const CEILING: f64 = 1e3;
 
 /// The next action after a trial load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Next {
-    /// The layer carries the stress at this load.
+    /// The spheres carry the stress at this load.
     Found,
     /// Try this load.
     Try(f64),
-    /// The layer carries the stress at rest.
+    /// The spheres carry the stress at rest.
     AtRest,
 }
 

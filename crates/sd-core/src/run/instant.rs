@@ -13,7 +13,7 @@ use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::strain_tensor;
 use crate::space::{ImposedFlow as _, Layer, Space};
-use crate::stage::{Contact as StageContact, Method, StageSolver};
+use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::{Stress, StressWork};
 
 /// Spheres, their positions and external forces.
@@ -38,16 +38,16 @@ pub struct Configuration<S: Space = Layer> {
 
 /// The contact problem to solve.
 #[derive(Debug, Clone)]
-pub enum ContactRequest<S: Space = Layer> {
+pub enum InstantContacts<S: Space = Layer> {
     /// No contact.
     None,
     /// These pairs are stopped simultaneously by eqs. (12)-(13), without friction; negative forces
     /// are then set to zero.
-    Listed {
+    HeldPairs {
         /// Pairs of sphere numbers.
         pairs: Vec<[usize; 2]>,
     },
-    /// The paper's procedure; every approaching pair with gap ≤ roughness counts as listed.
+    /// The paper's procedure; every approaching pair with gap ≤ roughness is in contact.
     Procedure {
         /// Roughness and friction.
         surface: Surface,
@@ -63,12 +63,12 @@ pub enum ContactRequest<S: Space = Layer> {
         time_span: f64,
         /// Forces of the tangential springs; others are unstretched.
         springs: PairForces<S>,
-        /// The same for rolling friction.
+        /// Forces of the springs of rolling friction; others are unstretched.
         rolling_springs: PairForces<S>,
     },
 }
 
-impl<S: Space> ContactRequest<S> {
+impl<S: Space> InstantContacts<S> {
     /// The paper's rigid contacts with a look-ahead time, in strain.
     pub fn rigid(surface: Surface, time_span: f64) -> Self {
         Self::Laws {
@@ -172,25 +172,25 @@ fn move_under<S: Fluid>(
     stage: &mut StageSolver<S>,
     background: &S::Background,
     external: &[f64],
-    request: &ContactRequest<S>,
+    request: &InstantContacts<S>,
 ) -> Result<(), Error> {
     match request {
-        ContactRequest::None => {
-            stage.solve(background, external, StageContact::None, SolvePass::First)?;
+        InstantContacts::None => {
+            stage.solve(background, external, StageContacts::None, SolvePass::First)?;
         }
-        ContactRequest::Listed { pairs } => {
-            let mut listed = listed_pairs(pairs, stage)?;
-            let contact = StageContact::Procedure {
+        InstantContacts::HeldPairs { pairs } => {
+            let mut contact_list = listed_pairs(pairs, stage)?;
+            let contact = StageContacts::Procedure {
                 surface: Surface {
                     roughness: 0.0,
                     friction: 0.0,
                     critical_load: f64::INFINITY,
                 },
-                listed: &mut listed,
+                contact_list: &mut contact_list,
             };
             stage.solve(background, external, contact, SolvePass::First)?;
         }
-        ContactRequest::Laws {
+        InstantContacts::Laws {
             laws,
             time_span,
             springs,
@@ -209,26 +209,26 @@ fn move_under<S: Fluid>(
                 rolling_springs: Springs::new(rolling_springs.clone()),
                 ..ContactMemory::default()
             };
-            let contact = StageContact::Laws {
+            let contact = StageContacts::Laws {
                 laws,
                 span: Span::single(*time_span),
                 memory: &mut memory,
             };
             stage.solve(background, external, contact, SolvePass::First)?;
         }
-        ContactRequest::Procedure { surface } => {
+        InstantContacts::Procedure { surface } => {
             check_surface(surface, true)?;
-            stage.solve(background, external, StageContact::None, SolvePass::First)?;
-            let mut listed = ContactList::default();
-            listed.add_approaching(
+            stage.solve(background, external, StageContacts::None, SolvePass::First)?;
+            let mut contact_list = ContactList::default();
+            contact_list.add_approaching(
                 &stage.resistance,
                 background,
                 surface.roughness,
                 stage.velocities(),
             );
-            let contact = StageContact::Procedure {
+            let contact = StageContacts::Procedure {
                 surface: *surface,
-                listed: &mut listed,
+                contact_list: &mut contact_list,
             };
             stage.solve(background, external, contact, SolvePass::Repeat)?;
         }
@@ -237,11 +237,13 @@ fn move_under<S: Fluid>(
 }
 
 /// The method by which [`solve`] computes this instant.
-pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactRequest<S>) -> Method {
+pub fn method<S: Space>(configuration: &Configuration<S>, request: &InstantContacts<S>) -> Method {
     let is_soft = match request {
-        ContactRequest::Listed { .. } | ContactRequest::Procedure { .. } => return Method::Dense,
-        ContactRequest::Laws { laws, .. } => laws.is_soft(),
-        ContactRequest::None => false,
+        InstantContacts::HeldPairs { .. } | InstantContacts::Procedure { .. } => {
+            return Method::Dense;
+        }
+        InstantContacts::Laws { laws, .. } => laws.is_soft(),
+        InstantContacts::None => false,
     };
     let Configuration {
         hydrodynamics,
@@ -259,7 +261,7 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactReque
 ///
 /// ```
 /// use sd_core::cell::Cell;
-/// use sd_core::instant::{Configuration, ContactRequest, solve};
+/// use sd_core::instant::{Configuration, InstantContacts, solve};
 /// use sd_core::modes::{Background, Vec2};
 /// use sd_core::{Hydrodynamics, Layer, NearFields};
 ///
@@ -273,24 +275,24 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &ContactReque
 ///     forces: vec![Vec2::new(0.0, 0.0)],
 ///     torques: vec![0.0],
 /// };
-/// let solved = solve(&alone, &ContactRequest::None, &NearFields::default())?;
+/// let solved = solve(&alone, &InstantContacts::None, &NearFields::default())?;
 /// let (_, _, xy) = solved.stresslet(0);
 /// assert!((xy - 10.0 / 3.0 * std::f64::consts::PI).abs() < 1e-12);
 /// # Ok::<(), sd_core::Error>(())
 /// ```
 pub fn solve<S: Started>(
     configuration: &Configuration<S>,
-    request: &ContactRequest<S>,
+    request: &InstantContacts<S>,
     tables: &NearFields,
 ) -> Result<SolvedConfiguration<S>, Error> {
     S::solve(configuration, request, tables)
 }
 
-/// The same, by a given method.
+/// Solves one instant by a given method.
 pub(super) fn solve_with<S: Fluid>(
     method: Method,
     configuration: &Configuration<S>,
-    request: &ContactRequest<S>,
+    request: &InstantContacts<S>,
     tables: &NearFields,
 ) -> Result<SolvedConfiguration<S>, Error> {
     check(configuration)?;
@@ -318,7 +320,7 @@ pub(super) fn solve_with<S: Fluid>(
     )?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);
-    } else if let ContactRequest::Laws {
+    } else if let InstantContacts::Laws {
         lubrication_gap, ..
     } = request
         && *lubrication_gap > 0.0
@@ -327,7 +329,7 @@ pub(super) fn solve_with<S: Fluid>(
             .resistance
             .regularise(*lubrication_gap, DEEPEST_OVERLAP);
     }
-    if let ContactRequest::Laws { laws, .. } = request {
+    if let InstantContacts::Laws { laws, .. } = request {
         stage.resistance.expect_contacts(laws.surface.roughness);
     }
     stage.assemble(cell, centres)?;
@@ -463,7 +465,7 @@ fn listed_pairs<S: Fluid>(
     stage: &StageSolver<S>,
 ) -> Result<ContactList, Error> {
     let n = stage.resistance.radii().len();
-    let mut listed = ContactList::default();
+    let mut contact_list = ContactList::default();
     for &[i, j] in pairs {
         let refuse = |reason| Err(Error::BadPair { i, j, reason });
         if i >= n || j >= n {
@@ -481,9 +483,9 @@ fn listed_pairs<S: Fluid>(
             clippy::cast_possible_truncation,
             reason = "sphere numbers fit 32 bits"
         )]
-        listed.add((i as u32, j as u32));
+        contact_list.add((i as u32, j as u32));
     }
-    Ok(listed)
+    Ok(contact_list)
 }
 
 #[cfg(test)]
@@ -522,13 +524,13 @@ mod tests {
     }
 
     /// Sliding and sticking contacts, under each kind of law.
-    fn requests() -> Vec<ContactRequest<Bulk>> {
+    fn requests() -> Vec<InstantContacts<Bulk>> {
         let surface = Surface {
             roughness: 0.2,
             friction: 0.3,
             critical_load: 0.0,
         };
-        let law = |choice: &ContactLaws| ContactRequest::Laws {
+        let law = |choice: &ContactLaws| InstantContacts::Laws {
             laws: Laws::new(choice, surface),
             lubrication_gap: 0.0,
             time_span: 0.01,
@@ -545,7 +547,7 @@ mod tests {
             ..ContactLaws::linear_spring(3e3, TangentialLaw::StickSlide, 0.2)
         };
         vec![
-            ContactRequest::None,
+            InstantContacts::None,
             law(&springs),
             law(&rigid(TangentialLaw::Coulomb, 0.0)),
             law(&rigid(TangentialLaw::Coulomb, 0.1)),

@@ -8,7 +8,7 @@ use crate::model::Hydrodynamics;
 use crate::run::steppers::{RungeKutta, State};
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
-use crate::stage::{Contact, StageSolver};
+use crate::stage::{StageContacts, StageSolver};
 use serde::Serialize;
 
 /// Maximum number of steps for the spheres to pass.
@@ -83,10 +83,10 @@ pub fn pass(scenario: &PairScenario, tables: &NearFields) -> Result<PairTrajecto
     Ok(passed.expect("the computation never stops early"))
 }
 
-/// As [`pass`], while `go_on`, called before every step, returns true; `None` otherwise.
+/// Computes a passage while `go_on`, called before every step, returns true; `None` otherwise.
 ///
 /// # Errors
-/// As [`pass`].
+/// Those of [`pass`].
 pub fn pass_while(
     scenario: &PairScenario,
     tables: &NearFields,
@@ -126,8 +126,8 @@ pub fn pass_while(
             let mut memory_after = memory.clone();
             let done = integrator.step(&mut to, time, dt, |stage, coordinates, rates| {
                 let contact_law = match &laws {
-                    None => Contact::None,
-                    Some(laws) => Contact::Laws {
+                    None => StageContacts::None,
+                    Some(laws) => StageContacts::Laws {
                         laws,
                         span: Span::single(stage.span),
                         memory: &mut memory_after,

@@ -38,7 +38,7 @@ use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
 use crate::space::{ImposedFlow as _, Layer, Space};
-use crate::stage::{Contact, Method, StageSolver};
+use crate::stage::{Method, StageContacts, StageSolver};
 
 /// The mobility of all force modes of the spheres of a periodic cell: forces, torques and
 /// stresslets, without lubrication. A product takes O(N log N).
@@ -372,7 +372,7 @@ impl<S: Started> Resistance<S> {
         self.stage.start_far_field_from(&[]);
         let at_rest = S::Background::simple_shear(0.0);
         self.stage
-            .solve(&at_rest, forces, Contact::None, SolvePass::First)?;
+            .solve(&at_rest, forces, StageContacts::None, SolvePass::First)?;
         velocities.copy_from_slice(self.stage.velocities());
         self.stage.counterforces(
             &S::Strain::default(),

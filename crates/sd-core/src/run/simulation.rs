@@ -1,11 +1,11 @@
-//! One run: a layer sheared step by step.
+//! One run: a layer or a suspension sheared step by step.
 
+mod evaluation;
 mod frame;
 mod sample;
 mod sampling;
 mod shear_control;
 mod snapshot;
-mod stage;
 mod step;
 
 pub use crate::stress::JAM_VISCOSITY;
@@ -33,15 +33,15 @@ use crate::stress::StressWork;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
 
-/// A layer that stays jammed for this strain ends as jammed.
+/// A run that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
 /// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flow {
-    /// The layer flows.
+    /// The spheres flow.
     Flowing,
-    /// The layer stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or flows only by overlaps that
-    /// its contacts do not allow.
+    /// The viscosity stayed above [`JAM_VISCOSITY`] for [`JAM_STRAIN`], or the spheres flow only by
+    /// overlaps that their contacts do not allow.
     Jammed,
 }
 
@@ -50,7 +50,7 @@ pub struct Simulation<S: Started = Layer> {
     /// Parameters of the current step, or of the last one.
     params: Params,
     settings: SolverSettings,
-    /// The law in place of the listed spring law, if there is one.
+    /// The law in place of the contact_list spring law, if there is one.
     custom_law: Option<&'static dyn CustomNormalLaw>,
     /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,
@@ -78,13 +78,13 @@ pub struct Simulation<S: Started = Layer> {
     /// Memory of contacts.
     memory: SchemeMemory<S>,
     counters: Counters,
-    stage: StageSolver<S>,
+    solver: StageSolver<S>,
     stepper: Stepper<S>,
     stress: StressWork<S>,
     /// The frame of the current step, if requested.
     frame: Option<Box<Frame<S>>>,
     /// Pairs in contact before the stage, under the procedure.
-    listed_before: ContactList,
+    contact_list_before: ContactList,
 }
 
 /// What a step changes, as it was before the step.
@@ -96,7 +96,7 @@ struct Before<S: Space> {
 }
 
 impl<S: Started> Simulation<S> {
-    /// Starts a run from the layer of a seed.
+    /// Starts a run from the layer or suspension of a seed.
     ///
     /// # Errors
     /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
@@ -116,7 +116,7 @@ impl<S: Started> Simulation<S> {
         Self::with_settings(params, snapshot, tables, &SolverSettings::default())
     }
 
-    /// As [`Simulation::from_snapshot`], with other than the default settings. A run begins with
+    /// Continues a run from a snapshot with other than the default settings. A run begins with
     /// [`Snapshot::start`].
     ///
     /// ```
@@ -153,7 +153,7 @@ impl<S: Started> Simulation<S> {
         S::continue_run(params, snapshot, tables, settings)
     }
 
-    /// Puts a law of the normal force in place of the listed spring law of the parameters. It is no
+    /// Puts a law of the normal force in place of the contact_list spring law of the parameters. It is no
     /// part of a snapshot: a run that is resumed needs it again.
     ///
     /// `examples/cone.rs` shears a layer with one.
@@ -161,11 +161,11 @@ impl<S: Started> Simulation<S> {
     /// # Errors
     /// [`Error::Refused`] if the contacts of the parameters are no springs.
     pub fn use_normal_law(&mut self, law: &'static dyn CustomNormalLaw) -> Result<(), Error> {
-        let listed = self.params.contact.laws().normal;
-        if !listed.is_spring() {
+        let contact_list = self.params.contact.laws().normal;
+        if !contact_list.is_spring() {
             return Err(Refusal {
                 key: "contact",
-                value: format!("{:?}", listed.word()),
+                value: format!("{:?}", contact_list.word()),
                 problem: "is no spring that another law could replace".into(),
                 allowed: "\"linear-spring\" with the stiffness of that law".into(),
                 because: None,
@@ -190,7 +190,7 @@ impl<S: Started> Simulation<S> {
         let cell = Cell::equal_sides(snapshot.side, 0.0)?;
         let most = reserved_contacts::<S>(params.spheres);
         let method = Method::of(params);
-        let mut stage = method.solver(
+        let mut solver = method.solver(
             params.hydrodynamics,
             &cell,
             &snapshot.radii,
@@ -198,8 +198,8 @@ impl<S: Started> Simulation<S> {
             &snapshot.near_pairs,
             settings,
         )?;
-        stage.start_far_field_from(&snapshot.far_field);
-        stage.resistance.expect_contacts(params.roughness);
+        solver.start_far_field_from(&snapshot.far_field);
+        solver.resistance.expect_contacts(params.roughness);
         let mut stepper = Stepper::default();
         let imposed = params.imposed(snapshot.steps.saturating_sub(1));
         let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
@@ -209,7 +209,7 @@ impl<S: Started> Simulation<S> {
             let choice = params.contact.laws();
             stepper = if choice.is_soft() {
                 let (gap, deepest) = (choice.lubrication_gap, DEEPEST_OVERLAP);
-                stage.resistance.regularise(gap, deepest);
+                solver.resistance.regularise(gap, deepest);
                 Stepper::Rosenbrock(Rosenbrock::default())
             } else {
                 Stepper::Midpoint(Midpoint::default())
@@ -219,9 +219,9 @@ impl<S: Started> Simulation<S> {
         snapshot.images.resize(params.spheres, S::Image::default());
         let mut memory = SchemeMemory::new(&params.contact);
         memory.reserve(most);
-        let mut listed_before = ContactList::default();
+        let mut contact_list_before = ContactList::default();
         if params.contact == ContactScheme::Procedure {
-            listed_before.pairs.reserve(most);
+            contact_list_before.pairs.reserve(most);
         }
         Ok(Self {
             before: Before {
@@ -250,11 +250,11 @@ impl<S: Started> Simulation<S> {
             offset: S::offset(&params),
             memory: snapshot.memory,
             counters: snapshot.counters,
-            stage,
+            solver,
             stepper,
             stress: StressWork::default(),
             frame: None,
-            listed_before,
+            contact_list_before,
             params,
         })
     }
@@ -289,7 +289,7 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Whether the layer still flows.
+    /// Whether the spheres still flow.
     pub fn flow(&self) -> Flow {
         if self.counters.jammed_steps_running >= self.jam_steps() {
             Flow::Jammed
@@ -436,7 +436,7 @@ impl<S: Started> Simulation<S> {
 
     /// Radii, in a.
     pub fn radii(&self) -> &[f64] {
-        self.stage.resistance.radii()
+        self.solver.resistance.radii()
     }
 
     /// Side of the square or cubic cell, in a.
@@ -470,7 +470,7 @@ impl<S: Started> Simulation<S> {
 
     /// The pairs of the near part's pattern, if the resistance is stored pair by pair.
     fn near_pairs(&self) -> Vec<PairKey> {
-        let pairwise = self.stage.resistance.pairwise();
+        let pairwise = self.solver.resistance.pairwise();
         pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())
     }
 
@@ -499,14 +499,14 @@ impl<S: Started> Simulation<S> {
         Snapshot {
             version: SNAPSHOT_VERSION,
             steps: self.steps,
-            radii: self.stage.resistance.radii().to_vec(),
+            radii: self.solver.resistance.radii().to_vec(),
             side: self.side,
             centres: self.state.centres.iter().map(S::point).collect(),
             orientations: self.state.orientations.clone(),
             images: self.images.clone(),
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
-            far_field: self.stage.far_field(),
+            far_field: self.solver.far_field(),
             critical_load: self.shear_control.critical_load(),
             counters: self.counters,
         }

@@ -35,7 +35,7 @@ pub struct Start<S: Space = Layer> {
     pub orientations: Vec<S::Orientation>,
     /// Stretches of tangential springs, in a, by pair.
     pub springs: Vec<(u32, u32, S::Tangent)>,
-    /// The same of the springs of rolling friction.
+    /// Stretches of the springs of rolling friction.
     pub rolling_springs: Vec<(u32, u32, S::Tangent)>,
     /// Side of the square cell, in a.
     pub side: f64,

@@ -1,6 +1,6 @@
 //! Spaces in which runs can be made and stepped.
 
-use super::instant::{self, Configuration, ContactRequest, SolvedConfiguration};
+use super::instant::{self, Configuration, InstantContacts, SolvedConfiguration};
 use super::simulation::{Sample, Simulation, Snapshot};
 use super::start::suspension::Mixture;
 use super::start::{self, Start};
@@ -26,7 +26,7 @@ pub trait Started: Fluid {
     /// The start of a run.
     ///
     /// # Errors
-    /// As [`Started::radii_and_side`], and [`Error::CannotPack`].
+    /// [`Error::CellTooSmall`], [`Error::CannotPack`].
     fn start(params: &Params, seed: u64) -> Result<Start<Self>, Error>;
 
     /// Offset of the cell at strain 0, in a.
@@ -55,7 +55,7 @@ pub trait Started: Fluid {
     /// Its errors.
     fn solve(
         configuration: &Configuration<Self>,
-        request: &ContactRequest<Self>,
+        request: &InstantContacts<Self>,
         tables: &NearFields,
     ) -> Result<SolvedConfiguration<Self>, Error>;
 }
@@ -83,7 +83,7 @@ macro_rules! compile {
         #[inline(never)]
         fn solve(
             configuration: &Configuration<Self>,
-            request: &ContactRequest<Self>,
+            request: &InstantContacts<Self>,
             tables: &NearFields,
         ) -> Result<SolvedConfiguration<Self>, Error> {
             let method = instant::method(configuration, request);

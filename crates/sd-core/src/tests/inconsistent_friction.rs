@@ -7,7 +7,7 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::space::Bulk;
 use crate::space::bulk::Background;
 use crate::space::cell::Cell;
-use crate::stage::{Contact, StageSolver};
+use crate::stage::{StageContacts, StageSolver};
 use crate::{Hydrodynamics, NearFields, TangentialLaw};
 use nalgebra::Vector3;
 
@@ -47,7 +47,7 @@ fn held_friction_bounds_end_the_iteration_of_the_far_field() {
             critical_load: 0.0,
         })
     };
-    let contact = Contact::Laws {
+    let contact = StageContacts::Laws {
         laws: &laws,
         span: Span::single(0.01),
         memory: &mut ContactMemory::default(),

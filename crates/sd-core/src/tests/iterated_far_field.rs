@@ -2,8 +2,8 @@
 
 mod dense_contacts;
 
+use crate::contact::contact_solver::{AppliedForces, StageInput};
 use crate::contact::laws::{Laws, NormalForce, Span};
-use crate::contact::solver::{AppliedForces, StageInput};
 use crate::contact::{Contact, ContactMemory, ContactSolver, ContactState, SolvePass, Surface};
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
@@ -11,7 +11,7 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2, strain_tensor};
-use crate::stage::{Contact as StageContact, Method, StageSolver};
+use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::StressWork;
 use crate::{
     ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, NormalLaw, Params, Simulation,
@@ -162,7 +162,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let shear = Background::SHEAR;
         let free = |stage: &mut StageSolver| {
             stage.assemble(&cell, &centres).unwrap();
-            let free = StageContact::None;
+            let free = StageContacts::None;
             stage
                 .solve(&shear, &external, free, SolvePass::First)
                 .unwrap();
@@ -224,7 +224,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             critical_load: 0.0,
         };
         let time_span = 0.0025;
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &Laws::rigid(surface),
             span: Span::single(time_span),
             memory: &mut ContactMemory::default(),
@@ -242,7 +242,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
                 .filter(|c| c.normal_force > 0.0 && c.state == state)
                 .count()
         };
-        let counts = [ContactState::Rolling, ContactState::Slipping].map(count);
+        let counts = [ContactState::Sticking, ContactState::Slipping].map(count);
         assert!(
             friction == 0.0 || counts.iter().all(|&count| count >= 5),
             "{counts:?}"
@@ -312,7 +312,7 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
     let external = external(40);
     let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
     dense.assemble(&cell, &centres).unwrap();
-    let (shear, free) = (Background::SHEAR, StageContact::None);
+    let (shear, free) = (Background::SHEAR, StageContacts::None);
     dense
         .solve(&shear, &external, free, SolvePass::First)
         .unwrap();
@@ -390,7 +390,7 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
         for laws in [rigid, coulomb, soft] {
             let solve = |mut stage: StageSolver| {
                 stage.assemble(&cell, &centres).unwrap();
-                let contact = StageContact::Laws {
+                let contact = StageContacts::Laws {
                     laws: &laws,
                     span: Span::single(0.0025),
                     memory: &mut ContactMemory::default(),
@@ -452,7 +452,7 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
         stage.assemble(&cell, &centres).unwrap();
         let deepest = stage.closest().unwrap().gap;
         assert!(deepest < -0.005, "{deepest}");
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &laws,
             span: Span::single(0.0025),
             memory: &mut ContactMemory::default(),

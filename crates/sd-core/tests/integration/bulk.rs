@@ -5,7 +5,7 @@ use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::{Background, TracelessTensor};
 use sd_core::cell::Cell;
-use sd_core::instant::{self, ContactRequest};
+use sd_core::instant::{self, InstantContacts};
 use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space as _};
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -23,7 +23,7 @@ struct Solved {
 }
 
 fn solve(configuration: &Configuration, tables: &NearFields) -> Result<Solved, Error> {
-    let solved = instant::solve(configuration, &ContactRequest::None, tables)?;
+    let solved = instant::solve(configuration, &InstantContacts::None, tables)?;
     let part = |first: usize| {
         let motions = solved.disturbances.iter();
         motions
@@ -392,7 +392,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
                 forces: forces.map(Vec2::from).to_vec(),
                 torques: torques.to_vec(),
             },
-            &instant::ContactRequest::None,
+            &instant::InstantContacts::None,
             &NearFields::default(),
         )
         .unwrap();

@@ -8,22 +8,22 @@ mod rolling_pair;
 
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, NormalForce, PairForces, Surface};
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
 
 const RIGID: NormalForce = NormalForce {
-    law: sd_core::contact::ForceLaw::Listed(NormalLaw::Rigid),
+    law: sd_core::contact::ForceLaw::BuiltIn(NormalLaw::Rigid),
     stiffness: f64::INFINITY,
     dashpot: 0.0,
 };
 const SPRING: NormalForce = NormalForce {
-    law: sd_core::contact::ForceLaw::Listed(NormalLaw::LinearSpring),
+    law: sd_core::contact::ForceLaw::BuiltIn(NormalLaw::LinearSpring),
     stiffness: 2000.0,
     dashpot: 0.0,
 };
 const HERTZ: NormalForce = NormalForce {
-    law: sd_core::contact::ForceLaw::Listed(NormalLaw::Hertz),
+    law: sd_core::contact::ForceLaw::BuiltIn(NormalLaw::Hertz),
     stiffness: 40_000.0,
     dashpot: 0.0,
 };
@@ -75,7 +75,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
 }
 
 fn solved(configuration: &Configuration, laws: &Laws, time_span: f64) -> SolvedConfiguration {
-    let request = ContactRequest::Laws {
+    let request = InstantContacts::Laws {
         laws: *laws,
         lubrication_gap: 0.001,
         time_span,

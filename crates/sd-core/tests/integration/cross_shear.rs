@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, PairForces};
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::{CrossShear, Segment, Surface};
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, ImposedFlow, Layer, NearFields, Params,
@@ -42,7 +42,7 @@ fn suspension(segments: &[Segment]) -> Params {
     }
 }
 
-/// The same with soft spheres, whose springs have a memory.
+/// A suspension of soft spheres, whose springs have a memory.
 fn springs(segments: &[Segment]) -> Params {
     Params {
         contact: ContactScheme::Laws(ContactLaws::linear_spring(
@@ -168,7 +168,7 @@ fn a_step_is_the_instant_of_its_configuration_and_flow() {
             assert_eq!(sample.contacts, 0);
             let solved = solve(
                 &configuration,
-                &ContactRequest::None,
+                &InstantContacts::None,
                 &NearFields::default(),
             )
             .unwrap();
@@ -367,7 +367,7 @@ fn solved(configuration: &Configuration<Bulk>) -> SolvedConfiguration<Bulk> {
         tangential: TangentialLaw::Coulomb,
         ..ContactLaws::PAPER
     };
-    let request = ContactRequest::Laws {
+    let request = InstantContacts::Laws {
         laws: Laws::new(&choice, surface),
         lubrication_gap: 0.0,
         time_span: 0.01,

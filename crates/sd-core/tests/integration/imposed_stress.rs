@@ -2,7 +2,7 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
-use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{Rosenbrock, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -25,7 +25,7 @@ fn params(contact: ContactScheme) -> Params {
         .unwrap()
 }
 
-/// The same layer at an imposed rate.
+/// These parameters at an imposed rate.
 fn at_rate(params: &Params, shear_rate: f64) -> Params {
     Params {
         shear_rate,
@@ -58,7 +58,7 @@ fn soft(tangential: TangentialLaw, onset: FrictionOnset, repulsion: f64) -> Cont
     })
 }
 
-/// The same with rolling friction and adhesion.
+/// These contacts with rolling friction and adhesion.
 fn with(contact: ContactScheme, rolling_friction: f64, adhesion: f64) -> ContactScheme {
     ContactScheme::Laws(ContactLaws {
         rolling_friction,
@@ -205,7 +205,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
         Ok::<(), ()>(())
     });
     taken.unwrap();
-    let request = ContactRequest::of_run(&at_rate(params, sample.shear_rate), span);
+    let request = InstantContacts::of_run(&at_rate(params, sample.shear_rate), span);
     let solved = solve(&configuration, &request, &NearFields::default()).unwrap();
     solved.stress.unwrap().viscosity
 }

@@ -102,7 +102,7 @@ fn check<S: Started>(params: &Params, start: &Snapshot<S>, tables: &NearFields) 
     let mut start = start.clone();
     if params.contact == ContactScheme::Procedure {
         start.memory = SchemeMemory::Procedure {
-            listed: ContactList::default(),
+            contact_list: ContactList::default(),
             velocities: Vec::new(),
         };
     }
@@ -205,7 +205,7 @@ fn suspensions_in_full_stokesian_dynamics_resume_with_the_same_bits() {
     check_all::<Bulk>(schemes, &[FULL], suspension);
 }
 
-/// The same under an imposed stress.
+/// These parameters under an imposed stress.
 fn under_stress(params: Params) -> Params {
     Params {
         shear_rate: 0.0,

@@ -2,8 +2,8 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Surface};
-use sd_core::instant::{Configuration, ContactRequest, solve};
-use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContact, StageSolver, State};
+use sd_core::instant::{Configuration, InstantContacts, solve};
+use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContacts, StageSolver, State};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
     ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
@@ -64,9 +64,9 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
             critical_load: 10.0,
         };
         for request in [
-            ContactRequest::None,
-            ContactRequest::rigid(surface, 0.005),
-            ContactRequest::Procedure { surface },
+            InstantContacts::None,
+            InstantContacts::rigid(surface, 0.005),
+            InstantContacts::Procedure { surface },
         ] {
             let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
             let stress = instant.stress.unwrap();
@@ -79,7 +79,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
             );
             let states = |state| instant.contacts.iter().any(|c| c.state == state);
             if !instant.contacts.is_empty() {
-                assert!(states(ContactState::Rolling) && states(ContactState::Slipping));
+                assert!(states(ContactState::Sticking) && states(ContactState::Slipping));
             }
         }
     }
@@ -89,7 +89,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
 fn friction_dissipates_in_a_layer() {
     let (_, snapshot) = run(&params(), 4, 100);
     let configuration = configuration(&snapshot, Hydrodynamics::BallMelrose);
-    let request = ContactRequest::rigid(
+    let request = InstantContacts::rigid(
         Surface {
             roughness: 0.01,
             friction: 0.3,
@@ -144,7 +144,7 @@ fn rigid_gaps_stay_at_the_roughness_height() {
     assert!(
         samples
             .iter()
-            .any(|s| s.contacts > 20 && s.rolling > 0 && s.slipping > 0)
+            .any(|s| s.contacts > 20 && s.sticking > 0 && s.slipping > 0)
     );
     assert_eq!(snapshot.counters.unconverged_stages, 0);
     assert!(snapshot.counters.worst_residual < 1e-8);
@@ -291,7 +291,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         integrator
             .step(&mut state, time, dt, |stage, centres, velocities| {
                 motion.assemble(&cell(stage.time), centres)?;
-                motion.solve(&shear, &[], StageContact::None, SolvePass::First)?;
+                motion.solve(&shear, &[], StageContacts::None, SolvePass::First)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                     u[0] += shear.velocity(x).x;
@@ -363,7 +363,7 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
     let (_, snapshot) = run(&params(), 6, 40);
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
         let base = configuration(&snapshot, hydrodynamics);
-        let request = ContactRequest::rigid(
+        let request = InstantContacts::rigid(
             Surface {
                 roughness: 0.01,
                 friction: 0.3,
@@ -416,7 +416,7 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
         torques: vec![0.0; 2],
     };
     let pressed = |friction| {
-        let request = ContactRequest::rigid(
+        let request = InstantContacts::rigid(
             Surface {
                 roughness: 0.01,
                 friction,
@@ -429,7 +429,7 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
             .contacts[0]
     };
     let rolling = pressed(10.0);
-    assert_eq!(rolling.state, ContactState::Rolling);
+    assert_eq!(rolling.state, ContactState::Sticking);
     assert!(rolling.normal_force > 0.0 && rolling.tangential_force != 0.0);
     assert!(rolling.slip_velocity.abs() < 1e-6);
     assert!(rolling.normal_velocity.abs() < 1e-6);

@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::Resistance;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -73,7 +73,7 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
             .collect();
         let instant = solve(
             &layer,
-            &ContactRequest::Listed { pairs },
+            &InstantContacts::HeldPairs { pairs },
             &NearFields::default(),
         )
         .unwrap();
@@ -115,7 +115,7 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
             .collect();
         let instant = solve(
             &exact,
-            &ContactRequest::Listed { pairs },
+            &InstantContacts::HeldPairs { pairs },
             &NearFields::default(),
         )
         .unwrap();
@@ -249,7 +249,7 @@ fn instant(params: &Params, snapshot: &Snapshot) -> (SolvedConfiguration, f64) {
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };
-    let request = ContactRequest::of_run(params, 0.005);
+    let request = InstantContacts::of_run(params, 0.005);
     let volume = 2.0 * snapshot.side.powi(2);
     (
         solve(&configuration, &request, &NearFields::default()).unwrap(),

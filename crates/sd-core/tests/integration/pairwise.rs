@@ -10,7 +10,7 @@
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, Surface};
 use sd_core::internals::{
-    ContactList, ContactMemory, IterativeFarField, Resistance, SolvePass, Span, StageContact,
+    ContactList, ContactMemory, IterativeFarField, Resistance, SolvePass, Span, StageContacts,
     StageSolver,
 };
 use sd_core::model::DEEPEST_OVERLAP;
@@ -77,7 +77,7 @@ fn sheared(params: &Params, steps: u64) -> Layer {
     Layer::of(&simulation)
 }
 
-/// The same layer, sheared further for some steps under given laws.
+/// A layer sheared further for some steps under given laws.
 fn sheared_on(mut snapshot: Snapshot, params: &Params, steps: u64) -> Layer {
     snapshot.memory = SchemeMemory::Laws(ContactMemory::default());
     snapshot.near_pairs.clear();
@@ -100,7 +100,7 @@ fn stage(layer: &Layer, laws: &Laws, lubrication_gap: f64, pairwise: bool) -> St
     )
 }
 
-/// The same under other hydrodynamics.
+/// A layer under other hydrodynamics.
 fn stage_under(
     hydrodynamics: Hydrodynamics,
     layer: &Layer,
@@ -118,7 +118,7 @@ fn stage_under(
     }
     let mut stage = StageSolver::new(resistance);
     stage.assemble(&layer.cell, &layer.centres).unwrap();
-    let contact = StageContact::Laws {
+    let contact = StageContacts::Laws {
         laws,
         span: Span::single(0.01),
         memory: &mut layer.memory(),
@@ -336,7 +336,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         let solved = stage.solve(
             &Background::SHEAR,
             &torques,
-            StageContact::None,
+            StageContacts::None,
             SolvePass::First,
         );
         solved.unwrap();
@@ -368,9 +368,9 @@ fn an_iterated_far_field_refuses_the_procedure() {
     let far = IterativeFarField::new(&layer.cell, radii, 1e-6).unwrap();
     let mut stage = StageSolver::with_far_field(near, far);
     stage.assemble(&layer.cell, &layer.centres).unwrap();
-    let contact = StageContact::Procedure {
+    let contact = StageContacts::Procedure {
         surface: params(40, 0.6, 0.3).surface(),
-        listed: &mut ContactList::default(),
+        contact_list: &mut ContactList::default(),
     };
     let solved = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First);
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);

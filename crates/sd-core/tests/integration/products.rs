@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 use sd_core::cell::Cell;
-use sd_core::instant::{self, Configuration, ContactRequest};
+use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::model::SolverSettings;
 use sd_core::products::{Mobility, Resistance};
 use sd_core::{
@@ -239,7 +239,7 @@ fn solves_are_those_of_an_instant<S: Started>() {
             torques: turning,
         };
         let tables = NearFields::default();
-        let expected = instant::solve(&configuration, &ContactRequest::None, &tables).unwrap();
+        let expected = instant::solve(&configuration, &InstantContacts::None, &tables).unwrap();
         let mut velocities = vec![0.0; S::MODES * n];
         let mut resistance = resistance(hydrodynamics, &spheres);
         // An earlier solve under other forces leaves no trace.

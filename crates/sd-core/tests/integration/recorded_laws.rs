@@ -12,7 +12,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, PairForces, Quality};
 use sd_core::internals::{
     ContactList, ContactMemory, IterativeFarField, Resistance, SolvePass, Span, Springs,
-    StageContact, StageSolver, StressWork, WarmStart,
+    StageContacts, StageSolver, StressWork, WarmStart,
 };
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::{Background, Vec2};
@@ -93,7 +93,7 @@ impl Record {
         }
     }
 
-    fn listed(&self) -> ContactList {
+    fn contact_list(&self) -> ContactList {
         ContactList {
             pairs: self.listed.clone(),
         }
@@ -102,7 +102,7 @@ impl Record {
     fn snapshot(&self) -> Snapshot {
         let memory = match self.params.contact {
             ContactScheme::Procedure => SchemeMemory::Procedure {
-                listed: self.listed(),
+                contact_list: self.contact_list(),
                 velocities: self.velocities.clone(),
             },
             ContactScheme::Rigid | ContactScheme::Laws(_) => SchemeMemory::Laws(self.memory()),
@@ -181,7 +181,7 @@ impl Record {
         let centres: Vec<Vec2> = self.centres.iter().map(|x| Vec2::new(x[0], x[1])).collect();
         stage.assemble(&cell, &centres).unwrap();
         let (surface, mut listed, mut memory) =
-            (self.params.surface(), self.listed(), self.memory());
+            (self.params.surface(), self.contact_list(), self.memory());
         if from_solution {
             let pairs = self.instant.contacts.iter();
             #[expect(clippy::cast_possible_truncation, reason = "numbers of spheres")]
@@ -196,11 +196,11 @@ impl Record {
         }
         let laws = Laws::new(self.params.contact.laws(), surface);
         let contact = match self.params.contact {
-            ContactScheme::Procedure => StageContact::Procedure {
+            ContactScheme::Procedure => StageContacts::Procedure {
                 surface,
-                listed: &mut listed,
+                contact_list: &mut listed,
             },
-            ContactScheme::Rigid | ContactScheme::Laws(_) => StageContact::Laws {
+            ContactScheme::Rigid | ContactScheme::Laws(_) => StageContacts::Laws {
                 laws: &laws,
                 span: Span::single(self.instant.time_span),
                 memory: &mut memory,

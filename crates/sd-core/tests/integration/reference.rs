@@ -3,7 +3,7 @@
 
 use crate::common::data::{data, difference, numbers, vectors};
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{Hydrodynamics, NearFields};
 use serde_json::Value;
@@ -110,7 +110,7 @@ fn layers_under_shear() {
         ] {
             let configuration = configuration(hydrodynamics);
             let tables = NearFields::default();
-            let alone = solve(&configuration, &ContactRequest::None, &tables).unwrap();
+            let alone = solve(&configuration, &InstantContacts::None, &tables).unwrap();
             let what = format!("{name}, {n} spheres");
             compare(&alone, &layer[name], &what, alone_to);
             let part = &layer[&format!("{name}_with_contacts")];
@@ -120,8 +120,12 @@ fn layers_under_shear() {
                 .iter()
                 .map(|c| ["i", "j"].map(|k| usize::try_from(c[k].as_u64().unwrap()).unwrap()))
                 .collect();
-            let constrained =
-                solve(&configuration, &ContactRequest::Listed { pairs }, &tables).unwrap();
+            let constrained = solve(
+                &configuration,
+                &InstantContacts::HeldPairs { pairs },
+                &tables,
+            )
+            .unwrap();
             let what = format!("{name}, {n} spheres, listed contacts");
             compare(&constrained, part, &what, constrained_to);
         }
@@ -151,7 +155,7 @@ fn two_spheres_are_exact() {
         };
         let instant = solve(
             &configuration,
-            &ContactRequest::None,
+            &InstantContacts::None,
             &NearFields::default(),
         )
         .unwrap();

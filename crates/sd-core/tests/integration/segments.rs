@@ -1,7 +1,7 @@
 //! Runs in segments: steps of rate and stress, reversals, oscillations.
 
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::model::{Segment, StartLayer};
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -28,7 +28,7 @@ fn layer(segments: &[Segment]) -> Params {
     }
 }
 
-/// The same with soft spheres, whose springs have a memory.
+/// A dense layer of soft spheres, whose springs have a memory.
 fn springs(segments: &[Segment]) -> Params {
     Params {
         contact: ContactScheme::Laws(ContactLaws::linear_spring(
@@ -167,7 +167,7 @@ fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
     };
     let solved = solve(
         &configuration,
-        &ContactRequest::None,
+        &InstantContacts::None,
         &NearFields::default(),
     )
     .unwrap();

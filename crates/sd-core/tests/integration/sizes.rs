@@ -1,7 +1,7 @@
 //! Layers and suspensions of many sizes.
 
 use sd_core::cell::Cell;
-use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::{
     Bulk, ContactScheme, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Params,
     Simulation, Started,
@@ -23,7 +23,7 @@ fn layer(spheres: usize, area_fraction: f64, sizes: &str) -> Params {
         .unwrap()
 }
 
-/// The same of a suspension.
+/// These sizes in a suspension.
 fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
     Params {
         area_fraction: 0.0,
@@ -46,7 +46,7 @@ fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f
         hydrodynamics: params.hydrodynamics,
         background: S::Background::simple_shear(1.0),
     };
-    let instant = solve(&configuration, &ContactRequest::None, tables).unwrap();
+    let instant = solve(&configuration, &InstantContacts::None, tables).unwrap();
     let stress = instant.stress.unwrap();
     let difference = stress.viscosity - 1.0 - stress.dissipation;
     assert!(difference.abs() < 1e-8 * stress.viscosity, "{difference:e}");

@@ -3,7 +3,7 @@
 
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, Surface};
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::tangent;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -63,7 +63,7 @@ fn layer(tables: &NearFields) -> Configuration {
 }
 
 fn solved(configuration: &Configuration, tables: &NearFields) -> SolvedConfiguration {
-    let request = ContactRequest::of_run(&params(), 0.001);
+    let request = InstantContacts::of_run(&params(), 0.001);
     solve(configuration, &request, tables).unwrap()
 }
 
@@ -162,7 +162,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
         friction: 0.3,
         critical_load: 0.0,
     };
-    let request = ContactRequest::rigid(surface, 0.005);
+    let request = InstantContacts::rigid(surface, 0.005);
     let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
     let contact = instant.contacts[0];
     assert!(contact.normal_force > 1.0 && contact.normal_velocity.abs() < 1e-8);

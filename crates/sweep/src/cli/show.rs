@@ -85,7 +85,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             "at the last sample: {} contacts, {} activated, {} rolling, {} slipping, smallest gap {}",
             last.contacts,
             last.activated,
-            last.rolling,
+            last.sticking,
             last.slipping,
             significant(last.minimum_gap, 3)
         )?;

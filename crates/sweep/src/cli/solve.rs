@@ -96,7 +96,7 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
                 amount(&c.slip_velocity),
                 match c.state {
                     ContactState::Frictionless => "frictionless",
-                    ContactState::Rolling => "rolling",
+                    ContactState::Sticking => "rolling",
                     ContactState::Slipping => "slipping",
                 }
                 .into(),

@@ -1,7 +1,7 @@
 //! The contact problem of `sweep solve` in JSON.
 
 use sd_core::contact::{Laws, PairForces, Surface};
-use sd_core::instant::ContactRequest;
+use sd_core::instant::InstantContacts;
 use sd_core::{ContactLaws, Hydrodynamics, Space};
 use serde::Deserialize;
 
@@ -73,7 +73,7 @@ impl<S: Space> Contact<S> {
     pub(super) fn request(
         self,
         hydrodynamics: Hydrodynamics,
-    ) -> Result<ContactRequest<S>, (&'static str, String)> {
+    ) -> Result<InstantContacts<S>, (&'static str, String)> {
         let scheme = self.scheme;
         // Which schemes have each value.
         let surfaces = [Scheme::Rigid, Scheme::Procedure, Scheme::Laws];
@@ -108,7 +108,7 @@ impl<S: Space> Contact<S> {
             None => Err((name, format!("scheme {scheme:?} needs it").to_lowercase())),
         };
         match scheme {
-            Scheme::None => Ok(ContactRequest::None),
+            Scheme::None => Ok(InstantContacts::None),
             Scheme::Listed => {
                 let pairs = self
                     .pairs
@@ -116,7 +116,7 @@ impl<S: Space> Contact<S> {
                 if pairs.len() > PAIR_LIMIT {
                     return Err(("contact.pairs", format!("at most {PAIR_LIMIT} pairs")));
                 }
-                Ok(ContactRequest::Listed { pairs })
+                Ok(InstantContacts::HeldPairs { pairs })
             }
             Scheme::Rigid | Scheme::Procedure | Scheme::Laws => {
                 let roughness = need("contact.roughness", self.roughness)?;
@@ -136,7 +136,7 @@ impl<S: Space> Contact<S> {
                                 .into(),
                         ));
                     }
-                    return Ok(ContactRequest::Procedure { surface });
+                    return Ok(InstantContacts::Procedure { surface });
                 }
                 let time_span = self.time_span.unwrap_or(0.005);
                 if time_span <= 0.0 {
@@ -146,7 +146,7 @@ impl<S: Space> Contact<S> {
                     ));
                 }
                 if scheme == Scheme::Rigid {
-                    return Ok(ContactRequest::rigid(surface, time_span));
+                    return Ok(InstantContacts::rigid(surface, time_span));
                 }
                 self.laws(surface, hydrodynamics, time_span)
             }
@@ -159,13 +159,13 @@ impl<S: Space> Contact<S> {
         surface: Surface,
         hydrodynamics: Hydrodynamics,
         time_span: f64,
-    ) -> Result<ContactRequest<S>, (&'static str, String)> {
+    ) -> Result<InstantContacts<S>, (&'static str, String)> {
         let laws = self
             .laws
             .ok_or(("contact.laws", "scheme laws needs it".into()))?;
         laws.validate(&surface, hydrodynamics)
             .map_err(|error| ("contact.laws", error.to_string()))?;
-        Ok(ContactRequest::Laws {
+        Ok(InstantContacts::Laws {
             lubrication_gap: laws.lubrication_gap,
             laws: Laws::new(&laws, surface),
             time_span,

@@ -75,7 +75,7 @@ pub(crate) static NUMBERS: [Number; 45] = [
     number("dissipation", "mu rate", "dissipation over area and rate", Real(|s| &mut s.dissipation)),
     number("contacts", "1", "pairs with a contact force", Count(|s| &mut s.contacts)),
     number("activated", "1", "contacts above the critical load", Count(|s| &mut s.activated)),
-    number("rolling", "1", "activated contacts that roll", Count(|s| &mut s.rolling)),
+    number("rolling", "1", "activated contacts that roll", Count(|s| &mut s.sticking)),
     number("slipping", "1", "activated contacts that slip", Count(|s| &mut s.slipping)),
     number("normal_velocity", "a rate", "mean normal velocity of the contacts, negative for approach", Real(|s| &mut s.normal_velocity)),
     number("minimum_gap", "a", "smallest gap in the layer", Real(|s| &mut s.minimum_gap)),

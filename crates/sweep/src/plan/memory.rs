@@ -50,7 +50,7 @@ fn some_frame<S: Space>(params: &Params) -> Frame<S> {
         normal_force: 1.0,
         tangential_force: S::Tangent::default(),
         rolling_force: S::Tangent::default(),
-        state: sd_core::contact::ContactState::Rolling,
+        state: sd_core::contact::ContactState::Sticking,
     };
     let mixed = params.is_mixed();
     Frame {

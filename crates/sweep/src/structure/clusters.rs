@@ -130,7 +130,7 @@ mod tests {
         let radii = vec![1.0; centres.len()];
         let pairs = pairs
             .iter()
-            .map(|&(i, j)| (i, j, 1.0, 0.0, ContactState::Rolling));
+            .map(|&(i, j)| (i, j, 1.0, 0.0, ContactState::Sticking));
         let network = Network::new(cell, centres, radii, pairs);
         clusters(&network, network.links.iter())
     }

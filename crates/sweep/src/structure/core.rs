@@ -42,7 +42,7 @@ mod tests {
         let centres: Vec<_> = (0..n).map(|i| [i as f64, 0.0].into()).collect();
         let pairs = pairs
             .iter()
-            .map(|&(i, j)| (i, j, 1.0, 0.0, ContactState::Rolling));
+            .map(|&(i, j)| (i, j, 1.0, 0.0, ContactState::Sticking));
         let network = Network::<Layer>::new(Cell::Unbounded, centres, vec![1.0; n], pairs);
         let is_left = core(&network, network.links.iter(), k);
         (0..n).filter(|&i| is_left[i]).collect()

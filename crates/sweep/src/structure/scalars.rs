@@ -97,7 +97,7 @@ pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
         2.0 * between_held / held,
         1.0 - held / n,
         observed.frictional_coordination,
-        share_of(ContactState::Rolling),
+        share_of(ContactState::Sticking),
         share_of(ContactState::Slipping),
         observed.largest_cluster,
         observed.percolating_x,
@@ -122,7 +122,7 @@ fn rigidity<S: Space>(network: &Network<S>) -> [f64; 3] {
         return [f64::NAN; 3];
     }
     let constraints = network.links.iter().flat_map(|link| {
-        let number = if link.state == ContactState::Rolling {
+        let number = if link.state == ContactState::Sticking {
             2
         } else {
             1

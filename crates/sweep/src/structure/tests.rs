@@ -44,7 +44,7 @@ fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
     let centres = places
         .map(|[x, y]| cell.wrap([x + 0.7, y + 0.3].into()))
         .collect();
-    touching(cell, centres, 2.01, ContactState::Rolling)
+    touching(cell, centres, 2.01, ContactState::Sticking)
 }
 
 fn of<S: Space>(network: &Network<S>) -> Structure {
@@ -228,7 +228,7 @@ fn a_simple_cubic_suspension_has_six_contacts_and_percolates_along_all_axes() {
     let cell = Cell::<Bulk>::equal_sides(10.0, 4.0).unwrap();
     let places = (0..125).map(|k| [k % 5, (k / 5) % 5, k / 25].map(|x| 2.0 * f64::from(x) + 0.4));
     let centres: Vec<_> = places.map(|x| cell.wrap(x.into())).collect();
-    let network = touching(cell, centres, 2.01, ContactState::Rolling);
+    let network = touching(cell, centres, 2.01, ContactState::Sticking);
     let structure = of(&network);
     for name in [
         "percolating_x",

@@ -4,7 +4,7 @@
 //! |F_t| < ν f: u_t = 0 (sticks);   else F_t = ν f sign(u_t) (slips)
 //! ```
 //!
-//! u_t is the slip of the pair in its layer. Source: Coulomb (1785); as the rigid limit of
+//! u_t is the slip of the pair among other spheres. Source: Coulomb (1785); as the rigid limit of
 //! tangential springs in Cundall & Strack, Géotechnique 29, 47 (1979).
 
 use super::FrictionConstraint;
@@ -16,7 +16,7 @@ pub const KEYWORD: &str = "coulomb";
 pub const MEANING: &str = "Coulomb's law: `|F_t| ≤ ν f`, without slip inside the bound.";
 /// It has no parameters.
 pub const PARAMETERS: &[&Quantity] = &[];
-/// The slip of the pair in its layer.
+/// The slip of the pair among other spheres.
 pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::Slip;
 
 /// Coulomb's limit.

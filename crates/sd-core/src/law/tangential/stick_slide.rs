@@ -71,7 +71,7 @@ impl<T> TangentialSpring<T>
 where
     T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
 {
-    /// The same with both forces mapped by a function.
+    /// A spring with both forces mapped by a function.
     #[must_use]
     pub fn map(&self, change: impl Fn(T) -> T) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! The layer at a sample: positions, forces and contacts of the spheres.
+//! The spheres at a sample: positions, forces and contacts of the spheres.
 
 use super::{Sample, Simulation};
 use crate::contact::ContactState;
@@ -9,7 +9,7 @@ use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
 use crate::space::{ImposedFlow as _, Layer, Space};
 
-/// The layer at one instant of a run.
+/// The spheres at one instant of a run.
 #[derive(Default, Debug, Clone, PartialEq)]
 pub struct Frame<S: Space = Layer> {
     /// Strain of the sampled stage, at the start or the middle of the step.
@@ -88,8 +88,7 @@ pub struct FrameContact<S: Space = Layer> {
 }
 
 impl<S: Started> Simulation<S> {
-    /// As [`Simulation::step`], and returns the frame of the sample too. The run itself is not
-    /// affected.
+    /// Makes one step, and returns the frame of its sample too. The run itself is not affected.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -146,7 +145,7 @@ impl<S: Started> Simulation<S> {
     /// # Ok::<(), sd_core::Error>(())
     /// ```
     pub fn contacts(&self) -> impl Iterator<Item = FrameContact<S>> {
-        let loaded = self.stage.contacts.list.iter();
+        let loaded = self.solver.contacts.list.iter();
         loaded
             .filter(|contact| contact.normal_force > 0.0)
             .map(|contact| FrameContact {
@@ -188,7 +187,7 @@ impl<S: Started> Simulation<S> {
             side: self.side,
             offset,
             cross_offset,
-            radii: self.stage.resistance.radii().to_vec(),
+            radii: self.solver.resistance.radii().to_vec(),
             centres: centres.iter().map(S::point).collect(),
             unwrapped: self
                 .unwrapped_at(stage.time, centres)

@@ -25,14 +25,15 @@ pub struct Sample {
     pub contacts: u32,
     /// Of these, pairs whose force exceeds the critical load.
     pub activated: u32,
-    /// Activated pairs that roll.
-    pub rolling: u32,
+    /// Activated pairs whose friction is below its bound.
+    #[serde(rename = "rolling")]
+    pub sticking: u32,
     /// Activated pairs that slip.
     pub slipping: u32,
     /// Mean normal velocity over the contacts, negative for approach, in a·rate; 0 without
     /// contacts.
     pub normal_velocity: f64,
-    /// Smallest gap in the layer at the start of the step, in a; infinite if no pair is in
+    /// Smallest gap at the start of the step, in a; infinite if no pair is in
     /// lubrication range.
     pub minimum_gap: f64,
     /// Counters of the run so far, this step included.
@@ -53,7 +54,7 @@ pub struct NetworkSample {
     pub largest_cluster: f64,
     /// 1 if such a cluster percolates along the flow, else 0.
     pub percolating_x: f64,
-    /// The same along the gradient.
+    /// 1 if such a cluster percolates along the gradient, else 0.
     pub percolating_y: f64,
     /// Fraction of spheres in the core of such contacts.
     pub core_fraction: f64,
@@ -84,15 +85,14 @@ pub struct Counters {
     /// [`crate::model::SolverSettings::inexact_friction`].
     #[serde(default)]
     pub inexact_stages: u64,
-    /// Problems among these without a solution: the layer was jammed at that instant.
+    /// Problems among these without a solution: the spheres were jammed at that instant.
     #[serde(default)]
     pub jammed_stages: u64,
     /// Largest residual of the contact problem where it has a solution, in a·rate.
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
-    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the
-    /// layer.)
+    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the run.)
     pub minimum_gap: f64,
     /// Number of times the viscosity rose above [`JAM_VISCOSITY`], or no admissible motion existed.
     pub jam_events: u64,

@@ -3,7 +3,7 @@
 //! Contacts that close within a step already have a force at its first stage, so that the viscosity
 //! there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the
 //! step is sampled, whose forces hold the initial gaps over the whole step and so are their mean.
-//! Other layers are sampled at the first stage.
+//! In all other cases the first stage is sampled.
 
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
@@ -56,7 +56,7 @@ impl<S: Started> Simulation<S> {
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
-        let stress = self.stress.stress(&self.stage, &self.background, content);
+        let stress = self.stress.stress(&self.solver, &self.background, content);
         stress.along(self.params.direction)
     }
 
@@ -67,7 +67,7 @@ impl<S: Started> Simulation<S> {
         }
         record.jammed |= jammed;
         if record.gap == f64::INFINITY {
-            record.gap = self.stage.closest().map_or(f64::INFINITY, |pair| pair.gap);
+            record.gap = self.solver.closest().map_or(f64::INFINITY, |pair| pair.gap);
         }
     }
 
@@ -85,7 +85,7 @@ impl<S: Started> Simulation<S> {
         if self.frame.is_some() {
             self.fill_frame(stage, centres);
         }
-        let counts = ContactCounts::of(&self.stage.contacts.list);
+        let counts = ContactCounts::of(&self.solver.contacts.list);
         record.sample = Some(Sample {
             strain: record.strain,
             viscosity: stress.viscosity,
@@ -96,7 +96,7 @@ impl<S: Started> Simulation<S> {
             dissipation: stress.dissipation,
             contacts: counts.contacts,
             activated: counts.activated,
-            rolling: counts.rolling,
+            sticking: counts.sticking,
             slipping: counts.slipping,
             normal_velocity: counts.normal_velocity,
             minimum_gap: record.gap,

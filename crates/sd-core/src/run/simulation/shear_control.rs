@@ -137,7 +137,7 @@ impl<S: Started> Simulation<S> {
         };
         let dependence = Dependence::of(&self.params);
         let mut balance = Balance::new(stress, self.settings.stress_tolerance);
-        // The last load at which the layer flowed, if any.
+        // The last load at which the spheres flowed, if any.
         let mut flowing = None;
         for count in 1.. {
             self.take_load(load);
@@ -268,7 +268,7 @@ impl<S: Started> Simulation<S> {
     /// Whether friction would act on the same contacts at another critical load. The paper's steps
     /// determine this themselves.
     fn acts_alike(&self, load: f64) -> bool {
-        let mut contacts = self.stage.contacts.list.iter();
+        let mut contacts = self.solver.contacts.list.iter();
         contacts.all(|contact| contact.friction_acts == (contact.normal_force > load))
     }
 }

@@ -67,7 +67,8 @@ pub enum SchemeMemory<S: Space = Layer> {
     /// Under the paper's steps.
     Procedure {
         /// Pairs in contact.
-        listed: ContactList,
+        #[serde(rename = "listed")]
+        contact_list: ContactList,
         /// Mean disturbance velocities `[3N]` of the last step; empty before it.
         velocities: Vec<f64>,
     },
@@ -79,15 +80,15 @@ impl<S: Space> SchemeMemory<S> {
         match scheme {
             ContactScheme::Rigid | ContactScheme::Laws(_) => Self::Laws(ContactMemory::default()),
             ContactScheme::Procedure => Self::Procedure {
-                listed: ContactList::default(),
+                contact_list: ContactList::default(),
                 velocities: Vec::new(),
             },
         }
     }
 
-    /// Sets the springs of friction, of this stiffness, to the stretches of a layer; no effect
+    /// Sets the springs of friction, of this stiffness, to the stretches of a start; no effect
     /// without springs.
-    pub(super) fn stretch(&mut self, layer: &Start<S>, stiffness: f64) {
+    pub(super) fn stretch(&mut self, start: &Start<S>, stiffness: f64) {
         if let Self::Laws(memory) = self
             && stiffness > 0.0
         {
@@ -95,8 +96,8 @@ impl<S: Space> SchemeMemory<S> {
                 let forces = stretches.iter().map(|&(i, j, x)| (i, j, x * stiffness));
                 Springs::new(PairForces(forces.collect()))
             };
-            memory.springs = springs(&layer.springs);
-            memory.rolling_springs = springs(&layer.rolling_springs);
+            memory.springs = springs(&start.springs);
+            memory.rolling_springs = springs(&start.rolling_springs);
         }
     }
 
@@ -105,13 +106,16 @@ impl<S: Space> SchemeMemory<S> {
         match (self, other) {
             (Self::Laws(memory), Self::Laws(other)) => memory.copy_from(other),
             (
-                Self::Procedure { listed, velocities },
                 Self::Procedure {
-                    listed: other_listed,
+                    contact_list,
+                    velocities,
+                },
+                Self::Procedure {
+                    contact_list: other_list,
                     velocities: other_velocities,
                 },
             ) => {
-                listed.pairs.clone_from(&other_listed.pairs);
+                contact_list.pairs.clone_from(&other_list.pairs);
                 velocities.clone_from(other_velocities);
             }
             (this, other) => *this = other.clone(),
@@ -122,7 +126,7 @@ impl<S: Space> SchemeMemory<S> {
     pub(super) fn reserve(&mut self, contacts: usize) {
         match self {
             Self::Laws(memory) => memory.reserve(contacts),
-            Self::Procedure { listed, .. } => listed.pairs.reserve(contacts),
+            Self::Procedure { contact_list, .. } => contact_list.pairs.reserve(contacts),
         }
     }
 
@@ -148,11 +152,17 @@ impl<S: Space> SchemeMemory<S> {
                     && springs.all(|f| S::is_finite(&f.2));
                 (!finite).then_some("not all numbers are finite")
             }
-            (Self::Procedure { listed, velocities }, ContactScheme::Procedure) => {
+            (
+                Self::Procedure {
+                    contact_list,
+                    velocities,
+                },
+                ContactScheme::Procedure,
+            ) => {
                 if !(velocities.is_empty() || velocities.len() == S::MODES * spheres) {
                     return Some("velocities of another number of spheres");
                 }
-                if !listed.pairs.iter().all(there) {
+                if !contact_list.pairs.iter().all(there) {
                     return Some("contacts of missing spheres");
                 }
                 let finite = velocities.iter().all(|v| v.is_finite());

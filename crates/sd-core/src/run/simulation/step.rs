@@ -26,9 +26,9 @@ enum Attempt {
 /// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Advance {
-    /// The layer has moved.
+    /// The spheres have moved.
     Moved,
-    /// The layer is unchanged: no motion is admissible.
+    /// The spheres have not moved: no motion is admissible.
     Blocked,
 }
 
@@ -82,8 +82,8 @@ impl<S: Started> Simulation<S> {
     /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
     /// step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid
     /// contacts with inexact friction, or with a stage without admissible motion, down to a
-    /// quarter; then the result is accepted and counted if the gaps hold. Otherwise the layer stays
-    /// unchanged, and has jammed.
+    /// quarter; then the result is accepted and counted if the gaps hold. Otherwise the spheres
+    /// stay where they are, and have jammed.
     ///
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
@@ -111,7 +111,7 @@ impl<S: Started> Simulation<S> {
         before.state.copy_from(&self.state);
         before.memory.copy_from(&self.memory);
         (before.shear_control, before.counters) = (self.shear_control, self.counters);
-        self.stage.save();
+        self.solver.save();
     }
 
     /// Restores the state before a failed step: the next one has the same result as without it.
@@ -119,7 +119,7 @@ impl<S: Started> Simulation<S> {
         self.restore_contacts();
         self.state.copy_from(&self.before.state);
         self.counters = self.before.counters;
-        self.stage.restore();
+        self.solver.restore();
     }
 
     /// Restores the memory of contacts and the shear of the preceding step.
@@ -173,12 +173,12 @@ impl<S: Started> Simulation<S> {
         Ok(sample)
     }
 
-    /// Whether contacts jam the layer: whether loaded, non-sliding contacts constrain as many
+    /// Whether contacts jam the spheres: whether loaded, non-sliding contacts constrain as many
     /// motions as spheres with at least two contacts have (Maxwell counting). Such a network
     /// carries any load, and does not flow with stiffer contacts either.
     fn is_held(&self) -> bool {
         let constrained = S::TANGENTS * self.laws.tangential.constraint().motions();
-        let contacts = self.stage.contacts.list.iter();
+        let contacts = self.solver.contacts.list.iter();
         let loaded = || {
             contacts
                 .clone()
@@ -195,7 +195,7 @@ impl<S: Started> Simulation<S> {
             .map(|contact| {
                 S::TANGENTS * usize::from(contact.rolling_sticks)
                     + match contact.state {
-                        ContactState::Rolling => 1 + constrained,
+                        ContactState::Sticking => 1 + constrained,
                         ContactState::Frictionless | ContactState::Slipping => 1,
                     }
             })
@@ -216,7 +216,7 @@ impl<S: Started> Simulation<S> {
         jammed: &mut bool,
     ) -> Result<(), Error> {
         stepper.step(state, time, dt, |stage, centres, velocities| {
-            let quality = self.stage(stage, centres, velocities)?;
+            let quality = self.evaluate(stage, centres, velocities)?;
             *jammed |= quality.jammed();
             if stage.number == 0 {
                 self.begin_sample(quality.jammed(), record);
@@ -226,7 +226,7 @@ impl<S: Started> Simulation<S> {
         })
     }
 
-    /// Moves the state of a soft layer over one step: undivided, or in two, four and more parts
+    /// Moves soft spheres over one step: undivided, or in two, four and more parts
     /// where spheres would overlap too much within it or at its end, which only the next step would
     /// detect.
     fn advance_soft(
@@ -247,7 +247,7 @@ impl<S: Started> Simulation<S> {
             });
             let end = self.cell_at(time + dt)?;
             let checked = moved.and_then(|()| {
-                let resistance = &self.stage.resistance;
+                let resistance = &self.solver.resistance;
                 resistance.check_overlaps(&end, &state.centres)
             });
             let Err(error) = checked else {
@@ -271,12 +271,12 @@ impl<S: Started> Simulation<S> {
         }
     }
 
-    /// Moves the state of a rigid layer over a part of the step; in two halves if a gap becomes too
+    /// Moves rigid spheres over a part of the step; in two halves if a gap becomes too
     /// small within it or at its end, or if the motion is doubtful.
     ///
-    /// If a gap is still too small in the smallest part, the layer moves with the velocities of its
+    /// If a gap is still too small in the smallest part, the spheres move with the velocities of the
     /// first stage, whose contact problem constrains the gaps at the end of exactly this motion.
-    /// Without such a motion, the layer stays unchanged.
+    /// Without such a motion, they stay where they are.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint<S>,
@@ -312,14 +312,17 @@ impl<S: Started> Simulation<S> {
         self.counters = counters;
         let mut held = self.settings.held_share * self.params.roughness;
         method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
-            let quality = self.stage(stage, centres, velocities)?;
-            held = self.stage.closest().map_or(held, |pair| held.min(pair.gap));
+            let quality = self.evaluate(stage, centres, velocities)?;
+            held = self
+                .solver
+                .closest()
+                .map_or(held, |pair| held.min(pair.gap));
             self.begin_sample(quality.jammed(), record);
             self.take_sample(&stage, centres, record);
             Ok::<_, Error>(self.has_contact_forces())
         })?;
         let end = self.cell_at(part.time + part.dt)?;
-        let closest = self.stage.resistance.closest_at(&end, &state.centres);
+        let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
             return Ok(Advance::Blocked);
@@ -327,7 +330,7 @@ impl<S: Started> Simulation<S> {
         Ok(Advance::Moved)
     }
 
-    /// Moves the state of a rigid layer by one step of the midpoint rule.
+    /// Moves rigid spheres by one step of the midpoint rule.
     fn attempt_rigid(
         &mut self,
         method: &mut Midpoint<S>,
@@ -338,10 +341,10 @@ impl<S: Started> Simulation<S> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = self.settings.held_share * self.params.roughness;
         let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
-            let quality = self.stage(stage, centres, velocities)?;
+            let quality = self.evaluate(stage, centres, velocities)?;
             jammed |= quality.jammed();
             inexact |= self.is_inexact(quality);
-            let closest = self.stage.closest();
+            let closest = self.solver.closest();
             if stage.number == 0 {
                 held = closest.map_or(held, |pair| held.min(pair.gap));
             }
@@ -361,7 +364,7 @@ impl<S: Started> Simulation<S> {
             Ok(()) => {}
         }
         let end = self.cell_at(part.time + part.dt)?;
-        let closest = self.stage.resistance.closest_at(&end, &state.centres);
+        let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
             return Ok(Attempt::LowGap { jammed });

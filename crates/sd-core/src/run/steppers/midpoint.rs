@@ -9,11 +9,10 @@
 //!
 //! Contacts close and open within a step, where velocities jump and a method of higher order has no
 //! advantage. The gaps must be preserved, and two spheres that move by v2 relative to the line of
-//! centres at the step's middle keep their gap up to O(τ³). Forces at the middle hold the layer
-//! over the whole step, and so are their mean over it, including contacts that close within the
-//! step.
+//! centres at the step's middle keep their gap up to O(τ³). Forces at the middle act over the whole
+//! step, and so are their mean over it, including contacts that close within the step.
 //!
-//! A layer without contact forces moves smoothly, and is integrated by Runge-Kutta of order four.
+//! Without contact forces the motion is smooth, and integrated by Runge-Kutta of order four.
 
 use super::runge_kutta::RungeKutta;
 use super::state::{Stage, State};

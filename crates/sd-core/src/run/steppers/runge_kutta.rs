@@ -17,7 +17,7 @@ pub struct RungeKutta<S: Space = Layer> {
     centres: Vec<S::Vector>,
     /// Velocities at the stage, sphere by sphere, background included.
     velocities: Vec<f64>,
-    /// The same at the first stage.
+    /// Velocities at the first stage.
     first: Vec<f64>,
     /// Weighted mean of the velocities over the step.
     mean: Vec<f64>,

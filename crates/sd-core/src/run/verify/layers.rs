@@ -8,14 +8,14 @@ use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::linalg::dense::Matrix;
 use crate::model::{ContactScheme, Hydrodynamics, Params};
-use crate::run::instant::{Configuration, ContactRequest, solve};
+use crate::run::instant::{Configuration, InstantContacts, solve};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
 use crate::run::steppers::{RungeKutta, State};
 use crate::space::Layer;
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
-use crate::stage::{Contact as StageContact, StageSolver};
+use crate::stage::{StageContacts, StageSolver};
 
 fn params(hydrodynamics: Hydrodynamics) -> Params {
     Params {
@@ -154,7 +154,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         friction: 0.3,
         critical_load: 0.0,
     };
-    let request = ContactRequest::rigid(surface, 0.005);
+    let request = InstantContacts::rigid(surface, 0.005);
     let instant = solve(&configuration, &request, &NearFields::default())?;
     let Some(stress) = instant.stress else {
         return Ok((f64::NAN, f64::NAN));
@@ -223,7 +223,7 @@ fn shear(
         integrator.step(state, time, dt, |stage, centres, velocities| {
             let cell = cell(stage.time)?;
             motion.assemble(&cell, centres)?;
-            motion.solve(&background, &[], StageContact::None, SolvePass::First)?;
+            motion.solve(&background, &[], StageContacts::None, SolvePass::First)?;
             velocities.copy_from_slice(motion.velocities());
             for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                 u[0] += background.velocity(x).x;

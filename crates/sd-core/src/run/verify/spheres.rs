@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::scalars;
 use crate::model::Hydrodynamics;
-use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use crate::run::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use crate::run::pair::{PairScenario, PairTrajectory, pass};
 use crate::space::cell::Cell;
 use crate::space::modes::{Background, Vec2};
@@ -75,7 +75,7 @@ fn unbounded(
             forces,
             torques: vec![0.0; n],
         },
-        &ContactRequest::None,
+        &InstantContacts::None,
         &NearFields::default(),
     )
 }

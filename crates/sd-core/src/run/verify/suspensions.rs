@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::hydrodynamics::two_sphere::twist;
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, TangentialLaw};
-use crate::run::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
+use crate::run::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use crate::run::simulation::Simulation;
 use crate::space::Bulk;
 use crate::space::bulk::Background;
@@ -22,7 +22,7 @@ fn sheared(
     (side, offset): (f64, f64),
     centres: Vec<Vector3<f64>>,
     force: f64,
-    contact: &ContactRequest<Bulk>,
+    contact: &InstantContacts<Bulk>,
 ) -> Result<SolvedConfiguration<Bulk>, Error> {
     let n = centres.len();
     let configuration = Configuration {
@@ -58,7 +58,7 @@ pub(super) fn cubic_lattice(all: &mut Vec<Check>) -> Result<(), Error> {
         (side, 0.0),
         vec![Vector3::zeros()],
         1.0,
-        &ContactRequest::None,
+        &InstantContacts::None,
     )?;
     let mobility = 6.0 * PI * solved.disturbances[0][0];
     all.push(Check::near(
@@ -116,7 +116,7 @@ pub(super) fn frictional_suspension(all: &mut Vec<Check>) -> Result<(), Error> {
         ("Ball-Melrose", Hydrodynamics::BallMelrose),
         ("Stokesian Dynamics", Hydrodynamics::StokesianDynamics),
     ] {
-        let contact = ContactRequest::of_run(&params, 0.01);
+        let contact = InstantContacts::of_run(&params, 0.01);
         let centres = simulation.centres().to_vec();
         let solved = sheared(hydrodynamics, (side, offset), centres, 0.0, &contact)?;
         let Some(stress) = solved.stress else {

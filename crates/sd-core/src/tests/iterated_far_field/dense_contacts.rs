@@ -1,8 +1,8 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states
 //! of the contacts.
 
+use crate::contact::contact_pair::tangent;
 use crate::contact::laws::{COMPLIANCE, OVERLAP_CORRECTION};
-use crate::contact::pair::tangent;
 use crate::contact::{Contact, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};

@@ -3,7 +3,7 @@
 use crate::common::schemes::{rigid, schemes, spring};
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
-use sd_core::instant::{Configuration, ContactRequest, solve};
+use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::law::CustomNormalLaw;
 use sd_core::modes::{Background, Vec2};
 use sd_core::{
@@ -89,7 +89,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
             forces: vec![Vec2::zeros(); params.spheres],
             torques: vec![0.0; params.spheres],
         };
-        let request = ContactRequest::of_run(&params, 0.005);
+        let request = InstantContacts::of_run(&params, 0.005);
         let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
         let stress = instant.stress.unwrap();
         let mean: f64 = snapshot.radii.iter().sum::<f64>() / params.spheres as f64;
@@ -127,7 +127,7 @@ fn soft_becomes_rigid_as_stiffness_grows() {
             };
             let mut simulation = run(&at, 7, 149);
             let sample = simulation.step().unwrap();
-            assert!(sample.rolling + sample.slipping >= 4);
+            assert!(sample.sticking + sample.slipping >= 4);
             sample.viscosity
         };
         let limit = viscosity(hard);

@@ -84,7 +84,7 @@ fn coulomb_sticks_without_slip_inside_the_cone_and_slides_on_it() {
             .contacts[0]
         };
         let stuck = at(1.0, 1.0);
-        assert_eq!(stuck.state, ContactState::Rolling);
+        assert_eq!(stuck.state, ContactState::Sticking);
         assert!(stuck.slip_velocity.abs() < 1e-8, "{stuck:?}");
         assert!(stuck.tangential_force.abs() < stuck.normal_force);
         let sliding = at(0.1, 4.0);

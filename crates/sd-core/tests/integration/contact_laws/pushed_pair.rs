@@ -4,7 +4,7 @@ use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, ForceLaw, Laws, NormalForce};
 use sd_core::internals::{
-    ContactMemory, Resistance, Rosenbrock, SolvePass, Span, StageContact, StageKind, StageSolver,
+    ContactMemory, Resistance, Rosenbrock, SolvePass, Span, StageContacts, StageKind, StageSolver,
     State,
 };
 use sd_core::law::repulsion::ExponentialRepulsion;
@@ -36,7 +36,7 @@ pub(super) fn pushed(
     pushed_by(laws, gap, [push, shear, 0.0], time, steps, turn)
 }
 
-/// The same with a torque on the first sphere and its opposite on the second.
+/// A pushed pair with a torque on the first sphere and its opposite on the second.
 pub(super) fn pushed_by(
     laws: &Laws,
     gap: f64,
@@ -85,7 +85,7 @@ pub(super) fn pushed_by(
                     kind: [StageKind::First, StageKind::Second][stage.number],
                     first: &first,
                 };
-                let law = StageContact::Laws { laws, span, memory };
+                let law = StageContacts::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;
                 motion.solve(&Background::QUIESCENT, &external, law, SolvePass::First)?;
                 if stage.number == 0 {
@@ -164,8 +164,8 @@ fn spring_stores_what_work_leaves_over() {
             let d = (0.01 - gap).max(0.0);
             let NormalForce { law, stiffness, .. } = laws.normal;
             let contact = match law {
-                ForceLaw::Listed(NormalLaw::LinearSpring) => 0.5 * stiffness * d * d,
-                ForceLaw::Listed(NormalLaw::Hertz) => 0.4 * stiffness * d.powf(2.5),
+                ForceLaw::BuiltIn(NormalLaw::LinearSpring) => 0.5 * stiffness * d * d,
+                ForceLaw::BuiltIn(NormalLaw::Hertz) => 0.4 * stiffness * d.powf(2.5),
                 _ => 0.0,
             };
             // The pair adheres all the time: it works against the attraction where it opens.

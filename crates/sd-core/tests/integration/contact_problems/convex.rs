@@ -13,7 +13,7 @@ use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, PairForces};
-use sd_core::instant::{self, Configuration, ContactRequest};
+use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
 use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Simulation, Started};
 
@@ -101,7 +101,7 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
         torques: vec![S::Spin::default(); n],
     };
     let laws = Laws::new(params.contact.laws(), params.surface());
-    let request = ContactRequest::Laws {
+    let request = InstantContacts::Laws {
         laws,
         lubrication_gap: 0.0,
         time_span: params.time_step,

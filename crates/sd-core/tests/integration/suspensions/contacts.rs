@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Laws, PairForces};
-use sd_core::instant::{Configuration, ContactRequest, SolvedConfiguration, solve};
-use sd_core::internals::{SolvePass, Span, StageContact};
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
+use sd_core::internals::{SolvePass, Span, StageContacts};
 use sd_core::model::{SolverSettings, Surface};
 use sd_core::modes::{Background as Planar, Vec2};
 use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, TangentialLaw};
@@ -15,8 +15,8 @@ fn request<S: Space>(
     laws: &ContactLaws,
     friction: f64,
     springs: PairForces<S>,
-) -> ContactRequest<S> {
-    ContactRequest::Laws {
+) -> InstantContacts<S> {
+    InstantContacts::Laws {
         laws: Laws::new(laws, surface(friction)),
         lubrication_gap: 1e-3,
         time_span: 0.005,
@@ -103,7 +103,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
             let what = format!("{name}, {hydrodynamics:?}");
             let states = |state| layer.contacts.iter().filter(|c| c.state == state).count();
             assert!(
-                states(ContactState::Slipping) + states(ContactState::Rolling) > 3,
+                states(ContactState::Slipping) + states(ContactState::Sticking) > 3,
                 "{what} is no test"
             );
             let close = |a: f64, b: f64, scale: f64| {
@@ -255,7 +255,7 @@ fn reflections_and_rotations_that_keep_the_shear_keep_the_motion_and_the_contact
                     critical_load: 1.0,
                     ..surface(0.3)
                 };
-                let request = ContactRequest::Laws {
+                let request = InstantContacts::Laws {
                     laws: Laws::new(&choice, surface),
                     lubrication_gap: 1e-3,
                     time_span: 0.005,
@@ -351,7 +351,7 @@ fn check_disc(solved: &SolvedConfiguration<Bulk>, friction: f64) -> usize {
                 let against = t.dot(&z) / (t.norm() * z.norm());
                 assert!(1.0 - against < 1e-12, "{against}");
             }
-            ContactState::Rolling => assert!(z.norm() < 1e-8, "{:e}", z.norm()),
+            ContactState::Sticking => assert!(z.norm() < 1e-8, "{:e}", z.norm()),
             ContactState::Frictionless => assert_eq!(t.norm(), 0.0),
         }
     }
@@ -394,7 +394,7 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
             )
             .unwrap();
         stage.assemble(&cell, suspension.centres()).unwrap();
-        let contact = StageContact::Laws {
+        let contact = StageContacts::Laws {
             laws: &Laws::new(params.contact.laws(), surface(params.friction)),
             span: Span::single(params.time_step),
             memory: &mut memory,

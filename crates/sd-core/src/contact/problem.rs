@@ -24,15 +24,14 @@
 //! length, and at the bound z = λ t with λ ≥ 0. For the reduced onset f − F_crit replaces f. Where
 //! friction is not active, ρ = 0.
 //!
-//!
 //! The problem is solved by [`newton`], and where that does not converge by [`proximal`]. The
-//! linear algebra of both is [`dense`] in small layers and [`sparse`] in large ones.
+//! linear algebra of both is [`dense_system`] of few spheres and [`sparse_system`] of many.
 
-pub(crate) mod dense;
+pub(crate) mod dense_system;
 pub(crate) mod newton;
-pub(crate) mod problem;
 pub(crate) mod proximal;
-pub(crate) mod sparse;
+pub(crate) mod sparse_system;
+pub(crate) mod statement;
 
 #[cfg(test)]
 mod tests;
@@ -40,7 +39,7 @@ mod tests;
 use super::Status;
 use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use problem::{Forces, Problem, RoundoffThresholds, States, System, Violation};
+use statement::{Forces, Problem, RoundoffThresholds, States, System, Violation};
 
 /// Outcome of a contact problem.
 #[derive(Debug, Clone, Copy)]

@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 pub enum ContactState {
     /// No friction: there is no normal force, or it is below the critical load.
     Frictionless,
-    /// Friction below its limit: the force at which the isolated pair would roll, or under other
-    /// laws the force that prevents slip.
-    Rolling,
-    /// Friction at its limit: the surfaces slip.
+    /// Friction is below its bound: it prevents slip, or under roll-slip the isolated pair rolls.
+    #[serde(rename = "rolling")]
+    Sticking,
+    /// Friction is at its bound: the surfaces slip.
     Slipping,
 }
 

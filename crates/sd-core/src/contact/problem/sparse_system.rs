@@ -24,7 +24,7 @@ mod linear;
 
 use self::active::ActiveTerms;
 use self::linear::{BothMotions, Linear, Preconditioner};
-use super::problem::{
+use super::statement::{
     AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System,
     TYPICAL_MOBILITY, largest,
 };
@@ -157,10 +157,10 @@ impl<S: Fluid> SparseSystem<S> {
         let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
         if problem.uses_frictionless_slip {
             let both = &mut self.both;
-            both.multiply(linear.network, &self.velocities, &self.frictionless);
+            both.multiply(linear.resistance, &self.velocities, &self.frictionless);
             both.read(r_v, r_n);
         } else {
-            linear.network.apply(&self.velocities, r_v);
+            linear.resistance.apply(&self.velocities, r_v);
         }
         for (r, applied) in [&mut *r_v, &mut *r_n].into_iter().zip(&self.applied) {
             for (r, f) in r.iter_mut().zip(applied) {
@@ -266,7 +266,7 @@ impl<S: Fluid> SparseSystem<S> {
 /// A [`SparseSystem`] with the hydrodynamic resistance of its stage.
 pub(crate) struct SparseSystemView<'a, S: Fluid> {
     /// R as a sum over pairs.
-    pub(crate) network: &'a PairwiseResistance<S>,
+    pub(crate) resistance: &'a PairwiseResistance<S>,
     /// Sparsity pattern of its near-field part.
     pub(crate) pattern: &'a NearPattern<S>,
     /// Velocities, factors and workspace.
@@ -287,7 +287,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         let mut active = std::mem::take(&mut self.system.active);
         active.list(problem, states);
         let linear = Linear {
-            network: self.network,
+            resistance: self.resistance,
             problem,
             states,
             active: &active,
@@ -355,7 +355,7 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         problem: &Problem<S>,
         applied: AppliedForces<'_>,
     ) -> Result<Self, Error> {
-        let Some(network) = resistance.pairwise() else {
+        let Some(resistance) = resistance.pairwise() else {
             unreachable!("a sparse system requires a pairwise resistance")
         };
         let given = [applied.all, applied.frictionless];
@@ -375,13 +375,13 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
                 clippy::cast_possible_truncation,
                 reason = "sphere numbers fit 32 bits"
             )]
-            network.number_of((i as u32, j as u32))
+            resistance.number_of((i as u32, j as u32))
         });
         system.numbers.extend(numbers);
         system.is_same = false;
-        let pattern = network.pattern();
+        let pattern = resistance.pattern();
         if system.near_status == NearFieldStatus::Missing {
-            network.fill(pattern, &mut system.near);
+            resistance.fill(pattern, &mut system.near);
             system.near_status = NearFieldStatus::Matrix;
         }
         if problem.uses_frictionless_slip && system.near_status < NearFieldStatus::Factor {
@@ -395,7 +395,7 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         }
         Ok(Self {
             pattern,
-            network,
+            resistance,
             system,
             relative_tolerance: applied.relative_tolerance,
         })

@@ -7,8 +7,8 @@
 //! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
 //! ```
 
+use super::contact_pair::Contact;
 use super::laws::Span;
-use super::pair::Contact;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::space::Space;

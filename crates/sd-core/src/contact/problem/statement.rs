@@ -133,7 +133,7 @@ pub(crate) struct AppliedForces<'a> {
 }
 
 impl<'a> AppliedForces<'a> {
-    /// The same forces for both motions.
+    /// These forces for both motions, to be solved as accurately as rounding permits.
     pub(crate) fn both(forces: &'a [f64]) -> Self {
         Self {
             all: forces,
@@ -195,7 +195,7 @@ pub(crate) struct States {
     pub(crate) closed: Vec<bool>,
     /// State of each row. In a suspension both rows of a vector have the same state.
     pub(crate) friction: Vec<FrictionState>,
-    /// Linearised slip of each friction vector in a suspension; empty in a layer.
+    /// Linearised slip of each friction vector in a suspension; empty where slip has one component.
     pub(crate) slides: Vec<Slide>,
 }
 

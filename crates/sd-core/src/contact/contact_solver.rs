@@ -5,20 +5,20 @@ mod candidates;
 mod entries;
 
 use self::entries::refine;
+use super::contact_pair::Contact;
 use super::laws::{Laws, Overlap, Span};
 use super::memory::ContactMemory;
-use super::pair::Contact;
-use super::solve::dense::DenseSystem;
-use super::solve::newton::FrictionActivation;
-use super::solve::problem::{Forces, Problem};
-use super::solve::sparse::{SparseSystem, SparseSystemView};
-use super::solve::{Outcome, ProblemSolver};
+use super::problem::dense_system::DenseSystem;
+use super::problem::newton::FrictionActivation;
+use super::problem::sparse_system::{SparseSystem, SparseSystemView};
+use super::problem::statement::{Forces, Problem};
+use super::problem::{Outcome, ProblemSolver};
 use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
 
-pub(crate) use super::solve::problem::AppliedForces;
+pub(crate) use super::problem::statement::AppliedForces;
 
 /// Input of the contact problem at one stage.
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ pub enum SolvePass {
 
 /// Linear algebra of the contact problem.
 enum Backend<S: Fluid> {
-    /// Dense matrices of the contacts, for small layers.
+    /// Dense matrices of the contacts, for few spheres.
     Dense(Box<DenseSystem<S>>),
     /// A sparse factor of all spheres, for large ones.
     Sparse(Box<SparseSystem<S>>),

@@ -4,8 +4,8 @@
 //! contacts it is the set at the start of the step. The attraction is therefore treated as an
 //! external force.
 
+use super::contact_pair::Contact;
 use super::laws::{Laws, Span};
-use super::pair::Contact;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
 use crate::space::Space;

@@ -2,8 +2,8 @@
 
 use super::SparseSystem;
 use super::linear::row_of;
+use crate::contact::problem::statement::{Problem, States};
 use crate::contact::row::Row;
-use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern};
 
 impl<S: Fluid> SparseSystem<S> {
@@ -91,7 +91,7 @@ fn add_stiffness<S: Fluid>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::solve::problem::{Normal, Tangential};
+    use crate::contact::problem::statement::{Normal, Tangential};
     use crate::space::Layer;
     use crate::space::modes::Vec2;
 

@@ -1,11 +1,11 @@
 //! Conversion of the laws of the candidates to coefficients of the contact problem, and of its
 //! solution to contact forces and states.
 
+use super::super::contact_pair::ContactState;
 use super::super::laws::{COMPLIANCE, Laws, Overlap};
 use super::super::memory::ContactMemory;
-use super::super::pair::ContactState;
+use super::super::problem::statement::{self, Forces, FrictionState, Problem};
 use super::super::row::Row;
-use super::super::solve::problem::{self, Forces, FrictionState, Problem};
 use super::candidates::overlap_of;
 use super::{ContactSolver, SolvePass, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
@@ -37,7 +37,7 @@ impl<S: Fluid> ContactSolver<S> {
                 .first_reference(overlap.now, contact.normal_force);
             let [bias, compliance] = laws.normal.entry(&overlap, input.span.time, immediately);
             self.overlaps.push(overlap);
-            self.problem.normal.push(problem::Normal {
+            self.problem.normal.push(statement::Normal {
                 row: contact.normal_row(),
                 bias,
                 compliance,
@@ -95,7 +95,7 @@ impl<S: Fluid> ContactSolver<S> {
             let shifts = S::along(&directions, &shift);
             let forces = S::along(&directions, &force);
             for d in 0..S::TANGENTS {
-                self.problem.tangential.push(problem::Tangential {
+                self.problem.tangential.push(statement::Tangential {
                     contact: k,
                     row: rows(&directions[d]),
                     shift: shifts[d],
@@ -166,7 +166,7 @@ impl<S: Fluid> ContactSolver<S> {
                 contact.tangential_force = force;
                 contact.state = match state {
                     FrictionState::Inactive => ContactState::Frictionless,
-                    FrictionState::Stick => ContactState::Rolling,
+                    FrictionState::Stick => ContactState::Sticking,
                     FrictionState::SlipPositive | FrictionState::SlipNegative => {
                         ContactState::Slipping
                     }

@@ -22,7 +22,7 @@
 //! there is no admissible motion, forces grow without bound.
 
 use super::newton::FrictionActivation;
-use super::problem::{Forces, Problem, System, largest};
+use super::statement::{Forces, Problem, System, largest};
 use super::{Outcome, ProblemSolver};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};

@@ -3,8 +3,8 @@
 //! About a third of the candidates and rows is absent from the system. Testing each of them in
 //! every product would cost more than the arithmetic, as the branches are unpredictable.
 
+use crate::contact::problem::statement::{Problem, States};
 use crate::contact::row::Row;
-use crate::contact::solve::problem::{Problem, States};
 use crate::space::Space;
 
 /// A closed candidate, stored compactly, as every product reads all of them: its row consists of

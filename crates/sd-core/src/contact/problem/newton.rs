@@ -15,7 +15,7 @@
 //! fails, [`super::proximal`] takes over.
 
 use super::ProblemSolver;
-use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
+use super::statement::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
 use crate::space::Space;
 
 /// Maximum number of linear systems of one call, in a layer and in a suspension. With 60 instead of
@@ -121,7 +121,7 @@ impl<S: Space> ProblemSolver<S> {
     /// Shortens the last step to the largest of the fractions 1, ½, ¼, … at which the violation is
     /// below `previous_violation`.
     ///
-    /// In a layer the step is not shortened. Returns the violation, and whether the step is
+    /// Where slip has one component the step is not shortened. Returns the violation, and whether the step is
     /// complete.
     fn backtrack(
         &mut self,

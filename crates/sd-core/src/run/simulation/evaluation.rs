@@ -10,11 +10,11 @@ use crate::run::started::Started;
 use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
-use crate::stage::Contact;
+use crate::stage::StageContacts;
 
 impl<S: Started> Simulation<S> {
     /// One right-hand side; returns the quality of its contact problem.
-    pub(super) fn stage(
+    pub(super) fn evaluate(
         &mut self,
         stage: Stage,
         centres: &[S::Vector],
@@ -23,14 +23,14 @@ impl<S: Started> Simulation<S> {
         let cell = self.cell_at(stage.time)?;
         if stage.number == 0 {
             // This gives a run that is resumed here the same bits.
-            self.stage.begin_step();
+            self.solver.begin_step();
         }
         let quality = match &self.shear_control {
             ShearControl::Rate => self.solve(stage, &cell, centres, SolvePass::First)?,
             ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
-        let (background, solver) = (self.background, &self.stage);
+        let (background, solver) = (self.background, &self.solver);
         let spheres = S::by_sphere_mut(velocities)
             .iter_mut()
             .zip(S::by_sphere(solver.velocities()));
@@ -47,7 +47,7 @@ impl<S: Started> Simulation<S> {
 
     /// Whether contacts have forces at the stage solved last.
     pub(super) fn has_contact_forces(&self) -> bool {
-        let mut contacts = self.stage.contacts.list.iter();
+        let mut contacts = self.solver.contacts.list.iter();
         contacts.any(|contact| contact.normal_force > 0.0)
     }
 
@@ -59,7 +59,7 @@ impl<S: Started> Simulation<S> {
         centres: &[S::Vector],
         mut pass: SolvePass,
     ) -> Result<Quality, Error> {
-        let (background, solver, laws) = (self.background, &mut self.stage, &self.laws);
+        let (background, solver, laws) = (self.background, &mut self.solver, &self.laws);
         if laws.act_without_contact() {
             // They are a part of the forces, and a repulsion of the matrix.
             pass = SolvePass::First;
@@ -74,7 +74,7 @@ impl<S: Started> Simulation<S> {
                     kind: stage.kind,
                     first: &self.first,
                 };
-                let contact = Contact::Laws { laws, span, memory };
+                let contact = StageContacts::Laws { laws, span, memory };
                 let quality = solver.solve(&background, &[], contact, pass)?;
                 if stage.number == 0 {
                     // Input of a later stage of the step.
@@ -83,24 +83,34 @@ impl<S: Started> Simulation<S> {
                 }
                 Ok(quality)
             }
-            SchemeMemory::Procedure { listed, velocities } => {
+            SchemeMemory::Procedure {
+                contact_list,
+                velocities,
+            } => {
                 if pass == SolvePass::First {
                     if stage.number == 0 && !velocities.is_empty() {
                         let roughness = self.params.roughness;
-                        listed.add_approaching(
+                        contact_list.add_approaching(
                             &solver.resistance,
                             &background,
                             roughness,
                             velocities,
                         );
                     }
-                    self.listed_before.pairs.clone_from(&listed.pairs);
+                    self.contact_list_before
+                        .pairs
+                        .clone_from(&contact_list.pairs);
                 } else {
                     // A solve removes pairs from the list.
-                    listed.pairs.clone_from(&self.listed_before.pairs);
+                    contact_list
+                        .pairs
+                        .clone_from(&self.contact_list_before.pairs);
                 }
                 let surface = self.shear_control.surface(&self.params);
-                let contact = Contact::Procedure { surface, listed };
+                let contact = StageContacts::Procedure {
+                    surface,
+                    contact_list,
+                };
                 solver.solve(&background, &[], contact, pass)
             }
         }

@@ -2,8 +2,8 @@
 
 use super::active::ActiveTerms;
 use super::{MIN_COMPLIANCE, VELOCITY_WEIGHT};
+use crate::contact::problem::statement::{Problem, States};
 use crate::contact::row::Row;
-use crate::contact::solve::problem::{Problem, States};
 use crate::hydrodynamics::resistance::{
     Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
 };
@@ -11,7 +11,7 @@ use crate::space::Space;
 
 /// The data that define the linear system.
 pub(super) struct Linear<'a, S: Fluid> {
-    pub(super) network: &'a PairwiseResistance<S>,
+    pub(super) resistance: &'a PairwiseResistance<S>,
     pub(super) problem: &'a Problem<S>,
     pub(super) states: &'a States,
     pub(super) active: &'a ActiveTerms<S>,
@@ -58,9 +58,9 @@ pub(super) struct BothMotions<S: Fluid> {
 
 impl<S: Fluid> BothMotions<S> {
     /// Computes R v and R v_N.
-    pub(super) fn multiply(&mut self, network: &PairwiseResistance<S>, v: &[f64], v_n: &[f64]) {
+    pub(super) fn multiply(&mut self, resistance: &PairwiseResistance<S>, v: &[f64], v_n: &[f64]) {
         for both in [&mut self.velocities, &mut self.forces] {
-            both.resize(network.spheres(), S::each([0.0; 2]));
+            both.resize(resistance.spheres(), S::each([0.0; 2]));
         }
         let parts = S::by_sphere(v).iter().zip(S::by_sphere(v_n));
         for (both, (v, v_n)) in self.velocities.iter_mut().zip(parts) {
@@ -68,7 +68,7 @@ impl<S: Fluid> BothMotions<S> {
                 both[k] = [v[k], v_n[k]];
             }
         }
-        network.multiply(&self.velocities, &mut self.forces);
+        resistance.multiply(&self.velocities, &mut self.forces);
     }
 
     /// Copies the forces to vectors `[3N]`.
@@ -85,7 +85,7 @@ impl<S: Fluid> BothMotions<S> {
 impl<S: Fluid> Linear<'_, S> {
     /// Splits a vector into v, v_N, f and t.
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
-        let n = S::MODES * self.network.spheres();
+        let n = S::MODES * self.resistance.spheres();
         let (v, rest) = x.split_at(n);
         let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip {
             n
@@ -98,7 +98,7 @@ impl<S: Fluid> Linear<'_, S> {
 
     /// Splits a mutable vector into v, v_N, f and t.
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
-        let n = S::MODES * self.network.spheres();
+        let n = S::MODES * self.resistance.spheres();
         let (v, rest) = x.split_at_mut(n);
         let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip {
             n
@@ -114,11 +114,11 @@ impl<S: Fluid> Linear<'_, S> {
         let [v, v_n, _, _] = self.split(x);
         let [y_v, y_n, y_f, y_t] = self.split_mut(y);
         if self.problem.uses_frictionless_slip {
-            both.multiply(self.network, v, v_n);
+            both.multiply(self.resistance, v, v_n);
             self.add_contacts(x, &mut both.forces, y_f, y_t);
             both.read(y_v, y_n);
         } else {
-            self.network.apply(v, y_v);
+            self.resistance.apply(v, y_v);
             self.add_contacts(x, side_by_side_mut::<S>(y_v), y_f, y_t);
         }
     }

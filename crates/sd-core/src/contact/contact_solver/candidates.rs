@@ -1,8 +1,8 @@
 //! Selection of the pairs that take part in a contact problem.
 
+use super::super::contact_pair::Contact;
 use super::super::laws::Overlap;
 use super::super::memory::WarmStart;
-use super::super::pair::Contact;
 use super::{ContactSolver, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
 

@@ -1,7 +1,7 @@
 //! The conditions of the contact problem on random networks, under every law.
 
 use super::newton::FrictionActivation;
-use super::problem::{
+use super::statement::{
     Forces, FrictionState, Normal, Problem, RoundoffThresholds, States, System, Tangential, largest,
 };
 use super::{Outcome, ProblemSolver};

@@ -1,4 +1,4 @@
-//! The contact problem of small layers: with a factored `R_FU`, it is reduced to dense matrices of
+//! The contact problem of few spheres: with a factored `R_FU`, it is reduced to dense matrices of
 //! the contacts.
 //!
 //! ```text
@@ -11,7 +11,9 @@
 //! sticking rows, the linear system of an active set is symmetric except for the columns of
 //! slipping contacts, whose friction is proportional to the load: `t = ±ν (f − f₀)`.
 
-use super::problem::{Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest};
+use super::statement::{
+    Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
+};
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::Matrix;
