@@ -27,9 +27,11 @@ mod structure;
 mod submit;
 mod tables;
 mod verify;
+mod words;
 
 use crate::error::{Error, ErrorRenderer};
 use crate::model::case::PHYSICS_VERSION;
+use crate::report::ReportError;
 use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
 use clap::{Parser, Subcommand, ValueEnum};
@@ -234,11 +236,23 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
         Command::Man(arguments) => man::execute(&arguments, &mut output),
-    }?;
+    }
+    .map_err(with_flag)?;
     match output.out.flush() {
         // The reader closed standard output; the exit code stays that of the command.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(code),
         flushed => Ok(flushed.map(|()| code)?),
+    }
+}
+
+/// An error about an option of a report, with the option as it is written here.
+fn with_flag(error: Error) -> Error {
+    match error {
+        Error::Report(ReportError::Argument { option, message }) => Error::Option {
+            flag: format!("--{}", option.replace('_', "-")),
+            message,
+        },
+        other => other,
     }
 }
 

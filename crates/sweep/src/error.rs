@@ -89,6 +89,14 @@ pub enum Error {
         /// What is wrong, and what is allowed.
         message: String,
     },
+    /// An option of the command line that a report refused.
+    #[error("{flag}: {message}")]
+    Option {
+        /// The option with its dashes.
+        flag: String,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
     /// A computation of the solver that was refused or failed.
     #[error("{0}")]
     Physics(#[from] sd_core::Error),

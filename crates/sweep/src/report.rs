@@ -27,10 +27,8 @@ pub use crate::measure::sampled::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
 pub use failures::FailureGroup;
-pub(crate) use figure::chart;
 pub use figure::{
-    Drawing, Format, Graph, Intervals, Kind, LegendPlace, Length, Look, Outline, Quantity, Range,
-    Style, Trace, draw, draw_graphs, outline, traces,
+    Drawing, Graph, Kind, Outline, Quantity, Trace, draw, draw_graphs, outline, traces,
 };
 pub use fit::FitReport;
 pub use json::write as write_json;
@@ -39,6 +37,7 @@ pub use points::{Point, Report};
 pub(crate) use runs::about;
 pub use runs::{TableFormat, sample_table};
 pub use segments::SegmentReport;
+pub(crate) use selection::range;
 pub use selection::{Excerpt, Selection};
 pub(crate) use sheet::room;
 pub(crate) use sheet::write_latex;

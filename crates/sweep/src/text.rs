@@ -1,4 +1,5 @@
 //! Text for people: formatted numbers, times and sizes, without control sequences of terminals.
 
+pub(crate) mod choices;
 pub mod format;
 pub(crate) mod visible;

@@ -1,10 +1,11 @@
 //! `sweep draw`.
 
 use super::Output;
-use super::output_file::{check_outputs, format_of, save};
+use super::output_file::{check_outputs, check_picture, save};
 use super::place::StoreArguments;
+use super::words::choice;
 use crate::error::Error;
-use crate::report::{Format, Range, SphereColour, SphereView, draw_spheres};
+use crate::report::{SphereColour, SphereView, draw_spheres, range};
 use crate::system::exit;
 use crate::text::format::significant;
 use std::path::{Path, PathBuf};
@@ -17,8 +18,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \
-                  sweep draw results/quickstart.sqlite 3f9a --colour cluster --out layer.png\n  \
-                  sweep draw suspension.sqlite 1 --slab 0..4 --out slab.pdf"
+                  sweep draw results/quickstart.sqlite 3f9a --colour cluster --out clusters.svg\n  \
+                  sweep draw suspension.sqlite 1 --slab 0..4 --out slab.svg"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -29,14 +30,25 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "STRAIN")]
     strain: Option<f64>,
     /// Quantity that colours the spheres
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = choice::<SphereColour>(), default_value = "pressure")]
     colour: SphereColour,
     /// In a suspension, draw only spheres with centres at z in this range, in a
-    #[arg(long, value_name = "FROM..TO")]
-    slab: Option<Range>,
-    /// Output file: FILE.svg, FILE.pdf or FILE.png [default: SVG on standard output]
+    #[arg(long, value_name = "FROM..TO", value_parser = slab)]
+    slab: Option<[f64; 2]>,
+    /// Output file: FILE.svg [default: standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+}
+
+/// Reads the ends of a slab.
+fn slab(text: &str) -> Result<[f64; 2], String> {
+    range(text)
+        .filter(|[low, high]| low.is_finite() && high.is_finite() && low < high)
+        .ok_or_else(|| {
+            format!(
+                "{text:?} is not a range: write the lower end, two dots, the upper end, as in 0..4"
+            )
+        })
 }
 
 /// Writes the picture.
@@ -44,19 +56,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let path = arguments.out.as_deref().unwrap_or(Path::new("-"));
     let inputs: Vec<_> = arguments.place.files().collect();
     check_outputs(&[("--out", &Some(path.to_owned()))], &inputs, output)?;
+    check_picture("--out", arguments.out.as_ref())?;
     let to_file = path.as_os_str() != "-";
-    let format = if to_file {
-        format_of("--out", path)?
-    } else {
-        Format::Svg
-    };
     let store = arguments.place.open(output)?;
     let view = SphereView {
         strain: arguments.strain,
         colour: arguments.colour,
         slab: arguments.slab,
     };
-    let picture = draw_spheres(&store, &arguments.case, view, format)?;
+    let picture = draw_spheres(&store, &arguments.case, view)?;
     save(path, &picture.file, output)?;
     if output.json {
         output.json(&serde_json::json!({

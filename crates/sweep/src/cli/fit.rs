@@ -1,7 +1,7 @@
 //! `sweep fit`.
 
 use super::Output;
-use super::output_file::{check_outputs, format_of, save};
+use super::output_file::{check_outputs, check_picture, save};
 use super::place::StoreArguments;
 use crate::data::csv_rows;
 use crate::error::Error;
@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     /// Replicates of the bootstrap; 0 for no intervals
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     replicates: u32,
-    /// Draw viscosities and fit against the stress: FILE.svg, FILE.pdf or FILE.png
+    /// Draw viscosities and fit against the stress: FILE.svg
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
     /// Write every point with its viscosity, the fitted viscosity and the residual
@@ -43,12 +43,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let files = [("--csv", &arguments.csv), ("--figure", &arguments.figure)];
     let inputs: Vec<_> = arguments.place.files().collect();
     check_outputs(&files, &inputs, output)?;
-    let format = arguments.figure.as_deref();
-    let format = format.map(|path| format_of("--figure", path)).transpose()?;
+    check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = FitReport::of(&store, &selection, arguments.replicates as usize)?;
-    if let (Some(path), Some(format)) = (&arguments.figure, format) {
-        save(path, &report.draw(format)?, output)?;
+    if let Some(path) = &arguments.figure {
+        save(path, &report.draw()?, output)?;
     }
     if let Some(path) = &arguments.csv {
         let heads = [

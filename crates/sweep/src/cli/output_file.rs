@@ -4,7 +4,7 @@
 use super::Output;
 use crate::data::{self, DataColumn, write_parquet};
 use crate::error::Error;
-use crate::report::{Format, ReportError, about};
+use crate::report::{ReportError, about};
 use crate::system::files::write_whole;
 use std::io::{self, BufWriter, Read as _, Write};
 use std::os::unix::fs::MetadataExt as _;
@@ -46,6 +46,27 @@ pub(crate) fn check_outputs(
         return Err(Error::Argument { argument, message });
     }
     Ok(())
+}
+
+/// Checks the name of a picture.
+///
+/// # Errors
+/// [`Error::Argument`] on another ending than that of SVG.
+pub(crate) fn check_picture(argument: &'static str, path: Option<&PathBuf>) -> Result<(), Error> {
+    let is_svg = |path: &PathBuf| {
+        let ending = path.extension();
+        path.as_os_str() == "-" || ending.is_some_and(|ending| ending.eq_ignore_ascii_case("svg"))
+    };
+    match path.filter(|path| !is_svg(path)) {
+        None => Ok(()),
+        Some(path) => Err(Error::Argument {
+            argument,
+            message: format!(
+                "a name that ends with .svg, not {}; rsvg-convert, Inkscape or `Store.plot` of Python make PDF and PNG",
+                path.display()
+            ),
+        }),
+    }
 }
 
 /// Whether two paths lead to one file.
@@ -145,9 +166,4 @@ pub(crate) fn save_table(
         save(&path.with_extension("units.csv"), &bytes, output)?;
     }
     Ok(())
-}
-
-/// The format of a figure by the ending of its file.
-pub(crate) fn format_of(argument: &'static str, path: &Path) -> Result<Format, Error> {
-    Format::of_file(path).map_err(|message| Error::Argument { argument, message })
 }

@@ -1,7 +1,7 @@
 //! `sweep pair`.
 
 use super::Output;
-use super::output_file::{check_outputs, format_of, save};
+use super::output_file::{check_outputs, check_picture, save};
 use crate::error::Error;
 use crate::near_field_cache;
 use crate::report::{draw_graphs, table};
@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X", default_value_t = 5.0)]
     start: f64,
     /// Draw the paths of both centres
-    #[arg(long, value_name = "FILE.svg|pdf|png")]
+    #[arg(long, value_name = "FILE.svg")]
     figure: Option<PathBuf>,
     /// Time step, in viscosity times radius squared over force
     #[arg(long, value_name = "T", default_value_t = 0.05)]
@@ -85,13 +85,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         time_step: arguments.time_step,
     };
     check_outputs(&[("--figure", &arguments.figure)], &[], output)?;
-    let format = arguments.figure.as_deref();
-    let format = format.map(|path| format_of("--figure", path)).transpose()?;
+    check_picture("--figure", arguments.figure.as_ref())?;
     let passed = pass(&scenario, &tables)?;
-    if let (Some(path), Some(format)) = (&arguments.figure, format) {
+    if let Some(path) = &arguments.figure {
         let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();
         let graphs = [("first sphere", path_of(1)), ("second sphere", path_of(4))];
-        let drawn = draw_graphs(&graphs, ["x / a", "y / a"], format, "two spheres that pass")?;
+        let drawn = draw_graphs(&graphs, ["x / a", "y / a"], "two spheres that pass");
         save(path, &drawn, output)?;
     }
     if output.json {

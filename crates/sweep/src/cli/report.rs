@@ -32,8 +32,8 @@ use std::path::PathBuf;
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
-                  sweep report results/figure-11.sqlite --figure contacts.png --kind contacts --where shear_rate=inf\n  \
-                  sweep report sweeps/quickstart.toml --figure curves.pdf --width 180mm --legend right --intervals bands\n  \
+                  sweep report results/figure-11.sqlite --figure contacts.svg --kind contacts --where shear_rate=inf\n  \
+                  sweep report results/figure-15.sqlite --figure panels.svg --panels area_fraction\n  \
                   sweep report results/figure-14.sqlite results/figure-15.sqlite --figure both.svg\n  \
                   sweep report sweeps/quickstart.toml --runs runs.parquet --samples samples.csv\n  \
                   sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si --latex -\n  \
@@ -112,7 +112,7 @@ type Writer<'w> = &'w dyn Fn(&mut Vec<u8>) -> Result<(), ReportError>;
 
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let asked = arguments.drawn.asked()?;
+    let asked = arguments.drawn.request()?;
     let one_by_one = one_by_one::asked(
         arguments.files.runs.as_deref(),
         arguments.files.samples.as_deref(),

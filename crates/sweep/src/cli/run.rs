@@ -4,6 +4,7 @@ mod task;
 
 use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
+use super::words::choice;
 use crate::cluster::jobs::jobs;
 use crate::cluster::task::Part;
 use crate::error::Error;
@@ -77,7 +78,7 @@ pub(crate) struct Arguments {
     priority: Vec<String>,
     /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a
     /// terminal, else lines]
-    #[arg(long, value_name = "HOW")]
+    #[arg(long, value_name = "HOW", value_parser = choice::<Style>())]
     progress: Option<Style>,
     /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error,
     /// SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file

@@ -1,7 +1,7 @@
 //! `sweep segments`.
 
 use super::Output;
-use super::output_file::{check_outputs, format_of, save, save_table};
+use super::output_file::{check_outputs, check_picture, save, save_table};
 use super::place::StoreArguments;
 use crate::error::Error;
 use crate::report::{SegmentReport, Selection, Shape};
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     /// The same as Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// Draw η′ and η″ against the amplitude of the oscillations: FILE.svg, FILE.pdf or FILE.png
+    /// Draw η′ and η″ against the amplitude of the oscillations: FILE.svg
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
 }
@@ -50,12 +50,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     ];
     let inputs: Vec<_> = arguments.place.files().collect();
     check_outputs(&files, &inputs, output)?;
-    let format = arguments.figure.as_deref();
-    let format = format.map(|path| format_of("--figure", path)).transpose()?;
+    check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = SegmentReport::of(&store, &selection)?;
-    if let (Some(path), Some(format)) = (&arguments.figure, format) {
-        save(path, &report.draw(format)?, output)?;
+    if let Some(path) = &arguments.figure {
+        save(path, &report.draw()?, output)?;
     }
     for (path, is_parquet) in [(&arguments.csv, false), (&arguments.parquet, true)] {
         if let Some(path) = path {

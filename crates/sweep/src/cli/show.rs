@@ -4,12 +4,9 @@ use super::Output;
 use super::place::StoreArguments;
 use crate::error::Error;
 use crate::model::axes::AXES;
-use crate::report::{Starts, chart};
+use crate::report::Starts;
 use crate::system::exit;
 use crate::text::format::{duration, significant};
-
-/// Columns of the chart where the output is not a terminal.
-const WIDTH: u16 = 78;
 
 /// Show one run: parameters, trace, counters, provenance, error
 ///
@@ -32,7 +29,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.json(&details)?;
         return Ok(exit::DONE);
     }
-    let width = output.width.unwrap_or(WIDTH).clamp(40, 120);
     let out = &mut *output.out;
     let number = details.number.map_or_else(
         || "no longer in the campaign file".into(),
@@ -67,16 +63,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             .or(details.wall_time_s)
             .map_or_else(String::new, |s| format!(", {} of computing", duration(s))),
     )?;
-    let trace: Vec<(f64, f64)> = details
-        .samples
-        .iter()
-        .map(|(_, s)| (s.strain, s.viscosity))
-        .filter(|(_, viscosity)| viscosity.is_finite())
-        .collect();
-    if trace.len() > 1 {
-        writeln!(out, "\n{}", chart(&trace, width))?;
+    if let Some((_, last)) = details.samples.last() {
+        writeln!(
+            out,
+            "{} samples, the last at strain {:.3} with viscosity {} (`sweep report FILE --figure trace.svg --kind trace --case {}` draws them)",
+            details.samples.len(),
+            last.strain,
+            significant(last.viscosity, 4),
+            &details.key[..8]
+        )?;
     } else {
-        writeln!(out, "no trace yet")?;
+        writeln!(out, "no samples yet")?;
     }
     if let Some((_, last)) = details.samples.last() {
         let c = &last.counters;

@@ -1,8 +1,9 @@
 //! `sweep structure`.
 
 use super::Output;
-use super::output_file::{check_outputs, format_of, save, save_table};
+use super::output_file::{check_outputs, check_picture, save, save_table};
 use super::place::StoreArguments;
+use super::words::choice;
 use crate::error::Error;
 use crate::report::{Selection, Shape, StructureKind, StructureReport};
 use crate::system::exit;
@@ -41,11 +42,11 @@ pub(crate) struct Arguments {
     /// Write all curves, one row per bin: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE")]
     curves: Option<PathBuf>,
-    /// Draw one of the curves of every point: FILE.svg, FILE.pdf or FILE.png
+    /// Draw one of the curves of every point: FILE.svg
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
     /// Curve of the figure
-    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    #[arg(long, value_parser = choice::<StructureKind>(), default_value = "pair-distribution", requires = "figure")]
     kind: StructureKind,
 }
 
@@ -60,8 +61,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     ];
     let inputs: Vec<_> = arguments.place.files().collect();
     check_outputs(&files, &inputs, output)?;
-    let format = arguments.figure.as_deref();
-    let format = format.map(|path| format_of("--figure", path)).transpose()?;
+    check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = StructureReport::of(&store, &selection, arguments.case.as_deref())?;
     let name = store.campaign_name()?;
@@ -76,8 +76,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         let is_parquet = path.extension().is_some_and(|ending| ending == "parquet");
         save_table(&report.curves(), names, path, is_parquet, output)?;
     }
-    if let (Some(path), Some(format)) = (&arguments.figure, format) {
-        save(path, &report.draw(arguments.kind, format)?, output)?;
+    if let Some(path) = &arguments.figure {
+        save(path, &report.draw(arguments.kind)?, output)?;
     }
     if output.json {
         output.json(&report.json())?;

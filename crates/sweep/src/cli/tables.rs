@@ -1,5 +1,6 @@
 //! The arguments of tables for people, shared by all commands.
 
+use super::words::choice;
 use crate::report::{NumberFormat, Shape};
 use std::path::PathBuf;
 
@@ -14,7 +15,7 @@ pub(crate) struct TableArguments {
     #[arg(long)]
     wide: bool,
     /// Format of numbers with an interval, on the screen and in LaTeX
-    #[arg(long, value_enum, default_value_t, hide_short_help = true)]
+    #[arg(long, value_parser = choice::<NumberFormat>(), default_value = "plain", hide_short_help = true)]
     format: NumberFormat,
     /// Write a LaTeX table, `-` for standard output
     #[arg(long, value_name = "FILE", hide_short_help = true)]

@@ -1,7 +1,7 @@
 //! Values on an axis as text: in the units of a report, with as few digits as distinguish different
 //! values.
 
-use super::figure::log_axis::power_of_ten;
+use super::figure::scale::power_of_ten;
 use super::points::Report;
 use super::sheet::{Head, NumberFormat, SheetColumn};
 use super::starts::Starts;

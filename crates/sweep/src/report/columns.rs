@@ -165,7 +165,7 @@ impl Columns {
                     let known: Vec<&str> = measured.map(|column| column.name.as_ref()).collect();
                     let known = known.join(", ");
                     return Err(ReportError::argument(
-                        "--columns",
+                        "columns",
                         format!("no column is called {name:?}; besides the axes there are {known}"),
                     ));
                 }

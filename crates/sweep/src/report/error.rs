@@ -11,11 +11,14 @@ pub enum ReportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// An invalid argument.
-    #[error("{}{message}", before(argument))]
+    /// A request that cannot be met.
+    #[error("{0}")]
+    Refused(String),
+    /// An invalid option.
+    #[error("{option}: {message}")]
     Argument {
-        /// The argument of the command line.
-        argument: &'static str,
+        /// Name of the option, with underscores.
+        option: &'static str,
         /// What is wrong, and what is allowed.
         message: String,
     },
@@ -25,19 +28,11 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// The error about an argument.
-    pub(super) fn argument(argument: &'static str, message: impl Into<String>) -> Self {
+    /// The error about an option.
+    pub(super) fn argument(option: &'static str, message: impl Into<String>) -> Self {
         Self::Argument {
-            argument,
+            option,
             message: message.into(),
         }
-    }
-}
-
-/// Prefix of a message: the argument, unless it is the file, which is not an option.
-fn before(argument: &str) -> String {
-    match argument {
-        "FILE" => String::new(),
-        option => format!("{option}: "),
     }
 }

@@ -1,39 +1,31 @@
-//! Figures: content and file formats.
+//! Figures: their content, and its one form, from which all of them are drawn.
 //!
 //! ```text
-//! sketch      points of reports as lines of panels
-//! outline     the sketch with colours, ends and ticks of axes: all that another program needs to draw it
-//! layout      the outline, or a picture of the plane of shear, as paths and texts on a page
-//! svg, png, pdf   the page as a file with its origin
-//! graph       paths that are no results of a campaign
-//! chart       a trace in characters, for the terminal
+//! data       points of reports, or runs in time, as series of points
+//! outline    the data with colours, ends and ticks of axes: what this program and others draw
+//! layout     positions on the page
+//! svg        shapes and texts as a file with its origin
+//! graph      curves that are not points of a campaign
+//! plane      a square of the plane of flow and gradient
 //! ```
 
-mod chart;
+mod data;
+mod diagram;
 mod font;
 mod graph;
 mod layout;
-mod legend;
-pub(super) mod log_axis;
-mod look;
 mod origin;
 mod outline;
 pub(super) mod palette;
-mod pdf;
-mod png;
+mod plane;
 pub(super) mod scale;
-mod scene;
-mod sketch;
 mod svg;
 
-pub(crate) use chart::chart;
 pub(super) use graph::{FitCurve, draw_fit, draw_graphs_of};
 pub use graph::{Graph, draw_graphs};
-pub(super) use layout::{Key, Mark, Picture};
-use look::axis_among;
-pub use look::{Intervals, LegendPlace, Length, Look, Range, Style};
 pub(super) use origin::Origin;
 pub use outline::Outline;
+pub(super) use plane::{Key, Mark, PlanePicture, draw_plane};
 
 use super::error::ReportError;
 use super::points::{Report, selected_runs};
@@ -41,117 +33,57 @@ use super::selection::Selection;
 use crate::measure::Estimate;
 use crate::model::axes::{Axis, Identity, identity};
 use crate::store::{PointRun, Store};
+use crate::text::choices::choices;
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
-use scene::Page;
 use sd_core::Params;
-use sketch::Sketch;
 use std::collections::BTreeMap;
-use std::path::Path;
 
-/// Kind of a figure.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Kind {
-    /// Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit
-    /// dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension.
-    #[default]
-    Viscosity,
-    /// Pairs in contact, activated, rolling and slipping, per sphere.
-    Contacts,
-    /// Viscosity against the strain since the start, mean over the finished runs of a point with
-    /// the 95 % Student interval over runs as a band.
-    Trace,
-    /// First normal stress difference with 95 % intervals.
-    NormalStress,
-    /// Second normal stress difference.
-    SecondNormalStress,
-    /// Particle pressure of contacts and repulsion.
-    ParticlePressure,
-    /// Shear stress σ* against shear rate Γ, whichever of them is imposed.
-    FlowCurve,
-    /// Mean approach velocity of the pairs in contact.
-    ApproachVelocity,
-    /// State of the flow in the plane of --x and --y: continuous, discontinuous, shear-jammed,
-    /// jammed, failed.
-    StateDiagram,
+choices! {
+    /// Kind of a figure.
+    Kind {
+        Viscosity = "viscosity", "Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension";
+        Contacts = "contacts", "Pairs in contact, activated, rolling and slipping, per sphere";
+        Trace = "trace", "Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band";
+        NormalStress = "normal-stress", "First normal stress difference with 95 % intervals";
+        SecondNormalStress = "second-normal-stress", "Second normal stress difference";
+        ParticlePressure = "particle-pressure", "Particle pressure of contacts and repulsion";
+        FlowCurve = "flow-curve", "Shear stress σ* against shear rate Γ, whichever of them is imposed";
+        ApproachVelocity = "approach-velocity", "Mean approach velocity of the pairs in contact";
+        StateDiagram = "state-diagram", "State of the flow in the plane of two axes: continuous, discontinuous, shear-jammed, jammed, failed";
+    }
 }
 
-/// The viscosity of a figure, by the names of the columns of tables.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Quantity {
-    /// In full, contact stress included.
-    #[default]
-    #[value(name = "viscosity")]
-    Viscosity,
-    /// From the stresslets alone, as eq. (20) of the paper reads.
-    #[value(name = "viscosity_stresslet")]
-    ViscosityStresslet,
-    /// Median over runs of their medians in time, insensitive to spikes near jamming, with the
-    /// quartiles over runs.
-    #[value(name = "viscosity_median")]
-    ViscosityMedian,
+choices! {
+    /// The viscosity of a figure, by the names of the columns of tables.
+    Quantity {
+        Viscosity = "viscosity", "In full, contact stress included";
+        ViscosityStresslet = "viscosity_stresslet", "From the stresslets alone, as eq. (20) of the paper reads";
+        ViscosityMedian = "viscosity_median", "Median over runs of their medians in time, insensitive to spikes near jamming, with the quartiles over runs";
+    }
 }
 
 /// Options of a figure.
-#[derive(Debug, Clone, Default, clap::Args)]
+#[derive(Debug, Clone, Default)]
 pub struct Drawing {
-    /// Kind of the figure
-    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    /// Its kind.
     pub kind: Kind,
-    /// Viscosity of the figure [default: viscosity]
-    #[arg(long, value_enum, requires = "figure", hide_short_help = true)]
-    pub quantity: Option<Quantity>,
-    /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate
-    /// where it varies; for contacts the friction]
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
+    /// The viscosity that it shows.
+    pub quantity: Quantity,
+    /// Horizontal axis; by default the shear rate where it varies, for contacts the friction.
     pub along: Option<&'static Axis>,
-    /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of
-    /// suspensions]
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    /// Horizontal axis of a state diagram; by default the fraction.
     pub x: Option<&'static Axis>,
-    /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]
-    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_of_shear), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    /// Vertical axis of a state diagram; by default what is imposed.
     pub y: Option<&'static Axis>,
-    /// Its style.
-    #[command(flatten)]
-    pub look: Look,
-}
-
-/// Format of a figure, by the ending of its file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
-    /// Vector, for the web and for drawing programs.
-    Svg,
-    /// Vector, for papers.
-    Pdf,
-    /// Raster.
-    Png,
-}
-
-impl Format {
-    /// The format by the name of a file.
-    ///
-    /// # Errors
-    /// A message, on another ending.
-    pub fn of_file(path: &Path) -> Result<Self, String> {
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        let found =
-            ending.and_then(|ending| <Self as clap::ValueEnum>::from_str(ending, true).ok());
-        found.ok_or_else(|| {
-            format!(
-                "a name that ends with .svg, .pdf or .png, not {}",
-                path.display()
-            )
-        })
-    }
+    /// An axis with a panel for each of its values.
+    pub panels: Option<&'static Axis>,
 }
 
 /// A run in time, or the mean over runs of a point.
 #[derive(Debug)]
 pub struct Trace {
-    /// Its campaign.
     campaign: String,
-    /// Its parameters.
     params: Params,
     /// Its seed, of one run.
     seed: Option<u64>,
@@ -277,21 +209,7 @@ pub(super) fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(
         .collect()
 }
 
-/// Draws a figure: of reports, or of traces.
-///
-/// # Errors
-/// [`ReportError::Argument`] if there is nothing to draw, or too much.
-pub fn draw(
-    reports: &[Report],
-    traces: &[Trace],
-    drawing: &Drawing,
-    format: Format,
-) -> Result<Vec<u8>, ReportError> {
-    let sketch = sketch::sketch(reports, traces, drawing, true)?;
-    drawn(&sketch, &drawing.look, &Origin::of(reports), format)
-}
-
-/// The same figure for another program: in one panel unless several are requested.
+/// The outline of a figure of reports, or of traces.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
@@ -300,43 +218,25 @@ pub fn outline(
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    let sketch = sketch::sketch(reports, traces, drawing, false)?;
-    Outline::of(&sketch, &drawing.look)
+    Ok(Outline::of(&data::figure_data(reports, traces, drawing)?))
 }
 
-/// Draws a sketch.
-fn drawn(
-    sketch: &Sketch,
-    look: &Look,
-    origin: &Origin,
-    format: Format,
+/// Draws a figure of reports, or of traces, as SVG.
+///
+/// # Errors
+/// [`ReportError::Argument`] if there is nothing to draw, or too much.
+pub fn draw(
+    reports: &[Report],
+    traces: &[Trace],
+    drawing: &Drawing,
 ) -> Result<Vec<u8>, ReportError> {
-    let page = layout::page(&Outline::of(sketch, look)?);
-    file(&page, look.style.dpi, format, origin)
-}
-
-/// Writes a picture of the plane of shear as a file.
-pub(super) fn draw_picture(
-    picture: &Picture,
-    origin: &Origin,
-    format: Format,
-) -> Result<Vec<u8>, ReportError> {
-    let page = layout::picture(picture)?;
-    file(&page, Style::default().dpi, format, origin)
-}
-
-/// Writes a page as a file.
-fn file(page: &Page, dpi: u32, format: Format, origin: &Origin) -> Result<Vec<u8>, ReportError> {
-    match format {
-        Format::Svg => Ok(svg::write(page, origin)),
-        Format::Pdf => pdf::write(page, origin).map_err(refused),
-        Format::Png => png::write(page, dpi, origin).map_err(refused),
-    }
+    let outline = outline(reports, traces, drawing)?;
+    Ok(layout::draw(&outline, &Origin::of(reports)))
 }
 
 /// The error about the figure.
 fn refused(message: impl Into<String>) -> ReportError {
-    ReportError::argument("--figure", message)
+    ReportError::argument("figure", message)
 }
 
 #[cfg(test)]

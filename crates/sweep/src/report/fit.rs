@@ -1,7 +1,7 @@
 //! The Wyart-Cates model fitted to a campaign.
 
 use super::error::ReportError;
-use super::figure::{FitCurve, Format, Origin, draw_fit};
+use super::figure::{FitCurve, Origin, draw_fit};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::data::Tag;
@@ -72,7 +72,7 @@ impl FitReport {
             .collect();
         check_number(&data)?;
         let fit = fit(&data, replicates).ok_or_else(|| {
-            refused("no parameters of the model describe these points: the viscosity must not decrease with the stress".into())
+            ReportError::Refused("no parameters of the model describe these points: the viscosity must not decrease with the stress".into())
         })?;
         Ok(Self {
             origin: Origin::of(std::slice::from_ref(&report)),
@@ -161,7 +161,7 @@ impl FitReport {
     ///
     /// # Errors
     /// [`ReportError::Argument`] if there are more fractions than a figure holds.
-    pub fn draw(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+    pub fn draw(&self) -> Result<Vec<u8>, ReportError> {
         let mut fractions: Vec<f64> = self.data.iter().map(|datum| datum.fraction).collect();
         fractions.sort_by(f64::total_cmp);
         fractions.dedup();
@@ -188,7 +188,6 @@ impl FitReport {
         draw_fit(
             &curves.collect::<Vec<_>>(),
             ["shear stress σ* (F_crit/a²)", "relative viscosity η"],
-            format,
             &self.origin,
         )
     }
@@ -210,10 +209,6 @@ fn fraction_key(params: &Params) -> &'static str {
     } else {
         "area_fraction"
     }
-}
-
-fn refused(message: String) -> ReportError {
-    ReportError::argument("FILE", message)
 }
 
 /// Refuses points that differ in more than fraction and shear. A frictionless plateau belongs to
@@ -241,7 +236,7 @@ fn check(params: &[Params]) -> Result<(), ReportError> {
         return Ok(());
     }
     Err(ReportError::argument(
-        "--where",
+        "where",
         format!(
             "a fit needs points that differ only in area fraction and shear, and {}: choose one value of each with --where",
             named.join("; ")
@@ -261,7 +256,7 @@ fn check_number(data: &[Datum]) -> Result<(), ReportError> {
     if data.len() >= MIN_POINTS && fractions >= MIN_FRACTIONS && stresses >= MIN_STRESSES {
         return Ok(());
     }
-    Err(refused(format!(
+    Err(ReportError::Refused(format!(
         "a fit of {PARAMETERS} parameters needs at least {MIN_POINTS} points with results, at {MIN_FRACTIONS} area or volume fractions and \
          {MIN_STRESSES} stresses or rates; here are {} points at {fractions} and {stresses}",
         data.len()

@@ -23,7 +23,7 @@ use std::io::Write;
 const ROWS: usize = 50_000;
 
 /// Format of a table, by the ending of its file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableFormat {
     /// Comma-separated values.
     Csv,

@@ -4,7 +4,7 @@ use super::axis_words::columns_of_axes;
 use super::columns::point_row;
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Format, Origin, draw_graphs_of, mean_trace};
+use super::figure::{Origin, draw_graphs_of, mean_trace};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
@@ -197,9 +197,8 @@ impl SegmentReport {
         let (report, runs, places) = Report::with_runs(store, selection)?;
         let segments = store.protocol()?.segments;
         if segments.is_empty() {
-            return Err(ReportError::argument(
-                "FILE",
-                "the campaign has no segments: [[protocol.segment]] in its file defines them, see docs/protocols.md",
+            return Err(ReportError::Refused(
+                "the campaign has no segments: [[protocol.segment]] in its file defines them, see docs/protocols.md".into(),
             ));
         }
         let mut of_point: Vec<Vec<Vec<RunSegment>>> =
@@ -223,9 +222,8 @@ impl SegmentReport {
             }
         }
         if rows.is_empty() {
-            return Err(ReportError::argument(
-                "FILE",
-                "no run of these points is finished without doubtful numbers",
+            return Err(ReportError::Refused(
+                "no run of these points is finished without doubtful numbers".into(),
             ));
         }
         Ok(Self {
@@ -432,14 +430,14 @@ impl SegmentReport {
     ///
     /// # Errors
     /// [`ReportError::Argument`] without two oscillations, or with more points than a figure holds.
-    pub fn draw(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+    pub fn draw(&self) -> Result<Vec<u8>, ReportError> {
         let amplitudes = self
             .segments
             .iter()
             .filter_map(|segment| segment.imposed.amplitude);
         if amplitudes.count() < 2 {
             return Err(ReportError::argument(
-                "--figure",
+                "figure",
                 "η′ and η″ are drawn against the amplitude of at least two oscillations; for the viscosity in time write `sweep report FILE \
                  --segment NUMBER --figure NAME --kind trace`",
             ));
@@ -485,13 +483,8 @@ impl SegmentReport {
             .map(|(label, spots)| (label.as_str(), spots.clone()))
             .collect();
         let origin = Origin::of(std::slice::from_ref(&self.report));
-        draw_graphs_of(
-            &graphs,
-            ["amplitude γ0", "η′, η″ (mu)"],
-            false,
-            format,
-            &origin,
-        )
+        let axes = ["amplitude γ0", "η′, η″ (mu)"];
+        Ok(draw_graphs_of(&graphs, axes, false, &origin))
     }
 }
 

@@ -190,7 +190,7 @@ impl fmt::Display for RequestedValue {
 }
 
 /// Reads a range such as `0.01..100`; a single number is both ends.
-pub(super) fn range(text: &str) -> Option<[f64; 2]> {
+pub(crate) fn range(text: &str) -> Option<[f64; 2]> {
     let (low, high) = text.split_once("..").unwrap_or((text, text));
     let end = |text: &str| text.trim().replace('∞', "inf").parse::<f64>().ok();
     let (low, high) = end(low).zip(end(high))?;
@@ -199,7 +199,7 @@ pub(super) fn range(text: &str) -> Option<[f64; 2]> {
 
 /// The error about the argument.
 fn refused(message: impl Into<String>) -> ReportError {
-    ReportError::argument("--where", message)
+    ReportError::argument("where", message)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod points;
 pub(crate) use latex::write_latex;
 
 use super::text::styled;
+use crate::text::choices::choices;
 use crate::text::format::Uncertain;
 use comfy_table::CellAlignment;
 
@@ -15,14 +16,12 @@ const DEFAULT_WIDTH: usize = 80;
 const GAP: usize = 3;
 const NARROW_GAP: usize = 2;
 
-/// How numbers are written.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum NumberFormat {
-    /// 9.86 ± 0.79.
-    #[default]
-    Plain,
-    /// 9.86(79): in brackets half the 95 % interval, in units of the last digit.
-    Si,
+choices! {
+    /// How numbers are written.
+    NumberFormat {
+        Plain = "plain", "9.86 ± 0.79";
+        Si = "si", "9.86(79): in brackets half the 95 % interval, in units of the last digit";
+    }
 }
 
 /// Options of a table for people.

@@ -2,11 +2,12 @@
 
 use super::axis_words::all_named;
 use super::error::ReportError;
-use super::figure::{COLOURS, Colour, Format, Key, Mark, Origin, Picture, Range, draw_picture};
+use super::figure::{COLOURS, Colour, Key, Mark, Origin, PlanePicture, draw_plane};
 use super::starts::Starts;
 use super::units::Units;
 use crate::store::{CaseDetails, Origin as Made, Store};
 use crate::structure::{Link, Network, clusters};
+use crate::text::choices::choices;
 use crate::text::format::{count, significant};
 use crate::trajectory::{Kept, by_space};
 use sd_core::simulation::Frame;
@@ -23,18 +24,14 @@ const CLUSTERS: [Colour; 7] = [
 /// the load of others.
 const BEYOND: f64 = 0.02;
 
-/// Quantity that colours the spheres.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum SphereColour {
-    /// Normal forces of its contacts over the surface of the sphere.
-    #[default]
-    Pressure,
-    /// Contacts of the sphere.
-    Contacts,
-    /// Angular velocity along the vorticity: rotation per strain until the next kept frame.
-    Spin,
-    /// Cluster of frictional contacts.
-    Cluster,
+choices! {
+    /// Quantity that colours the spheres.
+    SphereColour {
+        Pressure = "pressure", "Normal forces of its contacts over the surface of the sphere";
+        Contacts = "contacts", "Contacts of the sphere";
+        Spin = "spin", "Angular velocity along the vorticity: rotation per strain until the next kept frame";
+        Cluster = "cluster", "Cluster of frictional contacts";
+    }
 }
 
 /// Options of a picture.
@@ -45,7 +42,7 @@ pub struct SphereView {
     /// Quantity that colours the spheres.
     pub colour: SphereColour,
     /// In a suspension, only spheres with centres in this range along the vorticity, in a.
-    pub slab: Option<Range>,
+    pub slab: Option<[f64; 2]>,
 }
 
 /// A picture and its content.
@@ -72,7 +69,6 @@ pub fn draw_spheres(
     store: &Store,
     case: &str,
     view: SphereView,
-    format: Format,
 ) -> Result<SpherePicture, ReportError> {
     let details = store.details(case)?;
     let frames = store.frames(&details.key, 1)?;
@@ -92,11 +88,7 @@ pub fn draw_spheres(
     let program = details.origin.as_ref().map(Made::program);
     origin.extend(program.map(|program| format!("computed by {program}")));
     Ok(SpherePicture {
-        file: draw_picture(
-            &drawn.picture,
-            &Origin::of_lines(&campaign, &origin),
-            format,
-        )?,
+        file: draw_plane(&drawn.picture, &Origin::of_lines(&campaign, &origin)),
         key: details.key,
         strain: drawn.strain,
         spheres: drawn.spheres,
@@ -106,7 +98,7 @@ pub fn draw_spheres(
 
 /// A picture and its content.
 struct Drawn {
-    picture: Picture,
+    picture: PlanePicture,
     strain: f64,
     spheres: usize,
     contacts: usize,
@@ -134,8 +126,8 @@ fn drawn<S: Kept>(
     let frames: Vec<&Frame<S>> = frames.iter().map(|(_, frame)| *frame).collect();
     let place = nearest(&frames, view.strain)?;
     let frame = frames[place];
-    let network = Network::try_from(frame)
-        .map_err(|error| ReportError::argument("FILE", error.to_string()))?;
+    let network =
+        Network::try_from(frame).map_err(|error| ReportError::Refused(error.to_string()))?;
     let (colours, key) = coloured(&frames, place, &network, view.colour)?;
     let centres: Vec<S::Vector> = network
         .centres
@@ -152,7 +144,7 @@ fn drawn<S: Kept>(
         order.extend(images.into_iter().map(|image| (sphere, image)));
     }
     order.retain(|(_, image)| {
-        let within = |Range { low, high }| (low..=high).contains(&image[2]);
+        let within = |[low, high]: [f64; 2]| (low..=high).contains(&image[2]);
         view.slab.is_none_or(within)
     });
     order.sort_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]));
@@ -193,12 +185,12 @@ fn drawn<S: Kept>(
         }
     }
     caption.push(format!("strain {:.2}", frame.strain));
-    if let Some(Range { low, high }) = view.slab {
+    if let Some([low, high]) = view.slab {
         caption.push(format!("z / a from {low} to {high}"));
     }
     let linked = |link: &&Link<S>| shown[link.i] && shown[link.j];
     Ok(Drawn {
-        picture: Picture {
+        picture: PlanePicture {
             ends: [0.0, frame.side],
             marks: marks.into_iter().flatten().collect(),
             key,
@@ -263,7 +255,7 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
             )
         };
         return Err(ReportError::argument(
-            "--strain",
+            "strain",
             format!("{strain} is outside the run: {kept}"),
         ));
     }
@@ -277,13 +269,13 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
 /// Spheres with centres in a slab.
 fn in_slab<S: Kept>(
     centres: &[S::Vector],
-    slab: Option<Range>,
+    slab: Option<[f64; 2]>,
     side: f64,
 ) -> Result<Vec<bool>, ReportError> {
-    let Some(Range { low, high }) = slab else {
+    let Some([low, high]) = slab else {
         return Ok(vec![true; centres.len()]);
     };
-    let refused = |message| Err(ReportError::argument("--slab", message));
+    let refused = |message| Err(ReportError::argument("slab", message));
     if S::DIMENSIONS < 3 {
         return refused("a layer has no depth: slabs are cut from suspensions".to_owned());
     }
@@ -334,7 +326,7 @@ fn coloured<S: Kept>(
             let Some([from, to]) = frames.get(first..first + 2) else {
                 let message =
                     "spin is the rotation until the next kept frame, and only one frame is kept";
-                return Err(ReportError::argument("--colour", message));
+                return Err(ReportError::argument("colour", message));
             };
             numbered(&spins(from, to), false, "spin along the vorticity (rate)")
         }

@@ -5,7 +5,7 @@ mod data;
 use super::axis_words::{all_named, columns_of_axes};
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Colour, Format, Key, Mark, Origin, Picture, draw_graphs_of, draw_picture};
+use super::figure::{Colour, Key, Mark, Origin, PlanePicture, draw_graphs_of, draw_plane};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
@@ -15,6 +15,7 @@ use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::{PointRun, Store};
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
+use crate::text::choices::choices;
 use crate::text::format::{Uncertain, count};
 use sd_core::Params;
 use std::collections::HashMap;
@@ -28,24 +29,17 @@ pub struct StructureReport {
     points: Vec<(usize, Structure)>,
 }
 
-/// Kind of a figure of structure.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum StructureKind {
-    /// g(r), from the distances of g(r, θ), each over 0.05 a.
-    #[default]
-    PairDistribution,
-    /// g(r, θ) of one point in the plane of flow and gradient.
-    PairMap,
-    /// Fraction of contacts by the angle of their normals from the flow towards the gradient.
-    ContactAngle,
-    /// The same, weighted by the normal force.
-    ForceAngle,
-    /// Probability density of normal forces over their mean.
-    NormalForce,
-    /// The same for friction forces.
-    TangentialForce,
-    /// Fraction of spheres in clusters of frictional contacts by size.
-    ClusterSize,
+choices! {
+    /// Kind of a figure of structure.
+    StructureKind {
+        PairDistribution = "pair-distribution", "g(r), from the distances of g(r, θ), each over 0.05 a";
+        PairMap = "pair-map", "g(r, θ) of one point in the plane of flow and gradient";
+        ContactAngle = "contact-angle", "Fraction of contacts by the angle of their normals from the flow towards the gradient";
+        ForceAngle = "force-angle", "The same, weighted by the normal force";
+        NormalForce = "normal-force", "Probability density of normal forces over their mean";
+        TangentialForce = "tangential-force", "The same for friction forces";
+        ClusterSize = "cluster-size", "Fraction of spheres in clusters of frictional contacts by size";
+    }
 }
 
 /// Columns of the table for people: name, heading, significant digits, and rank at which it is
@@ -115,13 +109,10 @@ impl StructureReport {
                 Some(key) => format!("of case {key}"),
                 None => "of a finished run of these points".into(),
             };
-            return Err(ReportError::argument(
-                "FILE",
-                format!(
-                    "no frames {whose} are kept after the discarded strain: `sweep run CAMPAIGN.toml --trajectory` keeps those of the \
+            return Err(ReportError::Refused(format!(
+                "no frames {whose} are kept after the discarded strain: `sweep run CAMPAIGN.toml --trajectory` keeps those of the \
                      runs it computes, and with --store ANOTHER.sqlite it computes them all"
-                ),
-            ));
+            )));
         }
         Ok(Self { report, points })
     }
@@ -189,9 +180,9 @@ impl StructureReport {
     ///
     /// # Errors
     /// [`ReportError::Argument`] if there are more points than a figure holds.
-    pub fn draw(&self, kind: StructureKind, format: Format) -> Result<Vec<u8>, ReportError> {
+    pub fn draw(&self, kind: StructureKind) -> Result<Vec<u8>, ReportError> {
         if kind == StructureKind::PairMap {
-            return self.draw_map(format);
+            return self.draw_map();
         }
         let all: Vec<(&str, &Params)> = self
             .params()
@@ -217,20 +208,20 @@ impl StructureReport {
             kind,
             StructureKind::ContactAngle | StructureKind::ForceAngle
         );
-        draw_graphs_of(&graphs, axes, is_linear, format, &origin)
+        Ok(draw_graphs_of(&graphs, axes, is_linear, &origin))
     }
 
     /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite
     /// angles.
-    fn draw_map(&self, format: Format) -> Result<Vec<u8>, ReportError> {
+    fn draw_map(&self) -> Result<Vec<u8>, ReportError> {
         let [(place, structure)] = self.points.as_slice() else {
             let keys: Vec<&str> = self.axes().iter().map(|axis| axis.key).collect();
             let message = format!(
-                "a map shows one point, but there are {}, which differ in {}: choose one with --where KEY=VALUE",
+                "a map shows one point, but there are {}, which differ in {}: choose one (where)",
                 self.points.len(),
                 keys.join(", ")
             );
-            return Err(ReportError::argument("--kind", message));
+            return Err(ReportError::argument("kind", message));
         };
         let (report, params) = (&self.report, &self.report.points[*place].params);
         let (distances, angles, rows) = &structure.with_angle;
@@ -281,7 +272,7 @@ impl StructureReport {
             "{} frames of {} runs",
             structure.frames, structure.runs
         ));
-        let picture = Picture {
+        let picture = PlanePicture {
             ends: [-reach, reach],
             marks,
             key: Key::Numbers {
@@ -293,7 +284,7 @@ impl StructureReport {
             caption,
         };
         let origin = Origin::of(std::slice::from_ref(report));
-        draw_picture(&picture, &origin, format)
+        Ok(draw_plane(&picture, &origin))
     }
 }
 
@@ -314,7 +305,7 @@ fn of_run(
         }
         of_either!(&kept.frame, frame => {
             let network = Network::try_from(frame)
-                .map_err(|error| ReportError::argument("FILE", error.to_string()))?;
+                .map_err(|error| ReportError::Refused(error.to_string()))?;
             sums.get_or_insert_with(|| RunStructure::new(&network))
                 .add(&network);
         });

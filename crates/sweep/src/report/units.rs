@@ -276,7 +276,7 @@ fn quantity(text: &str, unit: &str) -> Option<f64> {
 
 /// The error about the argument.
 fn refused(message: impl Into<String>) -> ReportError {
-    ReportError::argument("--units", message)
+    ReportError::argument("units", message)
 }
 
 #[cfg(test)]

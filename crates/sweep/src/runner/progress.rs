@@ -7,9 +7,9 @@ mod overall;
 use crate::model::case::{Case, State, step_cost, without_shear};
 use crate::store::{Claim, Counts, Work};
 use crate::system::lock;
+use crate::text::choices::choices;
 use crate::text::visible::visible;
 use bars::{bar_width, line, room, terminal_width};
-use clap::ValueEnum;
 use event::RunningCase;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use overall::Overall;
@@ -24,18 +24,14 @@ const PARTS: u64 = 10_000;
 /// Interval between lines of JSON.
 const JSON_EVERY: Duration = Duration::from_secs(1);
 
-/// Style of the progress display.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Style {
-    /// Bars on a terminal.
-    Bars,
-    /// Lines in a log.
-    Lines,
-    /// Lines of JSON.
-    Json,
-    /// Nothing.
-    #[value(name = "none")]
-    Quiet,
+choices! {
+    /// Style of the progress display.
+    Style {
+        Bars = "bars", "Bars on a terminal";
+        Lines = "lines", "Lines in a log";
+        Json = "json", "Lines of JSON";
+        Quiet = "none", "Nothing";
+    }
 }
 
 impl Style {

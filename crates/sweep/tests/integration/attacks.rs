@@ -112,19 +112,10 @@ fn every_input_is_a_regular_file_of_limited_size_and_nothing_is_shown_of_another
             &["plan", input],
             &["run", "small.toml", "--shard", "0/2", "--slices", input],
             &["solve", input],
-            &[
-                "report",
-                "small.toml",
-                "--figure",
-                "f.svg",
-                "--style",
-                input,
-            ],
         ] {
             let message = refused_immediately(at, arguments);
             assert!(message.contains(why), "{arguments:?}: {message}");
-            // Files that the user gives as a campaign, a style or an instant are shown where they
-            // are wrong.
+            // Files that the user gives as a campaign or an instant are shown where they are wrong.
             if arguments.contains(&"start.toml") || arguments.contains(&"--slices") {
                 assert!(!message.contains("$6$"), "{arguments:?}: {message}");
                 assert!(!message.contains("hushed"), "{arguments:?}: {message}");

@@ -73,24 +73,16 @@ fn pictures_say_what_they_show_in_all_colours() {
 }
 
 #[test]
-fn files_have_the_format_of_their_names_and_json_says_what_is_on_them() {
+fn json_says_what_is_on_a_picture() {
     let folder = COMPUTED.folder();
     let at = folder.path();
-    for (file, begin) in [
-        ("p.svg", &b"<svg"[..]),
-        ("p.pdf", b"%PDF-"),
-        ("p.png", b"\x89PNG"),
-    ] {
-        let said = drawn(at, &["2", "--out", file, "--slab", "0..3"]);
-        assert!(
-            said.contains(" spheres and ") && said.contains("strain 0.5"),
-            "{said}"
-        );
-        assert!(
-            std::fs::read(at.join(file)).unwrap().starts_with(begin),
-            "{file}"
-        );
-    }
+    let said = drawn(at, &["2", "--out", "p.svg", "--slab", "0..3"]);
+    assert!(
+        said.contains(" spheres and ") && said.contains("strain 0.5"),
+        "{said}"
+    );
+    let file = std::fs::read(at.join("p.svg")).unwrap();
+    assert!(file.starts_with(b"<svg"));
     let all = json(
         at,
         &["draw", "s.sqlite", "1", "--out", "p.svg", "--strain", "0.3"],
@@ -121,7 +113,7 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
             &["1", "--colour", "force"],
             &["pressure", "contacts", "spin", "cluster"],
         ),
-        (&["1", "--out", "p.gif"], &["--out", ".svg, .pdf or .png"]),
+        (&["1", "--out", "p.gif"], &["--out", ".svg"]),
         (&["77"], &["no case"]),
     ] {
         let error = refused(at, &[&["draw", "s.sqlite"], wrong].concat());

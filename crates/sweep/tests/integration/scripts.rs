@@ -65,17 +65,6 @@ fn a_program_that_needs_libraries_is_not_released() {
 }
 
 #[test]
-fn the_released_program_is_below_20_megabytes() {
-    if cfg!(debug_assertions) {
-        return; // Only the release profile is small.
-    }
-    let size = std::fs::metadata(env!("CARGO_BIN_EXE_sweep"))
-        .unwrap()
-        .len();
-    assert!(size < 20_000_000, "{size} bytes");
-}
-
-#[test]
 fn the_python_package_is_compiled_as_the_program_is() {
     let levels = |manifest: &str| {
         let text = std::fs::read_to_string(scripts().join(manifest)).unwrap();

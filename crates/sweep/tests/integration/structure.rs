@@ -163,7 +163,7 @@ fn tables_files_and_figures_have_the_same_numbers() {
     let areas = read("f.svg").matches("stroke-width=\"0.2\"").count();
     assert_eq!(areas, 2 * bins);
     let error = refused(at, &map);
-    for part in ["--kind", "are 2", "shear_rate", "--where"] {
+    for part in ["--kind", "are 2", "shear_rate", "(where)"] {
         assert!(error.contains(part), "{error}");
     }
     let one = json(

@@ -1,132 +1,107 @@
 //! The arguments of figures.
 
 use crate::cli::Output;
-use crate::cli::output_file::{format_of, save};
+use crate::cli::output_file::{check_picture, save};
 use crate::cli::place::StoreArguments;
+use crate::cli::words::{axis_among, choice};
 use crate::error::Error;
-use crate::report::{
-    Columns, Drawing, Format, Intervals, Kind, LegendPlace, Length, Look, Report, Selection, Style,
-    Units, draw, traces,
-};
+use crate::model::axes::Axis;
+use crate::report::{Columns, Drawing, Kind, Quantity, Report, Selection, Units, draw, traces};
 use crate::store::Store;
-use crate::system::files;
 use std::path::{Path, PathBuf};
 
-/// Largest file of a style, in bytes.
-const STYLE_LIMIT: u64 = 1 << 20;
-
-/// Kind and style of the figure.
+/// The figure.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Figures")]
 pub(crate) struct FigureArguments {
-    /// Draw a figure: FILE.svg, FILE.pdf or FILE.png
+    /// Draw a figure: FILE.svg
     #[arg(long, value_name = "FILE")]
     pub(super) figure: Option<PathBuf>,
-    #[command(flatten)]
-    drawing: Drawing,
-    #[command(flatten)]
-    choices: FigureChoices,
-}
-
-/// Further options.
-#[derive(Debug, clap::Args)]
-#[group(requires = "figure")]
-struct FigureChoices {
+    /// Kind of the figure
+    #[arg(long, value_parser = choice::<Kind>(), default_value = "viscosity", requires = "figure")]
+    kind: Kind,
+    /// Viscosity of the figure [default: viscosity]
+    #[arg(long, value_parser = choice::<Quantity>(), requires = "figure", hide_short_help = true)]
+    quantity: Option<Quantity>,
+    /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate
+    /// where it varies; for contacts the friction]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
+    along: Option<&'static Axis>,
+    /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of
+    /// suspensions]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    x: Option<&'static Axis>,
+    /// Vertical axis of a state diagram: shear_stress or shear_rate [default: what is imposed]
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_of_shear), requires = "figure", hide_possible_values = true, hide_short_help = true)]
+    y: Option<&'static Axis>,
+    /// One panel for every value of this axis
+    #[arg(long, value_name = "AXIS", value_parser = axis_among(|_| true), requires = "figure", hide_possible_values = true)]
+    panels: Option<&'static Axis>,
     /// Runs of a trace, by number in the campaign file or beginning of the key [default: the mean
     /// over the finished runs of each point]
-    #[arg(long, value_name = "KEY", hide_short_help = true)]
+    #[arg(long, value_name = "KEY", requires = "figure", hide_short_help = true)]
     case: Vec<String>,
-    /// Width of the figure, such as 85mm, 180mm or 3.35in [default: 85mm, and 180mm with panels]
-    #[arg(long, value_name = "LENGTH", hide_short_help = true)]
-    width: Option<Length>,
-    /// Size of labels in points; numbers and legend are 10 % smaller [default: 8]
-    #[arg(long, value_name = "POINTS", hide_short_help = true)]
-    font_size: Option<f64>,
-    /// Position of the legend [default: below]
-    #[arg(long, value_enum, value_name = "PLACE", hide_short_help = true)]
-    legend: Option<LegendPlace>,
-    /// Style of intervals [default: bars]
-    #[arg(long, value_enum, value_name = "FORM", hide_short_help = true)]
-    intervals: Option<Intervals>,
-    /// TOML file with width, height, font_size, line_width, marker_size, colours, markers, legend,
-    /// intervals, dpi
-    #[arg(long, value_name = "FILE", hide_short_help = true)]
-    style: Option<PathBuf>,
 }
 
 /// A figure and its file.
 pub(super) struct FigureRequest<'a> {
     path: &'a Path,
     drawing: Drawing,
-    format: Format,
     cases: &'a [String],
 }
 
 impl FigureArguments {
     /// The requested figure, if any.
-    pub(super) fn asked(&self) -> Result<Option<FigureRequest<'_>>, Error> {
+    pub(super) fn request(&self) -> Result<Option<FigureRequest<'_>>, Error> {
+        check_picture("--figure", self.figure.as_ref())?;
         let Some(path) = &self.figure else {
             return Ok(None);
         };
-        let refuse = |argument, message: &str| {
-            Err(Error::Argument {
-                argument,
-                message: message.into(),
-            })
-        };
-        if self.drawing.quantity.is_some() && self.drawing.kind != Kind::Viscosity {
-            return refuse(
+        let (kind, is_diagram) = (self.kind, self.kind == Kind::StateDiagram);
+        for (argument, is_wrong, message) in [
+            (
                 "--quantity",
+                self.quantity.is_some() && kind != Kind::Viscosity,
                 "it selects a viscosity, so only --kind viscosity has it",
-            );
-        }
-        for (argument, axis) in [("--x", self.drawing.x), ("--y", self.drawing.y)] {
-            if axis.is_some() && self.drawing.kind != Kind::StateDiagram {
-                return refuse(
-                    argument,
-                    "only --kind state-diagram has it; others have --along",
-                );
-            }
-        }
-        if self.drawing.along.is_some() && self.drawing.kind == Kind::StateDiagram {
-            return refuse("--along", "a state diagram has --x and --y");
-        }
-        if !self.choices.case.is_empty() && self.drawing.kind != Kind::Trace {
-            return refuse(
+            ),
+            (
+                "--x",
+                self.x.is_some() && !is_diagram,
+                "only --kind state-diagram has it; others have --along",
+            ),
+            (
+                "--y",
+                self.y.is_some() && !is_diagram,
+                "only --kind state-diagram has it; others have --along",
+            ),
+            (
+                "--along",
+                self.along.is_some() && is_diagram,
+                "a state diagram has --x and --y",
+            ),
+            (
                 "--case",
+                !self.case.is_empty() && kind != Kind::Trace,
                 "it names runs in time, so only --kind trace has it",
-            );
+            ),
+        ] {
+            if is_wrong {
+                let message = message.into();
+                return Err(Error::Argument { argument, message });
+            }
         }
         Ok(Some(FigureRequest {
             path,
-            format: format_of("--figure", path)?,
-            cases: &self.choices.case,
+            cases: &self.case,
             drawing: Drawing {
-                look: self.look()?,
-                ..self.drawing.clone()
+                kind,
+                quantity: self.quantity.unwrap_or_default(),
+                along: self.along,
+                x: self.x,
+                y: self.y,
+                panels: self.panels,
             },
         }))
-    }
-
-    /// Its style.
-    fn look(&self) -> Result<Look, Error> {
-        let mut style = match &self.choices.style {
-            None => Style::default(),
-            Some(path) => {
-                let text = files::read_text(path, STYLE_LIMIT).map_err(|source| Error::Read {
-                    path: path.clone(),
-                    source,
-                })?;
-                Style::read(&text)?
-            }
-        };
-        style.legend = self.choices.legend.unwrap_or(style.legend);
-        style.intervals = self.choices.intervals.unwrap_or(style.intervals);
-        let look = Look {
-            style,
-            ..self.drawing.look.clone()
-        };
-        Ok(look.with_sizes(self.choices.width, self.choices.font_size)?)
     }
 }
 
@@ -140,13 +115,13 @@ pub(super) struct Sources<'a> {
 
 /// Draws a figure into its file.
 pub(super) fn write(
-    asked: &FigureRequest<'_>,
+    request: &FigureRequest<'_>,
     sources: &Sources<'_>,
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
-    let drawing = &asked.drawing;
+    let drawing = &request.drawing;
     let in_time = |store: &Store| match drawing.kind {
-        Kind::Trace => traces(store, sources.selection, asked.cases),
+        Kind::Trace => traces(store, sources.selection, request.cases),
         _ => Ok(Vec::new()),
     };
     let (store, report) = sources.first;
@@ -162,9 +137,5 @@ pub(super) fn write(
         });
         runs.extend(in_time(&store)?);
     }
-    save(
-        asked.path,
-        &draw(&reports, &runs, drawing, asked.format)?,
-        output,
-    )
+    save(request.path, &draw(&reports, &runs, drawing)?, output)
 }

@@ -4,7 +4,6 @@ use crate::cli::Output;
 use crate::cli::output_file::{save, write_file};
 use crate::error::Error;
 use crate::report::{Excerpt, TableFormat};
-use clap::ValueEnum as _;
 use std::io::Write;
 use std::path::Path;
 
@@ -36,7 +35,11 @@ pub(super) fn asked<'a>(
                 return Ok((rows, path, TableFormat::Csv));
             }
             let ending = path.extension().and_then(|ending| ending.to_str());
-            let format = ending.and_then(|ending| TableFormat::from_str(ending, true).ok());
+            let format = match ending {
+                Some("csv") => Some(TableFormat::Csv),
+                Some("parquet") => Some(TableFormat::Parquet),
+                _ => None,
+            };
             let format = format.ok_or_else(|| Error::Argument {
                 argument,
                 message: format!(

@@ -4,7 +4,7 @@
 //! print, markers distinguish the curves; every second marker is hollow. More curves use a map of
 //! increasing lightness (viridis without its yellow end), so that their order is visible.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Maximum number of curves with unordered colours.
 pub(super) const CURVES: usize = 8;
@@ -61,9 +61,8 @@ pub(in crate::report) const HEAT: [Colour; 9] = [
 ];
 
 /// A colour, 0xRRGGBB.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "String")]
-pub struct Colour(pub(super) u32);
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Colour(pub(super) u32);
 
 impl Colour {
     /// For axes and text.
@@ -133,30 +132,16 @@ impl Serialize for Colour {
     }
 }
 
-impl TryFrom<String> for Colour {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.strip_prefix('#')
-            .filter(|digits| digits.len() == 6)
-            .and_then(|digits| u32::from_str_radix(digits, 16).ok())
-            .map(Self)
-            .ok_or_else(|| format!("a colour is written as \"#0072b2\", not {text:?}"))
-    }
-}
-
 /// The marker of a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Marker {
+pub(crate) enum Marker {
     /// A disc.
     Circle,
     /// A filled square.
     Square,
     /// A filled triangle on its base.
     Triangle,
-    /// A filled square on its corner.
-    Diamond,
     /// A filled triangle on its tip.
     TriangleDown,
     /// A circle.
@@ -169,96 +154,16 @@ pub enum Marker {
     HollowDiamond,
     /// Two diagonals.
     Cross,
-    /// An upright cross.
-    Plus,
     /// A vertical line, which marks a position on the axis and no point of a curve.
-    #[serde(skip_deserializing)]
     Bar,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// CIELAB of linear RGB under D65.
-    fn lab(rgb: [f64; 3]) -> [f64; 3] {
-        let dot = |row: [f64; 3]| row.iter().zip(rgb).map(|(a, b)| a * b).sum::<f64>();
-        let f = |t: f64| {
-            if t > 0.008856 {
-                t.cbrt()
-            } else {
-                7.787 * t + 16.0 / 116.0
-            }
-        };
-        let x = f(dot([0.4124, 0.3576, 0.1805]) / 0.95047);
-        let y = f(dot([0.2126, 0.7152, 0.0722]));
-        let z = f(dot([0.0193, 0.1192, 0.9505]) / 1.08883);
-        [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
-    }
-
-    fn linear(colour: Colour) -> [f64; 3] {
-        colour.channels().map(|channel| {
-            let c = f64::from(channel) / 255.0;
-            if c <= 0.04045 {
-                c / 12.92
-            } else {
-                ((c + 0.055) / 1.055).powf(2.4)
-            }
-        })
-    }
-
-    /// The colour as seen with deuteranopia (Machado, Oliveira and Fernandes 2009, severity 1).
-    fn without_green(rgb: [f64; 3]) -> [f64; 3] {
-        [
-            [0.367322, 0.860646, -0.227968],
-            [0.280085, 0.672501, 0.047413],
-            [-0.011820, 0.042940, 0.968881],
-        ]
-        .map(|row: [f64; 3]| {
-            let sum: f64 = row.iter().zip(rgb).map(|(a, b)| a * b).sum();
-            sum.clamp(0.0, 1.0)
-        })
-    }
-
-    fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-        a.iter()
-            .zip(b)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum::<f64>()
-            .sqrt()
-    }
-
-    #[test]
-    fn colours_stay_apart_without_green_and_dark_on_white() {
-        for (n, colour) in COLOURS.iter().enumerate() {
-            assert!(lab(linear(*colour))[0] < 74.0, "{colour} is lost on white");
-            for other in &COLOURS[..n] {
-                let pair = [*colour, *other].map(linear);
-                let seen = pair.map(without_green).map(lab);
-                assert!(distance(seen[0], seen[1]) > 25.0, "{colour} and {other}");
-                let [a, b] = pair.map(lab);
-                assert!(distance(a, b) > 25.0, "{colour} and {other}");
-            }
-        }
-        for (n, marker) in MARKERS.iter().enumerate() {
-            assert!(!MARKERS[..n].contains(marker), "{marker:?} twice");
-        }
-    }
-
-    #[test]
-    fn the_lightness_of_ordered_colours_rises() {
-        let lightness: Vec<f64> = (0..20)
-            .map(|n| lab(linear(Colour::ordered(n, 20)))[0])
-            .collect();
-        assert!(lightness.windows(2).all(|pair| pair[1] > pair[0] + 0.5));
-        assert!(lightness[19] < 76.0, "{}", lightness[19]);
-    }
-
-    #[test]
-    fn colours_are_read_as_they_are_written() {
-        for colour in COLOURS {
-            assert_eq!(Colour::try_from(colour.to_string()), Ok(colour));
-        }
-        assert!(Colour::try_from("blue".to_owned()).is_err());
+impl Marker {
+    /// Whether its inside is white.
+    pub(super) fn is_hollow(self) -> bool {
+        matches!(
+            self,
+            Self::HollowCircle | Self::HollowSquare | Self::HollowTriangle | Self::HollowDiamond
+        )
     }
 }

@@ -1,11 +1,9 @@
 //! Axes of a figure: their ends, ticks and breaks.
 
-use super::log_axis::{LogAxis, decade_words};
-use super::look::Range;
 use serde::Serialize;
 
 /// An axis.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Scale {
     pub(super) label: String,
     /// Its ends, in the units of the points.
@@ -23,7 +21,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// A horizontal axis of decades with plateaus at its ends, in coordinates of [`LogAxis`].
-    pub(super) fn of_decades(label: String, log: LogAxis, range: Option<Range>) -> Self {
+    pub(super) fn of_decades(label: String, log: LogAxis) -> Self {
         // Without a plateau an axis ends close to its numbers, if two decades remain to be
         // labelled.
         let [first, last] = [log.ends[0] - 0.3, log.ends[1] + 0.3];
@@ -38,12 +36,6 @@ impl Scale {
         }
         if log.infinite {
             high = log.high + 1.4;
-        }
-        if let Some(range) = range {
-            // The plateaus remain beside the requested decades.
-            let ends = [range.low, range.high].map(|end| log.place(end));
-            low = if range.low > 0.0 { ends[0] } else { low };
-            high = ends[1];
         }
         let crowded = if high - low > 8.5 { 2.0 } else { 1.0 };
         let is_inside = |place: &f64| (low..=high).contains(place);
@@ -160,15 +152,6 @@ impl Scale {
         }
     }
 
-    /// An axis of either kind.
-    pub(super) fn of_kind(logarithmic: bool, label: String, low: f64, high: f64) -> Self {
-        if logarithmic {
-            Self::logarithmic(label, low, high)
-        } else {
-            Self::linear(label, low, high)
-        }
-    }
-
     /// Position of a number: 0 at the lower end, 1 at the upper.
     pub(super) fn part(&self, number: f64) -> f64 {
         if self.logarithmic {
@@ -248,7 +231,82 @@ fn power_word(number: f64) -> String {
         .parse::<f64>()
         .map_or(digits.to_owned(), |n| ((n * 1e3).round() / 1e3).to_string())
         .replace('-', "−");
-    format!("{digits}·{}", super::log_axis::power_of_ten(power))
+    format!("{digits}·{}", power_of_ten(power))
+}
+
+/// A logarithmic axis: decades as whole numbers, with 0 and ∞ one decade beyond the ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LogAxis {
+    /// Decade at the left end.
+    pub(super) low: f64,
+    /// Decade at the right end.
+    pub(super) high: f64,
+    /// Logarithms of the least and the largest of the others.
+    pub(super) ends: [f64; 2],
+    /// Whether 0 occurs.
+    pub(super) zero: bool,
+    /// Whether ∞ occurs.
+    pub(super) infinite: bool,
+}
+
+impl LogAxis {
+    /// The axis of these values.
+    pub(super) fn of(values: &[f64]) -> Self {
+        let finite = values.iter().filter(|v| v.is_finite() && **v > 0.0);
+        let ends = extent(finite.map(|value| value.log10()));
+        let ends = if ends[0] <= ends[1] { ends } else { [0.0; 2] };
+        Self {
+            low: ends[0].floor(),
+            high: ends[1].ceil(),
+            ends,
+            zero: values.contains(&0.0),
+            infinite: values.contains(&f64::INFINITY),
+        }
+    }
+
+    /// Place of a value.
+    pub(super) fn place(self, value: f64) -> f64 {
+        if value <= 0.0 {
+            self.low - 1.0
+        } else if value.is_infinite() {
+            self.high + 1.0
+        } else {
+            value.log10()
+        }
+    }
+}
+
+/// Labels for the decades of one axis, all in one style: 0.01, 0.1, 1, 10, or 10⁻⁴, 10⁻², 10⁰ where
+/// numbers would be long.
+pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
+    let short = decades.iter().all(|decade| (-3.5..4.5).contains(decade));
+    let word = |decade: &f64| {
+        if short {
+            let decimals = count(-decade.round());
+            format!("{:.decimals$}", 10_f64.powf(decade.round()))
+        } else {
+            power_of_ten(&format!("{decade:.0}"))
+        }
+    };
+    decades.iter().map(word).collect()
+}
+
+/// Ten to a power: 10⁻³.
+pub(in crate::report) fn power_of_ten(power: &str) -> String {
+    let digits: String = power
+        .chars()
+        .map(|digit| match digit {
+            '-' => '⁻',
+            '1' => '¹',
+            '2' => '²',
+            '3' => '³',
+            digit => digit
+                .to_digit(10)
+                .and_then(|value| char::from_u32(0x2070 + value))
+                .unwrap_or(digit),
+        })
+        .collect();
+    format!("10{digits}")
 }
 
 #[cfg(test)]
@@ -274,7 +332,7 @@ mod tests {
         assert_eq!(words(&axis(2.5, 23.0)), ["5", "10", "20"]);
         assert_eq!(words(&axis(10.0, 14.0)), ["10", "11", "12", "13", "14"]);
         let log = LogAxis::of(&[0.0, 0.02, 30.0, f64::INFINITY]);
-        let scale = Scale::of_decades(String::new(), log, None);
+        let scale = Scale::of_decades(String::new(), log);
         assert_eq!(words(&scale), ["0", "0.01", "0.1", "1", "10", "100", "∞"]);
         assert!(scale.breaks_between(-3.0, -1.0) && !scale.breaks_between(-1.0, 1.0));
     }
@@ -294,5 +352,26 @@ mod tests {
         assert_eq!(words(&scale)[1], "5·10⁴");
         let log = Scale::logarithmic(String::new(), 1.0, 100.0);
         assert!((log.part(10.0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn plateaus_lie_one_decade_beyond_the_edges() {
+        let values = LogAxis::of(&[0.0, 0.05, 1.0, 100.0, f64::INFINITY]);
+        assert_eq!((values.low, values.high), (-2.0, 2.0));
+        let bits = |places: &[f64]| places.iter().map(|p| p.to_bits()).collect::<Vec<_>>();
+        let places = [
+            values.place(0.0),
+            values.place(10.0),
+            values.place(f64::INFINITY),
+        ];
+        assert_eq!(bits(&places), bits(&[-3.0, 1.0, 3.0]));
+        let only = LogAxis::of(&[0.0, f64::INFINITY]);
+        assert_eq!((only.place(0.0), only.place(f64::INFINITY)), (-1.0, 1.0));
+    }
+
+    #[test]
+    fn decades_are_written_in_one_style() {
+        assert_eq!(decade_words(&[-1.0, 0.0, 3.0]), ["0.1", "1", "1000"]);
+        assert_eq!(decade_words(&[-4.0, 0.0, 2.0]), ["10⁻⁴", "10⁰", "10²"]);
     }
 }

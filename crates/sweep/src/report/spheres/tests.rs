@@ -78,7 +78,7 @@ fn spins_are_turns_about_the_vorticity_per_strain() {
     };
     let error = of(&layer(), view).err().unwrap().to_string();
     assert!(
-        error.contains("--colour") && error.contains("only one"),
+        error.contains("colour") && error.contains("only one"),
         "{error}"
     );
 }
@@ -132,7 +132,7 @@ fn what_is_nearer_hides_what_is_behind_and_slabs_leave_the_rest_out() {
         assert_eq!(spheres(&drawn).last().unwrap().0, last, "{z}");
     }
     let slab = |text: &str| SphereView {
-        slab: Some(text.parse().unwrap()),
+        slab: crate::report::range(text),
         ..SphereView::default()
     };
     let half = of(&suspension(7.5), slab("0..4")).unwrap();
@@ -172,7 +172,7 @@ fn images_across_the_sheared_faces_have_the_depth_of_the_cross_shear() {
     };
     let shown = |slab: &str| {
         let view = SphereView {
-            slab: Some(slab.parse().unwrap()),
+            slab: crate::report::range(slab),
             ..SphereView::default()
         };
         let drawn = of(&frame, view).unwrap();

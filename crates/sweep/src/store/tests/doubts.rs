@@ -63,12 +63,9 @@ fn doubtful_runs_are_counted_and_averaged_only_on_request() {
         assert_eq!(json["cases"]["doubtful"], 2);
     }
     let figure = |report| {
-        let (drawing, format) = (
-            crate::report::Drawing::default(),
-            crate::report::Format::Svg,
-        );
+        let drawing = crate::report::Drawing::default();
         let reports = std::slice::from_ref(report);
-        String::from_utf8(crate::report::draw(reports, &[], &drawing, format).unwrap()).unwrap()
+        String::from_utf8(crate::report::draw(reports, &[], &drawing).unwrap()).unwrap()
     };
     assert!(figure(&sound).contains("2 doubtful runs left out"));
     assert!(figure(&all).contains("2 doubtful runs averaged too"));

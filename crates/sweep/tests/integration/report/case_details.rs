@@ -15,7 +15,7 @@ fn show_prints_a_run_by_number_and_by_key() {
         "Γ inf",
         "seed 1",
         "strain 0.400 of 0.400",
-        "┤",
+        "20 samples, the last at strain 0.380",
         "build",
     ] {
         assert!(text.contains(part), "{part} not in {text}");
@@ -112,6 +112,6 @@ fn paths_of_a_passing_pair_are_drawn() {
         assert!(svg.contains(word), "{word}");
     }
     let said = refused(at, &[&pair[..], &["paths.gif"]].concat());
-    assert!(said.contains("svg") && said.contains("png"), "{said}");
+    assert!(said.contains(".svg") && said.contains("PNG"), "{said}");
     assert!(!at.join("paths.gif").exists());
 }

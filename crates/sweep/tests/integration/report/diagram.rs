@@ -43,7 +43,7 @@ fn every_point_stands_in_the_plane_and_no_axis_is_averaged_over() {
     let folder = COMPUTED.folder();
     let at = folder.path();
     let error = refused(at, &DIAGRAM);
-    for part in ["friction has 0.3, 0.6", "--where", "--panels"] {
+    for part in ["friction has 0.3, 0.6", "--where", "(panels)"] {
         assert!(error.contains(part), "{part}: {error}");
     }
     let one = with(at, &["--where", "friction=0.6"]);

@@ -13,7 +13,7 @@ fn figures_carry_their_size_font_and_origin() {
     for part in [
         "width=\"85.000mm\"",
         "viewBox=\"0 0 240.94 ",
-        "@font-face",
+        "font-family=\"'DejaVu Sans', Verdana, sans-serif\"",
         "<metadata>",
         "campaign paper",
         key,
@@ -21,37 +21,13 @@ fn figures_carry_their_size_font_and_origin() {
     ] {
         assert!(svg.contains(part), "{part}");
     }
-    for (file, width) in [("f.png", "85mm"), ("g.png", "180mm")] {
-        sweep(
-            at,
-            &["report", "s.sqlite", "--figure", file, "--width", width],
+    for file in ["f.gif", "f.pdf", "f.png"] {
+        let error = refused(at, &["report", "s.sqlite", "--figure", file]);
+        assert!(
+            error.contains(".svg") && error.contains("rsvg-convert"),
+            "{error}"
         );
-        let decoder =
-            png::Decoder::new(std::io::Cursor::new(std::fs::read(at.join(file)).unwrap()));
-        let reader = decoder.read_info().unwrap();
-        let info = reader.info();
-        let dots = info.pixel_dims.unwrap();
-        assert_eq!((dots.xppu, dots.unit), (23622, png::Unit::Meter));
-        let millimetres: f64 = width.trim_end_matches("mm").parse().unwrap();
-        assert!((f64::from(info.width) - millimetres / 25.4 * 600.0).abs() < 1.0);
-        let source = info.utf8_text.iter().find(|text| text.keyword == "Source");
-        assert!(source.unwrap().get_text().unwrap().contains(key));
     }
-    sweep(at, &["report", "s.sqlite", "--figure", "f.pdf"]);
-    let pdf = std::fs::read(at.join("f.pdf")).unwrap();
-    assert!(pdf.starts_with(b"%PDF-"));
-    let text = String::from_utf8_lossy(&pdf);
-    // What is not plain Latin is written as hexadecimal digits of UTF-16.
-    let coded: Vec<String> = key
-        .encode_utf16()
-        .map(|unit| format!("{unit:04X}"))
-        .collect();
-    let coded = coded.concat();
-    for part in ["/FontFile2", "/ToUnicode", "/MediaBox [0 0 240.9", &coded] {
-        assert!(text.contains(part), "{part}");
-    }
-    let error = refused(at, &["report", "s.sqlite", "--figure", "f.gif"]);
-    assert!(error.contains(".svg, .pdf or .png"), "{error}");
 }
 
 #[test]
@@ -142,7 +118,7 @@ fn the_dilute_limit_is_named_in_the_legend_and_not_over_data() {
     for more in [
         &[][..],
         &["--panels", "c"],
-        &["--kind", "trace", "--where", "ν=0.3"],
+        &["--kind", "trace", "--where", "ν=0.3", "--where", "Γ=∞"],
     ] {
         let svg = figure(at, more);
         let height = |word: &str| {
@@ -158,8 +134,6 @@ fn the_dilute_limit_is_named_in_the_legend_and_not_over_data() {
         };
         assert!(height("dilute 1 + 5c/3") > height(axis), "{more:?}");
     }
-    let svg = figure(at, &["--legend", "none"]);
-    assert!(!svg.contains("dilute"));
 }
 
 #[test]
@@ -180,59 +154,6 @@ fn several_stores_share_a_figure() {
     }
     let error = refused(at, &both);
     assert!(error.contains("--figure"), "{error}");
-}
-
-#[test]
-fn a_figure_looks_as_it_is_asked_to() {
-    let folder = PAPER.folder();
-    let at = folder.path();
-    let report = ["report", "s.sqlite", "--figure", "f.svg"];
-    let asked = |more: &[&str]| figure(at, &[&ONE[..2], more].concat());
-    assert!(words(&asked(&[])).contains(&"c = 0.65"));
-    assert!(!words(&asked(&["--legend", "none"])).contains(&"c = 0.65"));
-    for place in ["inside", "right"] {
-        assert!(words(&asked(&["--legend", place])).contains(&"c = 0.65"));
-    }
-    let svg = asked(&["--label", "thin", "--label", "thick", "--x-label", "rate"]);
-    for word in ["thin", "thick", "rate"] {
-        assert!(words(&svg).contains(&word), "{word}");
-    }
-    let error = refused(at, &[&report[..], &ONE[..2], &["--label", "thin"]].concat());
-    assert!(
-        error.contains("1 labels for 2 curves") && error.contains("c = 0.65"),
-        "{error}"
-    );
-    assert!(asked(&["--font-size", "11"]).contains("font-size=\"11\""));
-    assert!(asked(&["--intervals", "bands"]).contains("opacity=\"0.22\""));
-    let logarithmic = asked(&["--log-y", "--y-range", "1..100", "--x-range", "0.1..1"]);
-    for word in ["1", "10", "100"] {
-        assert!(words(&logarithmic).contains(&word), "{word}");
-    }
-    assert!(!words(&logarithmic).contains(&"∞"));
-    let error = refused(at, &[&report[..], &["--y-range", "3..1"]].concat());
-    assert!(error.contains("two dots"), "{error}");
-    std::fs::write(
-        at.join("group.toml"),
-        "width = \"120mm\"\ncolours = [\"#123456\", \"#654321\"]\nlegend = \"none\"\n",
-    )
-    .unwrap();
-    let svg = asked(&["--style", "group.toml"]);
-    assert!(svg.contains("width=\"120.000mm\"") && svg.contains("#123456"));
-    let svg = asked(&[
-        "--style",
-        "group.toml",
-        "--width",
-        "85mm",
-        "--legend",
-        "right",
-    ]);
-    assert!(svg.contains("width=\"85.000mm\"") && words(&svg).contains(&"c = 0.65"));
-    std::fs::write(at.join("group.toml"), "colors = []").unwrap();
-    let error = refused(at, &[&report[..], &["--style", "group.toml"]].concat());
-    assert!(
-        error.contains("--style") && error.contains("colors"),
-        "{error}"
-    );
 }
 
 #[test]
@@ -267,26 +188,18 @@ fn more_than_eight_curves_of_a_number_go_by_its_order() {
 fn names_of_ticks_do_not_run_into_each_other() {
     let folder = PAPER.folder();
     let at = folder.path();
-    let units = ["--units", "a=1um,mu=1mPas,f_crit=10pN"];
-    let drawn = |width| {
-        figure(
-            at,
-            &[&units[..], &["--legend", "none", "--width", width]].concat(),
-        )
-    };
-    let (wide, narrow) = (drawn("180mm"), drawn("40mm"));
-    let (wide, narrow) = (words(&wide), words(&narrow));
+    let wide = ["--units", "a=1um,mu=1mPas,f_crit=10pN"];
+    let narrow = [&wide[..], &["--panels", "area_fraction"]].concat();
+    let [wide, narrow] = [&wide[..], &narrow].map(|options| figure(at, options));
     for word in ["10", "100", "1000", "10000"] {
-        assert!(wide.contains(&word), "{wide:?}");
+        assert!(words(&wide).contains(&word), "{word}");
     }
-    assert!(
-        !narrow.contains(&"100") || !narrow.contains(&"1000"),
-        "{narrow:?}"
-    );
     for word in ["0", "∞"] {
+        let number = words(&narrow).iter().filter(|w| **w == word).count();
         assert!(
-            narrow.contains(&word),
-            "plateaus are always named: {narrow:?}"
+            number >= 2,
+            "plateaus are always named: {:?}",
+            words(&narrow)
         );
     }
 }

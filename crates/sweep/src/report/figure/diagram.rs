@@ -1,7 +1,6 @@
 //! State diagrams: the state of the flow in the plane of two axes.
 
-use super::draft::Draft;
-use super::{Form, Height, Line, Sketch, Spot};
+use super::data::{DataPoint, FigureData, FigureSource, PlottedValue, Series, SeriesKind};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
 use crate::report::curves::Label;
@@ -10,7 +9,7 @@ use crate::report::figure::Drawing;
 use crate::report::points::{Point, Report};
 use crate::report::states::{Flow, FlowCurve, grouped};
 
-/// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
+/// Slopes d ln η/d ln σ whose contours are drawn as series, and their labels.
 const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
 /// Minimum number of columns of a diagram, and of points in each, for slopes.
 const MIN_COLUMNS: usize = 2;
@@ -21,7 +20,7 @@ const MIN_POINTS: usize = 3;
 ///
 /// # Errors
 /// [`ReportError::Argument`] on unsuitable axes.
-pub(in crate::report::figure) fn axes(
+pub(super) fn axes(
     reports: &[Report],
     drawing: &Drawing,
 ) -> Result<[&'static Axis; 2], ReportError> {
@@ -42,31 +41,31 @@ pub(in crate::report::figure) fn axes(
     let x = drawing.x.unwrap_or(of_key(usual));
     if !y.is_of_shear() {
         return Err(ReportError::argument(
-            "--y",
+            "y",
             "in a state diagram it is shear_stress or shear_rate",
         ));
     }
     if x.is_of_shear() {
         return Err(ReportError::argument(
-            "--x",
+            "x",
             "in a state diagram it is neither shear rate nor stress, which are on the vertical axis",
         ));
     }
     Ok([x, y])
 }
 
-impl Draft<'_> {
-    /// The diagram: a marker for every point, and lines where slopes pass the limits.
+impl FigureSource<'_> {
+    /// The diagram: a marker for every point, and series where slopes pass the limits.
     ///
     /// # Errors
     /// [`ReportError::Argument`] if other axes have several values, and if there are too few points
     /// for slopes.
-    pub(super) fn diagram(&self, y: &'static Axis) -> Result<Sketch, ReportError> {
+    pub(super) fn diagram(&self, y: &'static Axis) -> Result<FigureData, ReportError> {
         let x = self.along;
-        let mut lines = Vec::new();
+        let mut series = Vec::new();
         let mut enough = false;
         let (mut most_columns, mut most_points) = (0, 0);
-        for panel in 0..self.fields.len() {
+        for panel in 0..self.panel_params.len() {
             let points: Vec<&Point> = self
                 .points()
                 .filter(|point| self.panel(&point.params) == panel)
@@ -78,12 +77,12 @@ impl Draft<'_> {
             most_points = most_points.max(sizes.iter().copied().max().unwrap_or(0));
             let long = sizes.iter().filter(|size| **size >= MIN_POINTS).count();
             enough |= long >= MIN_COLUMNS;
-            lines.extend(self.markers(&curves, y, panel));
-            lines.extend(self.limits(&curves, y, panel));
+            series.extend(self.markers(&curves, y, panel));
+            series.extend(self.limits(&curves, y, panel));
         }
         if !enough {
             return Err(ReportError::argument(
-                "--kind",
+                "kind",
                 format!(
                     "a state diagram needs at least {MIN_COLUMNS} values of {} with {MIN_POINTS} of {} each, as slopes are taken \
                      between neighbours; here are {most_columns} with {most_points} at most",
@@ -91,7 +90,7 @@ impl Draft<'_> {
                 ),
             ));
         }
-        Ok(self.sketch(lines, self.label_of_shear(y)))
+        Ok(self.data_of(series, self.label_of_shear(y)))
     }
 
     /// Refuses points that differ on another axis.
@@ -112,28 +111,28 @@ impl Draft<'_> {
             return Ok(());
         }
         Err(ReportError::argument(
-            "--where",
+            "where",
             format!(
-                "a state diagram does not average over axes, and {}: choose one value of each with --where, or --panels",
+                "a state diagram does not average over axes, and {}: choose one value of each (where), or one panel for each (panels)",
                 named.join("; ")
             ),
         ))
     }
 
     /// A line of markers for each state.
-    fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
-        let mut lines: Vec<Line> = Flow::ALL
+    fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Series> {
+        let mut series: Vec<Series> = Flow::ALL
             .iter()
             .enumerate()
             .map(|(place, flow)| {
-                let form = if *flow == Flow::Failed {
-                    Form::Crosses
+                let kind = if *flow == Flow::Failed {
+                    SeriesKind::Crosses
                 } else {
-                    Form::Points
+                    SeriesKind::Points
                 };
-                Line {
-                    place,
-                    ..Line::new(Label::of_words(flow.name()), Vec::new(), form, panel)
+                Series {
+                    index: place,
+                    ..Series::new(Label::of_words(flow.name()), Vec::new(), kind, panel)
                 }
             })
             .collect();
@@ -142,43 +141,43 @@ impl Draft<'_> {
                 let height = self.height(point, y);
                 let place = Flow::ALL.iter().position(|known| Some(*known) == flow);
                 if let Some(place) = place.filter(|_| height > 0.0 && height.is_finite()) {
-                    lines[place].points.push(Spot {
+                    series[place].points.push(DataPoint {
                         x: self.place(self.value(point)),
-                        y: Some(Height::bare(height)),
+                        y: Some(PlottedValue::bare(height)),
                         across: None,
                     });
                 }
             }
         }
-        lines
+        series
     }
 
-    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted
+    /// The series at which slopes pass the limits: rising ones and falling ones, each interrupted
     /// where a column has none.
-    fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Line> {
-        let mut lines = Vec::new();
+    fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Series> {
+        let mut series = Vec::new();
         for (number, (limit, name)) in LIMITS.into_iter().enumerate() {
             for branch in 0..2 {
                 let spot = |curve: &FlowCurve<'_>| {
                     let first = curve.points()[0];
                     let place = curve.crossings(limit, y)[branch];
                     let height = place.map(|at| self.units.along(y, first.at(), at));
-                    Spot {
+                    DataPoint {
                         x: self.place(self.value(first)),
-                        y: height.map(Height::bare),
+                        y: height.map(PlottedValue::bare),
                         across: None,
                     }
                 };
-                let spots: Vec<Spot> = curves.iter().map(spot).collect();
+                let spots: Vec<DataPoint> = curves.iter().map(spot).collect();
                 if spots.iter().any(|spot| spot.y.is_some()) {
-                    lines.push(Line {
-                        place: Flow::ALL.len() + number,
-                        ..Line::new(Label::of_words(name), spots, Form::Trace, panel)
+                    series.push(Series {
+                        index: Flow::ALL.len() + number,
+                        ..Series::new(Label::of_words(name), spots, SeriesKind::Trace, panel)
                     });
                 }
             }
         }
-        lines
+        series
     }
 
     /// Position of a point along the vertical axis, in the units requested.

@@ -1,45 +1,297 @@
-//! Reports as lines: the points of each curve, their positions, and their panels.
+//! The data of a figure: the points of reports, or runs in time, as series of points, without style.
 
-use super::{Field, Form, Height, Line, Measured, Sketch, Spot};
+use super::palette::{CURVES, ORDERED_CURVES};
+use super::scale::{LogAxis, extent};
+use super::{Drawing, Kind, Quantity, Trace, diagram, refused};
 use crate::measure::Estimate;
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::axis_words::AxisWords;
+use crate::report::columns::Column;
 use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
-use crate::report::figure::log_axis::LogAxis;
-use crate::report::figure::scale::extent;
-use crate::report::figure::{Drawing, Kind, Trace};
 use crate::report::points::{Point, Report};
 use crate::report::starts::Starts;
-use crate::report::units::At;
-use crate::report::units::Units;
+use crate::report::units::{At, Units};
 use crate::text::format::counted;
 use sd_core::Params;
 use std::f64::consts::PI;
 
-/// Settings of the lines of reports.
-pub(super) struct Draft<'r> {
+/// A point of a line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DataPoint {
+    pub(super) x: f64,
+    /// Its value; `None` for a point of the campaign without a result.
+    pub(super) y: Option<PlottedValue>,
+    /// Ends of the interval of its position.
+    pub(super) across: Option<[f64; 2]>,
+}
+
+/// A value and its interval.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlottedValue {
+    pub(super) number: f64,
+    /// Extent of the interval down and up.
+    pub(super) interval: Option<[f64; 2]>,
+}
+
+/// How a line is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SeriesKind {
+    /// Markers joined by a line.
+    Curve,
+    /// A thin line without markers.
+    Trace,
+    /// Unconnected markers.
+    Points,
+    /// Unconnected crosses.
+    Crosses,
+}
+
+/// One line of a figure.
+#[derive(Debug)]
+pub(super) struct Series {
+    /// Its entry in the legend.
+    pub(super) label: Label,
+    pub(super) points: Vec<DataPoint>,
+    /// Its index among the curves of the figure, which selects colour and marker.
+    pub(super) index: usize,
+    pub(super) kind: SeriesKind,
+    /// Its panel.
+    pub(super) panel: usize,
+    /// Strain discarded, of a run in time.
+    pub(super) discard: Option<f64>,
+    /// Number of runs averaged by a line in time.
+    pub(super) runs: usize,
+}
+
+impl Series {
+    pub(super) fn new(
+        label: Label,
+        points: Vec<DataPoint>,
+        kind: SeriesKind,
+        panel: usize,
+    ) -> Self {
+        Self {
+            label,
+            points,
+            index: 0,
+            kind,
+            panel,
+            discard: None,
+            runs: 0,
+        }
+    }
+}
+
+/// One panel.
+#[derive(Debug, Default)]
+pub(super) struct PanelData {
+    /// Common values of its points.
+    pub(super) title: String,
+    /// Dilute limits.
+    pub(super) dilute: Vec<f64>,
+    /// Their label.
+    pub(super) formula: &'static str,
+}
+
+/// The data of a figure.
+#[derive(Debug, Default)]
+pub(super) struct FigureData {
+    pub(super) series: Vec<Series>,
+    pub(super) panels: Vec<PanelData>,
+    /// Number of curves with ordered colours; 0 for unordered colours.
+    pub(super) ordered: usize,
+    /// Label of the horizontal axis.
+    pub(super) x: String,
+    /// Label of the vertical axis.
+    pub(super) y: String,
+    /// Its horizontal axis, if that is logarithmic.
+    pub(super) log: Option<LogAxis>,
+    /// Whether the vertical axis is linear whatever its values.
+    pub(super) is_linear: bool,
+}
+
+/// A quantity of every point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    /// Label of its axis.
+    label: &'static str,
+    /// Its column.
+    name: &'static str,
+    /// Its unit.
+    unit: &'static str,
+}
+
+impl From<Estimate> for PlottedValue {
+    fn from(estimate: Estimate) -> Self {
+        Self {
+            number: estimate.mean,
+            interval: estimate.ci95.map(|half| [half, half]),
+        }
+    }
+}
+
+impl PlottedValue {
+    /// A value without an interval.
+    pub(super) fn bare(number: f64) -> Self {
+        Self {
+            number,
+            interval: None,
+        }
+    }
+}
+
+/// The data of a figure of reports, or of traces.
+///
+/// # Errors
+/// [`ReportError::Argument`] if there is nothing to draw, or too much.
+pub(super) fn figure_data(
+    reports: &[Report],
+    traces: &[Trace],
+    drawing: &Drawing,
+) -> Result<FigureData, ReportError> {
+    let diagram = match drawing.kind {
+        Kind::StateDiagram => Some(diagram::axes(reports, drawing)?),
+        _ => None,
+    };
+    let along = diagram.map_or(drawing.along, |[x, _]| Some(x));
+    let source = FigureSource::of(reports, drawing, along)?;
+    let measured = Measured::of(drawing);
+    source.check_units(measured)?;
+    let mut data = match (drawing.kind, diagram) {
+        (_, Some([_, y])) => source.diagram(y)?,
+        (Kind::Contacts, None) => source.contacts(),
+        (Kind::Trace, None) => source.in_time(traces),
+        _ => source.of_points(measured),
+    };
+    if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
+        && !(drawing.kind == Kind::Viscosity && source.along.is_fraction())
+    {
+        source.add_dilute(&mut data, traces, drawing.kind);
+    }
+    let has_result = |series: &Series| series.points.iter().any(|point| point.y.is_some());
+    if !data.series.iter().any(has_result) {
+        source.check_scale(measured)?;
+        return Err(refused(
+            "there are no results to draw yet; `sweep status` shows the progress of the campaign",
+        ));
+    }
+    data.series.retain(|series| !series.points.is_empty());
+    // In a state diagram each state has a fixed colour, even if others are absent.
+    if drawing.kind != Kind::StateDiagram {
+        data.arrange(drawing.kind)?;
+    }
+    source.note_doubtful(&mut data, drawing.kind);
+    let crosses = source.jammed(drawing.kind, &data);
+    data.series.extend(crosses);
+    Ok(data)
+}
+
+impl FigureData {
+    /// Gives every series its index by its label, the same in all panels; a single number that
+    /// distinguishes more curves than there are colours orders them.
+    fn arrange(&mut self, kind: Kind) -> Result<(), ReportError> {
+        let mut known: Vec<Label> = Vec::new();
+        for series in &self.series {
+            if !known.iter().any(|label| label.words == series.label.words) {
+                known.push(series.label.clone());
+            }
+        }
+        let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
+        let most = if is_ordered { ORDERED_CURVES } else { CURVES };
+        if known.len() > most {
+            let (more, how) = if kind == Kind::Trace {
+                (" or more", "runs (where, case)")
+            } else {
+                (
+                    "",
+                    "points (where), the axis they run along (along), or an axis with a panel for each value (panels)",
+                )
+            };
+            return Err(refused(format!(
+                "{}{more} curves are more than the {most} that can be distinguished: choose {how}",
+                known.len()
+            )));
+        }
+        if is_ordered {
+            let number = |label: &Label| label.number.unwrap_or(f64::NAN);
+            known.sort_by(|a, b| number(a).total_cmp(&number(b)));
+            self.ordered = known.len();
+        }
+        for series in &mut self.series {
+            let is_own = |label: &Label| label.words == series.label.words;
+            series.index = known.iter().position(is_own).unwrap_or(0);
+        }
+        self.series
+            .sort_by_key(|series| (series.panel, series.index));
+        Ok(())
+    }
+}
+
+impl Measured {
+    /// The quantity of a figure.
+    fn of(drawing: &Drawing) -> Self {
+        let (label, name) = match (drawing.kind, drawing.quantity) {
+            (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
+            (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "n2"),
+            (Kind::ParticlePressure, _) => ("particle pressure Π", "particle_pressure"),
+            (Kind::FlowCurve, _) => ("shear stress σ*", "shear_stress"),
+            (Kind::ApproachVelocity, _) => ("mean approach velocity", "mean_approach_velocity"),
+            (Kind::Contacts, _) => ("pairs per sphere", "contacts_per_sphere"),
+            (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "viscosity_stresslet"),
+            (_, Quantity::ViscosityMedian) => ("median viscosity", "viscosity_median"),
+            (_, Quantity::Viscosity) => ("relative viscosity η", "viscosity"),
+        };
+        Self {
+            label,
+            name,
+            unit: Column::named(name).map_or("", |column| column.unit),
+        }
+    }
+
+    /// Its value at a point.
+    fn read(self, point: &Point) -> Option<PlottedValue> {
+        match self.name {
+            "shear_stress" => point.shear_stress().map(PlottedValue::from),
+            "viscosity_median" => {
+                let number = point.number(self.name)?;
+                let quartile = |n: u8| point.number(&format!("{}_quartile_{n}", self.name));
+                let quartiles = quartile(1).zip(quartile(3));
+                Some(PlottedValue {
+                    number,
+                    interval: quartiles.map(|(low, high)| [number - low, high - number]),
+                })
+            }
+            name => point.estimate(name).map(PlottedValue::from),
+        }
+    }
+}
+
+/// Reports, and the axes along which their points are drawn.
+pub(super) struct FigureSource<'r> {
     reports: &'r [Report],
     pub(super) along: &'static Axis,
     pub(super) panels: Option<&'static Axis>,
     /// Parameters of each panel, in the order of their values; a single empty entry without panels.
-    pub(super) fields: Vec<Option<&'r Params>>,
+    pub(super) panel_params: Vec<Option<&'r Params>>,
     log: Option<LogAxis>,
     pub(super) units: Units,
     starts: Starts,
 }
 
-impl<'r> Draft<'r> {
-    pub(super) fn of(reports: &'r [Report], drawing: &Drawing) -> Result<Self, ReportError> {
+impl<'r> FigureSource<'r> {
+    fn of(
+        reports: &'r [Report],
+        drawing: &Drawing,
+        asked: Option<&'static Axis>,
+    ) -> Result<Self, ReportError> {
         let points = || reports.iter().flat_map(|report| &report.points);
         let params = || points().map(|point| &point.params);
-        let along = drawing
-            .along
-            .unwrap_or_else(|| default_axis(reports, drawing.kind));
+        let along = asked.unwrap_or_else(|| default_axis(reports, drawing.kind));
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
             return Err(ReportError::argument(
-                "--along",
+                "along",
                 "a flow curve is stress against rate: its axis is shear_rate",
             ));
         }
@@ -59,9 +311,9 @@ impl<'r> Draft<'r> {
         // It reports itself how many points it needs.
         let is_diagram = drawing.kind == Kind::StateDiagram;
         let has_one = points().next().is_some() && low >= high;
-        if drawing.along.is_some() && !is_in_time && !is_diagram && has_one {
+        if asked.is_some() && !is_in_time && !is_diagram && has_one {
             return Err(ReportError::argument(
-                "--along",
+                "along",
                 format!(
                     "all points have the same {}, so there is no curve along it; {}",
                     along.key,
@@ -69,9 +321,9 @@ impl<'r> Draft<'r> {
                 ),
             ));
         }
-        let mut fields: Vec<Option<&Params>> = vec![None];
-        if let Some(axis) = drawing.look.panels {
-            let refused = |message| Err(ReportError::argument("--panels", message));
+        let mut panel_params: Vec<Option<&Params>> = vec![None];
+        if let Some(axis) = drawing.panels {
+            let refused = |message| Err(ReportError::argument("panels", message));
             if axis.key == along.key && !is_in_time {
                 let key = axis.key;
                 return refused(format!("the curves run along {key}: name another axis"));
@@ -83,7 +335,7 @@ impl<'r> Draft<'r> {
                 let (key, names) = (axis.key, names(|_| true));
                 return refused(format!("all points have the same {key}; {names}"));
             }
-            fields = values.into_iter().map(Some).collect();
+            panel_params = values.into_iter().map(Some).collect();
         }
         let units = reports
             .first()
@@ -94,8 +346,8 @@ impl<'r> Draft<'r> {
             along,
             units,
             starts: Starts::together(reports.iter().map(|report| &report.starts)),
-            panels: drawing.look.panels,
-            fields,
+            panels: drawing.panels,
+            panel_params,
             log: along.is_logarithmic().then(|| {
                 let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
                 let values: Vec<f64> = points()
@@ -120,7 +372,7 @@ impl<'r> Draft<'r> {
             || varying.any(|axis| is_converted(&axis));
         if self.units.are_requested() && !changes {
             return Err(ReportError::argument(
-                "--units",
+                "units",
                 format!(
                     "nothing in this figure has a physical unit: it shows {label} against {}",
                     self.along.key
@@ -177,12 +429,16 @@ impl<'r> Draft<'r> {
             (Some(axis), Some(field)) => axis.value(field) == axis.value(params),
             _ => true,
         };
-        self.fields.iter().copied().position(same).unwrap_or(0)
+        self.panel_params
+            .iter()
+            .copied()
+            .position(same)
+            .unwrap_or(0)
     }
 
-    /// A sketch of lines along the axis.
-    pub(super) fn sketch(&self, lines: Vec<Line>, y: String) -> Sketch {
-        let values = || self.fields.iter().flatten().copied();
+    /// The data of series along the axis.
+    pub(super) fn data_of(&self, series: Vec<Series>, y: String) -> FigureData {
+        let values = || self.panel_params.iter().flatten().copied();
         let words = self
             .panels
             .map(|axis| AxisWords::of(axis, self.units, &self.starts, values()));
@@ -190,17 +446,17 @@ impl<'r> Draft<'r> {
             (Some(words), Some(params)) => words.named(params),
             _ => String::new(),
         };
-        let field = |field| Field {
+        let field = |field| PanelData {
             title: title(field),
-            ..Field::default()
+            ..PanelData::default()
         };
-        Sketch {
-            lines,
-            panels: self.fields.iter().copied().map(field).collect(),
+        FigureData {
+            series,
+            panels: self.panel_params.iter().copied().map(field).collect(),
             x: self.units.label_of(self.along),
             y,
             log: self.log,
-            ..Sketch::default()
+            ..FigureData::default()
         }
     }
 
@@ -220,19 +476,19 @@ impl<'r> Draft<'r> {
         &self,
         curve: &Curve<'_>,
         label: Label,
-        height: &dyn Fn(&Point) -> Option<Height>,
-    ) -> Line {
+        value: &dyn Fn(&Point) -> Option<PlottedValue>,
+    ) -> Series {
         let spot = |point: &&Point| {
-            let y = height(point).filter(|height| height.value.is_finite());
+            let y = value(point).filter(|value| value.number.is_finite());
             let x = self.place(self.value(point));
             // One error has one bar: that of a viscosity is drawn along the vertical axis.
-            let is_alone = y.is_some_and(|height| height.interval.is_none());
+            let is_alone = y.is_some_and(|value| value.interval.is_none());
             let across = self.rates(point).filter(|_| is_alone);
-            x.is_finite().then_some(Spot { x, y, across })
+            x.is_finite().then_some(DataPoint { x, y, across })
         };
         let panel = self.panel(&curve.points[0].params);
         let spots = curve.points.iter().filter_map(spot).collect();
-        Line::new(label, spots, Form::Curve, panel)
+        Series::new(label, spots, SeriesKind::Curve, panel)
     }
 
     /// Ends of the interval of the rate that follows from an imposed stress, on the axis.
@@ -251,37 +507,39 @@ impl<'r> Draft<'r> {
     }
 
     /// One line per curve of one quantity.
-    pub(super) fn of_points(&self, measured: Measured) -> Sketch {
+    pub(super) fn of_points(&self, measured: Measured) -> FigureData {
         let Measured { label, unit, .. } = measured;
-        let height = |point: &Point| {
-            let height = measured.read(point)?;
+        let value = |point: &Point| {
+            let value = measured.read(point)?;
             let factor = self.units.factor(unit, point.at())?;
-            Some(Height {
-                value: factor * height.value,
-                interval: height.interval.map(|reach| reach.map(|part| factor * part)),
+            Some(PlottedValue {
+                number: factor * value.number,
+                interval: value.interval.map(|reach| reach.map(|part| factor * part)),
             })
         };
-        let lines = self.curves().into_iter().filter_map(|mut curve| {
+        let series = self.curves().into_iter().filter_map(|mut curve| {
             // A result without a value here, such as a stress at an infinite rate, is left out and
             // not marked as missing.
             let is_shown = |point: &Point| match measured.read(point) {
-                Some(height) => height.value.is_finite() && self.has_scale(unit, point),
+                Some(value) => value.number.is_finite() && self.has_scale(unit, point),
                 None => true,
             };
             curve.points.retain(|point| is_shown(point));
-            (!curve.points.is_empty()).then(|| self.line(&curve, curve.label.clone(), &height))
+            (!curve.points.is_empty()).then(|| self.line(&curve, curve.label.clone(), &value))
         });
-        let lines: Vec<Line> = lines.collect();
-        let log = self.log.map(|log| self.without_empty_plateaus(log, &lines));
-        Sketch {
+        let series: Vec<Series> = series.collect();
+        let log = self
+            .log
+            .map(|log| self.without_empty_plateaus(log, &series));
+        FigureData {
             log,
-            ..self.sketch(lines, self.units.label(label, unit))
+            ..self.data_of(series, self.units.label(label, unit))
         }
     }
 
     /// The axis without empty plateaus.
-    fn without_empty_plateaus(&self, log: LogAxis, lines: &[Line]) -> LogAxis {
-        let spots = || lines.iter().flat_map(|line| &line.points);
+    fn without_empty_plateaus(&self, log: LogAxis, series: &[Series]) -> LogAxis {
+        let spots = || series.iter().flat_map(|line| &line.points);
         let rests = || self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
         LogAxis {
             zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
@@ -290,8 +548,8 @@ impl<'r> Draft<'r> {
         }
     }
 
-    /// Four lines per curve.
-    pub(super) fn contacts(&self) -> Sketch {
+    /// Four series per curve.
+    pub(super) fn contacts(&self) -> FigureData {
         let counts = |point: &Point| {
             let contacts = point.number("contacts_per_sphere")?;
             let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
@@ -304,23 +562,23 @@ impl<'r> Draft<'r> {
             ])
         };
         let names = ["in contact", "activated", "rolling", "slipping"];
-        let mut lines = Vec::new();
+        let mut series = Vec::new();
         for curve in self.curves() {
             for (place, name) in names.into_iter().enumerate() {
                 let label = match curve.label.words.as_str() {
                     "" => Label::of_words(name),
                     words => Label::of_words(&format!("{name}, {words}")),
                 };
-                lines.push(self.line(&curve, label, &|point| {
-                    Some(Height::bare(counts(point)?[place]))
+                series.push(self.line(&curve, label, &|point| {
+                    Some(PlottedValue::bare(counts(point)?[place]))
                 }));
             }
         }
-        self.sketch(lines, "pairs per sphere".into())
+        self.data_of(series, "pairs per sphere".into())
     }
 
     /// Runs in time, or means over them.
-    pub(super) fn in_time(&self, traces: &[Trace]) -> Sketch {
+    pub(super) fn in_time(&self, traces: &[Trace]) -> FigureData {
         let labelled: Vec<(&str, &Params)> = traces
             .iter()
             .map(|trace| (trace.campaign.as_str(), &trace.params))
@@ -332,7 +590,7 @@ impl<'r> Draft<'r> {
             starts: &self.starts,
         };
         let labels = labels(&labelled, shared);
-        let lines = traces.iter().zip(labels).map(|(trace, mut label)| {
+        let series = traces.iter().zip(labels).map(|(trace, mut label)| {
             let same = |other: &&Trace| {
                 other.campaign == trace.campaign
                     && identity(&other.params) == identity(&trace.params)
@@ -345,34 +603,34 @@ impl<'r> Draft<'r> {
                 }
             }
             let factor = self.units.viscosity_factor();
-            let spot = |&(x, estimate): &(f64, Estimate)| Spot {
+            let spot = |&(x, estimate): &(f64, Estimate)| DataPoint {
                 x,
-                y: estimate.mean.is_finite().then(|| Height {
-                    value: factor * estimate.mean,
+                y: estimate.mean.is_finite().then(|| PlottedValue {
+                    number: factor * estimate.mean,
                     interval: estimate.ci95.map(|half| [factor * half; 2]),
                 }),
                 across: None,
             };
             let panel = self.panel(&trace.params);
             let spots = trace.points.iter().map(spot).collect();
-            Line {
+            Series {
                 discard: trace.discard,
                 runs: trace.runs,
-                ..Line::new(label, spots, Form::Trace, panel)
+                ..Series::new(label, spots, SeriesKind::Trace, panel)
             }
         });
-        Sketch {
+        FigureData {
             x: "strain".into(),
             log: None,
-            ..self.sketch(
-                lines.collect(),
+            ..self.data_of(
+                series.collect(),
                 self.units.label("relative viscosity η", "mu"),
             )
         }
     }
 
     /// Adds the dilute limit of every fraction to its panel.
-    pub(super) fn add_dilute(&self, sketch: &mut Sketch, traces: &[Trace], kind: Kind) {
+    pub(super) fn add_dilute(&self, data: &mut FigureData, traces: &[Trace], kind: Kind) {
         let params: Vec<&Params> = if kind == Kind::Trace {
             traces.iter().map(|trace| &trace.params).collect()
         } else {
@@ -381,21 +639,21 @@ impl<'r> Draft<'r> {
         let factor = self.units.viscosity_factor();
         for params in params {
             let (limit, formula) = dilute_viscosity(params);
-            let height = factor * limit;
-            let panel = &mut sketch.panels[self.panel(params)];
+            let value = factor * limit;
+            let panel = &mut data.panels[self.panel(params)];
             if !panel
                 .dilute
                 .iter()
-                .any(|h| (h - height).abs() < 1e-9 * height)
+                .any(|h| (h - value).abs() < 1e-9 * value)
             {
-                panel.dilute.push(height);
+                panel.dilute.push(value);
                 panel.formula = formula;
             }
         }
     }
 
     /// Adds a note on doubtful runs below the figure.
-    pub(super) fn note_doubtful(&self, sketch: &mut Sketch, kind: Kind) {
+    pub(super) fn note_doubtful(&self, data: &mut FigureData, kind: Kind) {
         let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
         if number > 0 && kind != Kind::Trace {
             let what = if self.reports.iter().any(|report| report.with_doubtful) {
@@ -404,16 +662,16 @@ impl<'r> Draft<'r> {
                 "left out"
             };
             let runs = counted(number, "doubtful run");
-            sketch.x = format!("{} ({runs} {what})", sketch.x);
+            data.x = format!("{} ({runs} {what})", data.x);
         }
     }
 
     /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow
     /// curve, above all flowing points among viscosities.
-    pub(super) fn jammed(&self, kind: Kind, sketch: &Sketch) -> Vec<Line> {
-        let spots = sketch.lines.iter().flat_map(|line| &line.points);
-        let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.value)));
-        let mut lines: Vec<Line> = Vec::new();
+    pub(super) fn jammed(&self, kind: Kind, data: &FigureData) -> Vec<Series> {
+        let spots = data.series.iter().flat_map(|line| &line.points);
+        let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.number)));
+        let mut series: Vec<Series> = Vec::new();
         for point in self
             .points()
             .filter(|point| jammed_at_imposed_stress(point))
@@ -423,7 +681,7 @@ impl<'r> Draft<'r> {
             } else {
                 self.value(point)
             };
-            let height = match kind {
+            let value = match kind {
                 Kind::FlowCurve => {
                     let factor = self.units.factor("F_crit/a²", At::rate(None));
                     let stress = point.params.shear_stress.unwrap_or(f64::NAN);
@@ -432,23 +690,23 @@ impl<'r> Draft<'r> {
                 Kind::Viscosity => 1.5 * top,
                 _ => continue,
             };
-            if !height.is_finite() {
+            if !value.is_finite() {
                 continue;
             }
-            let spot = Spot {
+            let spot = DataPoint {
                 x: self.place(x),
-                y: Some(Height::bare(height)),
+                y: Some(PlottedValue::bare(value)),
                 across: None,
             };
             let panel = self.panel(&point.params);
-            if let Some(line) = lines.iter_mut().find(|line| line.panel == panel) {
+            if let Some(line) = series.iter_mut().find(|line| line.panel == panel) {
                 line.points.push(spot);
             } else {
                 let label = Label::of_words("jammed at this stress");
-                lines.push(Line::new(label, vec![spot], Form::Crosses, panel));
+                series.push(Series::new(label, vec![spot], SeriesKind::Crosses, panel));
             }
         }
-        lines
+        series
     }
 }
 

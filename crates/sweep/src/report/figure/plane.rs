@@ -1,15 +1,13 @@
 //! A square of the plane of flow and gradient, with a key to its colours beside it and a caption
 //! below.
 
-use super::{AXIS, Frame, Grid, TICK};
-use crate::report::error::ReportError;
-use crate::report::figure::font;
-use crate::report::figure::look::{Look, Range};
-use crate::report::figure::outline::Outline;
-use crate::report::figure::palette::Colour;
-use crate::report::figure::scale::{Scale, extent};
-use crate::report::figure::scene::{Anchor, Page, Place, Shape, Stroke, Text, corners};
-use crate::report::figure::sketch::{Field, Sketch};
+use super::font;
+use super::layout::{AXIS, Layout, PanelView, TICK};
+use super::origin::Origin;
+use super::outline::{Outline, Panel};
+use super::palette::Colour;
+use super::scale::{Scale, extent};
+use super::svg::{Anchor, Position, Stroke, SvgWriter, corners};
 
 /// Width of the colours of a key over its font size.
 const BAR: f64 = 1.2;
@@ -67,9 +65,9 @@ pub(in crate::report) enum Key {
     },
 }
 
-/// A picture.
+/// A square of the plane.
 #[derive(Debug)]
-pub(in crate::report) struct Picture {
+pub(in crate::report) struct PlanePicture {
     /// Ends of both axes, in a.
     pub(in crate::report) ends: [f64; 2],
     /// Objects from back to front.
@@ -81,45 +79,39 @@ pub(in crate::report) struct Picture {
     pub(in crate::report) caption: Vec<String>,
 }
 
-/// The page of a picture.
-pub(in crate::report::figure) fn page(picture: &Picture) -> Result<Page, ReportError> {
+/// A picture as a file.
+pub(in crate::report) fn draw_plane(picture: &PlanePicture, origin: &Origin) -> Vec<u8> {
     let [low, high] = picture.ends;
-    let range = Some(Range { low, high });
-    let look = Look {
-        x_range: range,
-        y_range: range,
-        ..Look::default()
-    };
-    let sketch = Sketch {
-        panels: vec![Field::default()],
-        x: "x / a".into(),
-        y: "y / a".into(),
-        ..Sketch::default()
-    };
-    let outline = Outline::of(&sketch, &look)?;
+    let axis = |label: &str| Scale::linear(label.to_owned(), low, high);
+    let outline = Outline::of_panels(vec![Panel {
+        x: axis("x / a"),
+        y: axis("y / a"),
+        ..Panel::default()
+    }]);
     let (label, size) = (outline.label_size, outline.tick_size);
-    let grid = Grid::of(&outline, outline.width - picture.key.width(size));
-    let [[left, top], [right, _]] = grid.corners(0);
+    let layout = Layout::of(&outline, outline.width - picture.key.width(size));
+    let [[left, top], [right, _]] = layout.corners(0);
     let square = [[left, top], [right, top + right - left]];
-    let frame = Frame {
+    let view = PanelView {
         outline: &outline,
         panel: &outline.panels[0],
         corners: square,
     };
     let per_a = (right - left) / (high - low);
-    let inside = picture
-        .marks
-        .iter()
-        .flat_map(|mark| frame.mark(mark, per_a));
-    let mut shapes = vec![Shape::Within(square, inside.collect())];
-    shapes.extend(frame.axes());
-    shapes.extend(frame.words(true, true));
-    shapes.extend(picture.key.draw(square, size));
+    let mut svg = SvgWriter::default();
+    svg.clipped(square, |svg| {
+        for mark in &picture.marks {
+            view.mark(svg, mark, per_a);
+        }
+    });
+    view.axes(&mut svg);
+    view.write(&mut svg, true, true);
+    picture.key.draw(&mut svg, square, size);
     let mut y = square[1][1] + 1.4 * size + 1.35 * label + 0.4 * size;
     let (start, end) = (0.5 * size, outline.width - 0.5 * size);
     let mut x = start;
-    for (strokes, words) in &picture.lines {
-        let length = (SAMPLE + 0.5) * size + font::width(words, size);
+    for (strokes, text) in &picture.lines {
+        let length = (SAMPLE + 0.5) * size + font::width(text, size);
         if x > start && x + length > end {
             (x, y) = (start, y + ROW * size);
         }
@@ -131,25 +123,24 @@ pub(in crate::report::figure) fn page(picture: &Picture) -> Result<Page, ReportE
             .fold(0.0, f64::max);
         let ends = [[x + widest, middle], [x + SAMPLE * size - widest, middle]];
         for (colour, width) in strokes {
-            let stroke = Stroke::solid(*colour, width * per_a).rounded();
-            shapes.extend(Shape::line(ends, stroke));
+            let stroke = Stroke {
+                is_round: true,
+                ..Stroke::solid(*colour, width * per_a)
+            };
+            svg.line(ends, stroke);
         }
-        let place = [x + (SAMPLE + 0.5) * size, middle + 0.36 * size];
-        shapes.extend(Text::new(place, words, size, Anchor::Start).shapes());
+        let at = [x + (SAMPLE + 0.5) * size, middle + 0.36 * size];
+        svg.text(at, text, size, Anchor::Start, false);
         x += length + 1.2 * size;
     }
     if !picture.lines.is_empty() {
         y += (ROW + 0.3) * size;
     }
-    for words in wrapped(&picture.caption, end - start, size) {
+    for line in wrapped(&picture.caption, end - start, size) {
         y += ROW * size;
-        shapes.extend(Text::new([start, y - 0.3 * size], &words, size, Anchor::Start).shapes());
+        svg.text([start, y - 0.3 * size], &line, size, Anchor::Start, false);
     }
-    Ok(Page {
-        width: outline.width,
-        height: y + 0.5 * size,
-        shapes,
-    })
+    svg.file([outline.width, y + 0.5 * size], origin)
 }
 
 /// Pieces as lines of at most that width, as far as they fit.
@@ -169,9 +160,9 @@ fn wrapped(pieces: &[String], width: f64, size: f64) -> Vec<String> {
     lines
 }
 
-impl Frame<'_> {
-    /// A shape on the page, with a of this length.
-    fn mark(&self, mark: &Mark, per_a: f64) -> Vec<Shape> {
+impl PanelView<'_> {
+    /// Draws an object on the page, with a of this length.
+    fn mark(&self, svg: &mut SvgWriter, mark: &Mark, per_a: f64) {
         let at = |&[x, y]: &[f64; 2]| [self.x(x), self.y(y)];
         match mark {
             Mark::Line {
@@ -184,12 +175,12 @@ impl Frame<'_> {
                     is_round: *is_round,
                     ..Stroke::solid(*colour, (width * per_a).max(MIN_LINE_WIDTH))
                 };
-                Vec::from_iter(Shape::line(ends.each_ref().map(at), stroke))
+                svg.line(ends.each_ref().map(at), stroke);
             }
             Mark::Area { corners, colour } => {
                 // Overlapping edges, so that neighbours meet without a seam.
                 let stroke = Stroke::solid(*colour, 0.2);
-                Vec::from_iter(Shape::edged(corners.iter().map(at), Some(*colour), stroke))
+                svg.edged(corners.iter().map(at), Some(*colour), stroke);
             }
             Mark::Sphere {
                 centre,
@@ -200,9 +191,9 @@ impl Frame<'_> {
                 let ([x, y], radius) = (at(centre), radius * per_a);
                 let rim = Some(Stroke::solid(Colour::INK, RIM));
                 if !is_shaded {
-                    return Vec::from_iter(Shape::disc([x, y], radius, *colour, rim));
+                    return svg.disc([x, y], radius, *colour, rim);
                 }
-                let shade = |number: usize| {
+                for number in 0..SHADES {
                     let part = number as f64 / (SHADES - 1) as f64;
                     let colour = if part < 0.5 {
                         colour.mixed(Colour::INK, 0.4 * (1.0 - 2.0 * part))
@@ -212,9 +203,8 @@ impl Frame<'_> {
                     let shift = 0.42 * part * radius;
                     let radius = (1.0 - 0.88 * part) * radius;
                     let rim = rim.filter(|_| number == 0);
-                    Shape::disc([x - shift, y - shift], radius, colour, rim)
-                };
-                (0..SHADES).filter_map(shade).collect()
+                    svg.disc([x - shift, y - shift], radius, colour, rim);
+                }
             }
         }
     }
@@ -249,16 +239,13 @@ impl Key {
     }
 
     /// Draws it beside the axes, at a font size.
-    fn draw(&self, [[_, top], [right, bottom]]: [Place; 2], size: f64) -> Vec<Shape> {
+    fn draw(&self, svg: &mut SvgWriter, [[_, top], [right, bottom]]: [Position; 2], size: f64) {
         let from = right + size;
         let to = from + BAR * size;
         let ink = Stroke::solid(Colour::INK, AXIS);
-        let boxed = |ends: [Place; 2]| Shape::edged(corners(ends), None, ink);
-        let mut shapes = Vec::new();
-        let mut texts = Vec::new();
-        let mut write = |words: &str, y: f64| {
-            let place = [to + 0.5 * size, y + 0.36 * size];
-            texts.push(Text::new(place, words, size, Anchor::Start));
+        let write = |svg: &mut SvgWriter, text: &str, y: f64| {
+            let at = [to + 0.5 * size, y + 0.36 * size];
+            svg.text(at, text, size, Anchor::Start, false);
         };
         let label = match self {
             Self::Numbers {
@@ -272,41 +259,38 @@ impl Key {
                 for stripe in 0..STRIPES {
                     let part = |shift: f64| (stripe as f64 + shift) / STRIPES as f64;
                     let ends = [[from, top], [to, at(part(0.0))]];
-                    shapes.extend(Shape::filled(corners(ends), Colour::heat(part(0.5)), 1.0));
+                    svg.area(corners(ends), Colour::heat(part(0.5)), 1.0);
                 }
                 // An open end is drawn as an arrow.
                 for (is_open, part, y, tip) in [
                     (is_open[0], 0.0, bottom, bottom + 0.6 * size),
                     (is_open[1], 1.0, top, top - 0.6 * size),
                 ] {
-                    let corners = [[from, y], [0.5 * (from + to), tip], [to, y]];
-                    let arrow = Shape::edged(corners, Some(Colour::heat(part)), ink);
-                    shapes.extend(arrow.filter(|_| is_open));
+                    if is_open {
+                        let corners = [[from, y], [0.5 * (from + to), tip], [to, y]];
+                        svg.edged(corners, Some(Colour::heat(part)), ink);
+                    }
                 }
-                shapes.extend(boxed([[from, top], [to, bottom]]));
-                for (place, words) in &scale.ticks {
-                    let y = at(scale.part(*place));
-                    shapes.extend(Shape::line([[to - TICK, y], [to, y]], ink));
-                    write(words, y);
+                svg.edged(corners([[from, top], [to, bottom]]), None, ink);
+                for (number, text) in &scale.ticks {
+                    let y = at(scale.part(*number));
+                    svg.line([[to - TICK, y], [to, y]], ink);
+                    write(svg, text, y);
                 }
                 label
             }
             Self::Kinds { label, kinds } => {
-                for (number, (colour, words)) in kinds.iter().enumerate() {
+                for (number, (colour, text)) in kinds.iter().enumerate() {
                     let y = top + ROW * size * number as f64;
-                    let ends = [[from, y], [to, y + size]];
-                    shapes.extend(Shape::filled(corners(ends), *colour, 1.0));
-                    shapes.extend(boxed(ends));
-                    write(words, y + 0.5 * size);
+                    svg.edged(corners([[from, y], [to, y + size]]), Some(*colour), ink);
+                    write(svg, text, y + 0.5 * size);
                 }
                 label
             }
         };
         let room = bottom - top;
         let fitting = size * (room / font::width(label, size)).min(1.0);
-        let place = [to + self.widest(size) + 1.9 * size, 0.5 * (top + bottom)];
-        texts.push(Text::new(place, label, fitting, Anchor::Middle).upright());
-        shapes.extend(texts.into_iter().flat_map(Text::shapes));
-        shapes
+        let at = [to + self.widest(size) + 1.9 * size, 0.5 * (top + bottom)];
+        svg.text(at, label, fitting, Anchor::Middle, true);
     }
 }
