@@ -30,8 +30,8 @@
 //! ```
 //!
 //! # From another program
-//! There is no layer between commands and rooms: a room is named for what it is for, and the command
-//! line and the Python package call the same functions of it. Those that Python needs are public:
+//! There is no layer between the commands and the rooms: a room is named for what it is for, and
+//! the command line and the Python package call the same functions of it.
 //! ```text
 //! campaign::{read, parse}             a campaign file, or the text of one
 //! plan::plan, instant                 what plan, solve and scalars read and answer

@@ -1,9 +1,6 @@
 //! Memory and disk space of runs.
 
-use crate::model::spaces::InSpace;
-use crate::trajectory;
-use sd_core::simulation::{Frame, FrameContact};
-use sd_core::{Bulk, Layer, Params, Space, memory_bytes};
+use sd_core::{Params, memory_bytes};
 
 /// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored;
 /// measured.
@@ -30,35 +27,11 @@ pub(super) fn run_bytes(params: &Params) -> f64 {
 
 /// Bytes of a stored frame with one contact for every sphere.
 pub(super) fn frame_bytes(params: &Params) -> f64 {
-    let frame = if params.volume_fraction.is_some() {
-        InSpace::Suspension(some_frame::<Bulk>(params))
+    let of_space = if params.volume_fraction.is_some() {
+        84.0
     } else {
-        InSpace::Layer(some_frame::<Layer>(params))
+        48.0
     };
-    // Such frames can always be encoded.
-    trajectory::encode(&frame).map_or(0.0, |bytes| bytes.len() as f64)
-}
-
-/// A frame as long as those of a run.
-fn some_frame<S: Space>(params: &Params) -> Frame<S> {
-    let n = params.spheres;
-    let contact = |i: usize| FrameContact {
-        i,
-        j: i,
-        normal: S::Point::default(),
-        gap: 0.01,
-        normal_force: 1.0,
-        tangential_force: S::Tangent::default(),
-        rolling_force: S::Tangent::default(),
-        state: sd_core::contact::ContactState::Sticking,
-    };
-    let mixed = params.is_mixed();
-    Frame {
-        radii: (0..n).map(|i| if mixed { i as f64 } else { 1.0 }).collect(),
-        centres: vec![S::Point::default(); n],
-        orientations: vec![S::UPRIGHT; n],
-        stresslets: vec![S::Tensor::default(); n],
-        contacts: (0..n).map(contact).collect(),
-        ..Frame::default()
-    }
+    let radius = if params.is_mixed() { 4.0 } else { 0.0 };
+    params.spheres as f64 * (of_space + radius)
 }

@@ -166,6 +166,70 @@ pub(crate) fn edit(store: &Path, statements: &str) {
     sweep::store::accept_changes(store).unwrap();
 }
 
+/// All runs of a store with all bits of their samples, results and failures, without times: two
+/// computations of the same runs have the same.
+pub(crate) fn dump(store: &Path) -> Vec<String> {
+    let connection = rusqlite::Connection::open(store).unwrap();
+    connection.busy_timeout(PATIENCE).unwrap();
+    let differs = |name: &str| {
+        name.ends_with("_at") || name.ends_with("_time_s") || name.ends_with("digest") || {
+            let others = [
+                "id", "case_id", "point", "process", "owner", "resumed", "attempt",
+            ];
+            others.contains(&name)
+        }
+    };
+    let mut lines = Vec::new();
+    for (table, query) in [
+        ("run", "SELECT * FROM runs ORDER BY key"),
+        (
+            "sample",
+            "SELECT c.key, s.* FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step",
+        ),
+        (
+            "case",
+            "SELECT key, state, steps_done FROM cases WHERE counts ORDER BY key",
+        ),
+        (
+            "failure",
+            "SELECT c.key, f.step, f.error FROM failures f JOIN cases c ON c.id = f.case_id ORDER BY 1, 2, 3",
+        ),
+    ] {
+        let mut query = connection.prepare(query).unwrap();
+        let names: Vec<String> = query.column_names().map(str::to_owned).collect();
+        let mut rows = query.query([]).unwrap();
+        while let Some(row) = rows.next().unwrap() {
+            let cells = names.iter().enumerate().filter(|(_, name)| !differs(name));
+            let cells = cells.map(|(at, name)| {
+                let value: rusqlite::types::Value = row.get_unwrap(at);
+                format!("{name}={value:?}")
+            });
+            lines.push(format!("{table} {}", cells.collect::<Vec<_>>().join(" ")));
+        }
+    }
+    lines
+}
+
+/// JSON without times and without the file that it is about.
+pub(crate) fn without_times(value: &mut serde_json::Value) {
+    match value {
+        serde_json::Value::Object(map) => {
+            map.retain(|name, _| {
+                !name.ends_with("_time_s")
+                    && !["silent_s", "published_s", "file"].contains(&&**name)
+            });
+            map.values_mut().for_each(without_times);
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(without_times),
+        _ => {}
+    }
+}
+
+/// A number from the environment, for tests whose length can be chosen.
+pub(crate) fn chosen(name: &str, usual: usize) -> usize {
+    std::env::var(name).map_or(usual, |text| text.parse().unwrap())
+}
+
 /// Damages the store of a folder.
 pub(crate) fn spoil(at: &Path, statements: &str) {
     edit(&at.join("s.sqlite"), statements);

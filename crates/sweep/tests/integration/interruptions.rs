@@ -1,6 +1,6 @@
 //! External events: signals, full disks, damage, killed processes.
 
-use crate::harness::{command, ended, folder, root, run, send, spawn, until};
+use crate::harness::{command, ended, folder, run, send, spawn, until};
 use assert_cmd::cargo::cargo_bin;
 use rustix::process::Signal;
 use std::path::Path;
@@ -404,20 +404,4 @@ fn what_is_whole_of_a_damaged_store_is_merged_and_the_rest_computed_again() {
         report
     };
     assert_eq!(without_times(&again), without_times(&whole));
-}
-
-#[test]
-fn short_torture_passes() {
-    if Command::new("sqlite3").arg("-version").output().is_err() {
-        return;
-    }
-    let script = root().join("scripts/torture");
-    let output = Command::new(script)
-        .args(["8", "16"])
-        .env("SWEEP", cargo_bin("sweep"))
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{text}");
-    assert!(text.contains("passed"), "{text}");
 }

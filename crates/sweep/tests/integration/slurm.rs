@@ -1,7 +1,8 @@
-//! Campaigns on a cluster, with substitutes for Slurm's programs on PATH. `scripts/slurm-test` uses
-//! a real Slurm.
+//! Campaigns on a cluster, with substitutes for Slurm's programs on PATH. `real` uses a
+//! real Slurm.
 
 mod cluster;
+mod real;
 mod shards;
 mod submit;
 mod tasks;
