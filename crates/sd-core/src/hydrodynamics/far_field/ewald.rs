@@ -5,18 +5,11 @@ use super::real_space::RealSpace;
 use super::unbounded::{self, RadialChain, self_mobility};
 use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
-use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 use std::ops::Range;
-
-/// Chunks of pairs that one thread sums before they are written: enough to amortize sharing, few
-/// enough for the cache.
-const BATCH: usize = 8;
-/// Minimum number of spheres for sharing the sums with an idle thread.
-const LARGE: usize = 100;
 
 /// The two halves of the periodic sum.
 #[derive(Debug, Clone)]
@@ -34,8 +27,8 @@ pub(super) struct Ewald {
     pub(super) wave: WaveSpace,
     /// The pairs in chunks of about [`CHUNK`].
     pub(super) chunks: Vec<Chunk>,
-    /// Sums of the current chunk, for one thread and for a helper.
-    pub(super) sums: [Sums; 2],
+    /// Sums of the current chunk.
+    pub(super) sums: Sums,
 }
 
 /// All pairs (i, j), i > j, with j in a range.
@@ -45,12 +38,12 @@ pub(super) struct Chunk {
     pairs: usize,
 }
 
-/// The sums of the pairs of some chunks, both halves together.
+/// The sums of the pairs of a chunk, both halves together.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sums {
     /// Sums of each pair, in one layer for equal radii and in two otherwise.
     lanes: Vec<Lanes>,
-    /// The wave-space half of one chunk.
+    /// The wave-space half.
     wave: WaveSums,
 }
 
@@ -132,16 +125,9 @@ impl Ewald {
         let wave_self = self.wave.update(cell, centres);
         self.fill_diagonal(sizes, radii, &real_self, &wave_self, target);
         let mut sums = std::mem::take(&mut self.sums);
-        let [own, helping] = &mut sums;
-        for both in self.chunks.chunks(2 * BATCH) {
-            let (first, second) = both.split_at(both.len().div_ceil(2));
-            join(
-                radii.len() >= LARGE,
-                || self.sum(centres, first, own),
-                || self.sum(centres, second, helping),
-            );
-            self.write(sizes, first, own, target);
-            self.write(sizes, second, helping, target);
+        for chunk in &self.chunks {
+            self.sum(centres, chunk, &mut sums);
+            self.write(sizes, chunk, &sums, target);
         }
         self.sums = sums;
     }
@@ -150,8 +136,8 @@ impl Ewald {
     pub(super) fn real_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         self.real.update(cell);
         let mut sums = std::mem::take(&mut self.sums);
-        for chunk in self.chunks.chunks(BATCH) {
-            self.sum_real(centres, chunk, &mut sums[0]);
+        for chunk in &self.chunks {
+            self.sum_real(centres, chunk, &mut sums);
         }
         self.sums = sums;
     }
@@ -160,7 +146,7 @@ impl Ewald {
     pub(super) fn wave_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
         self.wave.update(cell, centres);
         for chunk in &self.chunks {
-            self.wave.sum(chunk.columns.clone(), &mut self.sums[0].wave);
+            self.wave.sum(chunk.columns.clone(), &mut self.sums.wave);
         }
     }
 
@@ -201,33 +187,27 @@ impl Ewald {
         }
     }
 
-    /// The sums of the pairs of some chunks.
-    fn sum(&self, centres: &[Vec2], chunks: &[Chunk], sums: &mut Sums) {
-        self.sum_real(centres, chunks, sums);
+    /// The sums of the pairs of a chunk.
+    fn sum(&self, centres: &[Vec2], chunk: &Chunk, sums: &mut Sums) {
+        self.sum_real(centres, chunk, sums);
         let layers = self.layers();
-        let mut rest = &mut sums.lanes[..];
-        for chunk in chunks {
-            self.wave.sum(chunk.columns.clone(), &mut sums.wave);
-            let (lanes, others) = rest.split_at_mut(chunk.pairs * layers);
-            rest = others;
-            let wave = &sums.wave;
-            vectorised(
-                #[inline(always)]
-                || add_waves(wave, layers, self.uniform, lanes),
-            );
-        }
+        self.wave.sum(chunk.columns.clone(), &mut sums.wave);
+        let Sums { wave, lanes } = sums;
+        vectorised(
+            #[inline(always)]
+            || add_waves(wave, layers, self.uniform, lanes),
+        );
     }
 
-    /// The real-space sums of the pairs of some chunks.
-    fn sum_real(&self, centres: &[Vec2], chunks: &[Chunk], sums: &mut Sums) {
+    /// The real-space sums of the pairs of a chunk.
+    fn sum_real(&self, centres: &[Vec2], chunk: &Chunk, sums: &mut Sums) {
         let (n, layers) = (centres.len(), self.layers());
-        let pairs: usize = chunks.iter().map(|chunk| chunk.pairs).sum();
-        sums.lanes.resize(pairs * layers, [0.0; LANES]);
+        sums.lanes.resize(chunk.pairs * layers, [0.0; LANES]);
         vectorised(
             #[inline(always)]
             || {
                 let mut rest = &mut sums.lanes[..];
-                for j in chunks.iter().flat_map(|chunk| chunk.columns.clone()) {
+                for j in chunk.columns.clone() {
                     let (lanes, others) = rest.split_at_mut((n - 1 - j) * layers);
                     self.real.column(centres, j, lanes);
                     rest = others;
@@ -236,10 +216,10 @@ impl Ewald {
         );
     }
 
-    /// Writes the blocks of the pairs of some chunks.
-    fn write(&self, sizes: &[FiniteSize], chunks: &[Chunk], sums: &Sums, target: &mut Target<'_>) {
+    /// Writes the blocks of the pairs of a chunk.
+    fn write(&self, sizes: &[FiniteSize], chunk: &Chunk, sums: &Sums, target: &mut Target<'_>) {
         let n = sizes.len();
-        let columns = chunks.iter().flat_map(|chunk| chunk.columns.clone());
+        let columns = chunk.columns.clone();
         let pairs = columns.flat_map(|j| (j + 1..n).map(move |i| (i, j)));
         vectorised(
             #[inline(always)]

@@ -4,7 +4,6 @@ use super::unbounded::self_mobility;
 use super::*;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
-use crate::linalg::join::tests::assert_same_with_any_threads;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -132,21 +131,6 @@ pub(super) fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) 
     }
     m.mirror_lower();
     m
-}
-
-#[test]
-fn bits_of_the_mobility_do_not_depend_on_the_number_of_threads() {
-    for unequal in [false, true] {
-        let (cell, centres) = layer(12, 12, 0.6, 0.2, 1.3);
-        let radius = |i: i32| 1.0 - 0.3 * f64::from(i % 2);
-        let radii: Vec<_> = (0..144)
-            .map(|i| if unequal { radius(i) } else { 1.0 })
-            .collect();
-        assert_same_with_any_threads(|| {
-            let mut far_field = FarField::new(&cell, &radii, 1e-8).unwrap();
-            mobility(&mut far_field, &cell, &centres).values().to_vec()
-        });
-    }
 }
 
 /// Entry of mode k (order of [`crate::space::modes`]) of sphere i in a grand vector of n spheres.

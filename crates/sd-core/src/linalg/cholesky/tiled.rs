@@ -7,15 +7,10 @@
 //! The sum over u is one product of two contiguous strips `[TILE × K]`: the optimal shape and
 //! storage for a matrix product, twice as fast as on a large matrix stored by columns, with half
 //! the storage.
-//!
-//! The work is cut into the same pieces for any number of threads, so the bits do not depend on it.
-//! In a pool of threads that runs several simulations, all are busy and nothing is shared; when one
-//! simulation remains, idle threads help. Outside a pool no thread is started.
 
 mod inverse;
 
 use crate::linalg::error::BadPivot;
-use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use crate::linalg::vector;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -33,8 +28,6 @@ const ROWS: usize = 24;
 const GROUP: usize = 4;
 /// Columns of a strip that is used several times while it is in the cache.
 const DEPTH: usize = 384;
-/// Minimum number of rows of tiles for sharing with an idle thread.
-const LARGE: usize = 20;
 
 /// The lower triangle of a square matrix `[n × n]`, in rows of tiles.
 #[derive(Debug, Clone, Default)]
@@ -224,20 +217,8 @@ impl Shape<'_> {
         rows: &mut [f64],
         tiles: Range<usize>,
         group: Range<usize>,
-        share: bool,
     ) {
         if tiles.is_empty() {
-            return;
-        }
-        if share && tiles.len() > 1 {
-            let middle = tiles.start + tiles.len().div_ceil(2);
-            let (first, second) =
-                rows.split_at_mut(self.offsets[middle] - self.offsets[tiles.start]);
-            join(
-                true,
-                || self.finish_group(upper, first, tiles.start..middle, group.clone(), false),
-                || self.finish_group(upper, second, middle..tiles.end, group.clone(), false),
-            );
             return;
         }
         let base = self.offsets[tiles.start];
@@ -298,7 +279,7 @@ impl TiledCholesky {
             for t in group.clone() {
                 let (upper, rest) = values.split_at_mut(shape.offsets[t]);
                 let row = &mut rest[..shape.offsets[t + 1] - shape.offsets[t]];
-                shape.finish_group(upper, row, t..t + 1, group.start..t, false);
+                shape.finish_group(upper, row, t..t + 1, group.start..t);
                 shape.subtract(upper, row, t, t, 0..shape.starts[t]);
                 let columns = shape.starts[t]..shape.starts[t + 1];
                 llt::factor::cholesky_in_place(
@@ -316,7 +297,7 @@ impl TiledCholesky {
             }
             let (upper, rest) = values.split_at_mut(shape.offsets[group.end]);
             let below = group.end..tiles;
-            shape.finish_group(upper, rest, below, group, tiles >= LARGE);
+            shape.finish_group(upper, rest, below, group);
         }
         Ok(())
     }

@@ -1,8 +1,7 @@
 //! The trailing block of an inverse, from the factor.
 
-use super::{LARGE, Shape, TILE, TiledCholesky, divide, strip, strip_mut};
+use super::{Shape, TILE, TiledCholesky, divide, strip, strip_mut};
 use crate::linalg::dense::Matrix;
-use crate::linalg::join::join;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, Par};
 use std::ops::Range;
@@ -20,25 +19,8 @@ impl TiledCholesky {
             offsets: &self.matrix.offsets,
         };
         let lower = &self.matrix.values;
-        let strips = TILE * half;
-        let share = tiles >= LARGE;
-        // Row t of V is made by (last − t)² products of tiles, and so is column t of the product:
-        // the first fifth is half of the work.
-        let cut = first + (tiles - first).div_ceil(5);
-        let (upper, rest) = self.inverse.split_at_mut(strips * (cut - first));
-        join(
-            share,
-            || shape.invert(lower, upper, first..cut, first),
-            || shape.invert(lower, rest, cut..tiles, first),
-        );
-        let inverse = &self.inverse;
-        let columns = shape.starts[cut] - half;
-        let (left, right) = out.values_mut().split_at_mut(half * columns);
-        join(
-            share,
-            || shape.outer(inverse, left, first..cut, first),
-            || shape.outer(inverse, right, cut..tiles, first),
-        );
+        shape.invert(lower, &mut self.inverse, first);
+        shape.outer(&self.inverse, out.values_mut(), first);
     }
 
     /// V of [`TiledCholesky::trailing_inverse`], by tiles: rows of the tile (counted from the
@@ -57,12 +39,12 @@ impl TiledCholesky {
 }
 
 impl Shape<'_> {
-    /// Rows `tiles` of `V = L₂₂⁻ᵀ`, each a strip of all columns of the half: `V_t L₂₂ᵀ = e_t`,
-    /// column after column.
-    fn invert(&self, lower: &[f64], inverse: &mut [f64], tiles: Range<usize>, first: usize) {
+    /// Rows of `V = L₂₂⁻ᵀ`, whose tiles begin with `first`, each a strip of all columns of the half:
+    /// `V_t L₂₂ᵀ = e_t`, column after column.
+    fn invert(&self, lower: &[f64], inverse: &mut [f64], first: usize) {
         let half = self.starts[first];
         let strips = inverse.chunks_exact_mut((TILE * half).max(1));
-        for (t, row) in tiles.zip(strips) {
+        for (t, row) in (first..).zip(strips) {
             let (start, height) = (self.starts[t] - half, self.height(t));
             for s in t..self.starts.len() - 1 {
                 let columns = self.starts[s] - half..self.starts[s + 1] - half;
@@ -92,21 +74,19 @@ impl Shape<'_> {
         }
     }
 
-    /// Columns of the tiles `tiles` of the lower triangle of `V Vᵀ`, stored by whole columns.
-    fn outer(&self, inverse: &[f64], out: &mut [f64], tiles: Range<usize>, first: usize) {
+    /// The lower triangle of `V Vᵀ`, tile by tile.
+    fn outer(&self, inverse: &[f64], out: &mut [f64], first: usize) {
         let half = self.starts[first];
         let last = self.starts.len() - 1;
         let row = |t: usize| &inverse[TILE * half * (t - first)..TILE * half * (t - first + 1)];
-        let base = self.starts[tiles.start];
-        let columns = self.starts[tiles.end] - base;
-        let mut out = MatMut::from_column_major_slice_mut(out, half, columns);
-        for s in tiles {
+        let mut out = MatMut::from_column_major_slice_mut(out, half, half);
+        for s in first..last {
             for t in s..last {
                 let range = self.starts[t] - half..half;
                 matmul(
                     out.as_mut().submatrix_mut(
                         self.starts[t] - half,
-                        self.starts[s] - base,
+                        self.starts[s] - half,
                         self.height(t),
                         self.height(s),
                     ),

@@ -1,7 +1,6 @@
 use super::*;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
-use crate::linalg::join::tests::assert_same_with_any_threads;
 
 /// Entries of a dense positive definite matrix without structure.
 fn entry(i: usize, j: usize) -> f64 {
@@ -90,23 +89,6 @@ fn trailing_half_of_the_inverse() {
             }
         }
     }
-}
-
-#[test]
-fn bits_do_not_depend_on_the_number_of_threads() {
-    assert_same_with_any_threads(|| {
-        let mut cholesky = factored(600);
-        let mut block = Matrix::default();
-        cholesky.trailing_inverse(&mut block);
-        let lower = cholesky.lower();
-        let mut bits: Vec<u64> = (0..1200)
-            .flat_map(|i| (0..=i).map(move |j| lower.get(i, j).to_bits()))
-            .collect();
-        for j in 0..600 {
-            bits.extend(block.column(j)[j..].iter().map(|x| x.to_bits()));
-        }
-        bits
-    });
 }
 
 #[test]
