@@ -15,13 +15,13 @@ use std::time::Duration;
 
 use sweep::model::axes::Axis;
 use sweep::model::order::Priority;
-use sweep::system::disk::network_file_system;
-use sweep::text::format::parse_positive_duration;
 use sweep::runner::{
     CampaignProgress, Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
 };
 use sweep::store::StoreSource;
+use sweep::system::disk::network_file_system;
+use sweep::text::format::parse_positive_duration;
 use toml::{Table, Value};
 
 /// Maximum number of threads; more are treated as a typo.
@@ -131,8 +131,7 @@ impl Campaign {
             None => Table::new(),
         };
         let text = text_of(&name, protocol, grids)?;
-        let campaign =
-            sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
+        let campaign = sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
         let file = std::path::absolute(format!("{name}.toml"))?;
         Ok(Self(sweep::model::campaign::Campaign { file, ..campaign }))
     }
@@ -145,9 +144,7 @@ impl Campaign {
     #[staticmethod]
     fn from_toml(path: &Bound<'_, PyAny>) -> PyResult<Self> {
         let path = values::file("path", path)?;
-        sweep::campaign::read(&path)
-            .map(Self)
-            .map_err(raise)
+        sweep::campaign::read(&path).map(Self).map_err(raise)
     }
 
     /// Its name.

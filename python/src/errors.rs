@@ -4,11 +4,11 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::io::ErrorKind;
+use sweep::Error;
 use sweep::ErrorRenderer;
 use sweep::campaign::CampaignError;
 use sweep::report::ReportError;
 use sweep::store::StoreError as OfTheStore;
-use sweep::Error;
 use sweep::system::exit;
 
 create_exception!(
@@ -64,13 +64,9 @@ fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
             own(&refusal.allowed),
             None,
         ],
-        Error::Report(ReportError::Argument { argument, message }) => [
-            // A file is not an argument of a function.
-            own(argument.trim_start_matches('-')).filter(|key| key != "FILE"),
-            None,
-            own(message),
-            None,
-        ],
+        Error::Report(ReportError::Argument { option, message }) => {
+            [own(option), None, own(message), None]
+        }
         _ => [None, None, None, None],
     };
     Python::attach(|py| {
@@ -108,11 +104,7 @@ fn exception(error: &Error, words: String) -> PyErr {
 /// The message of an error on the command line.
 fn words(error: &Error) -> String {
     match error {
-        // Arguments have the names of the keywords here.
-        // As on the command line, without the dashes.
-        Error::Report(error @ ReportError::Argument { .. }) => {
-            error.to_string().trim_start_matches('-').to_owned()
-        }
+        Error::Report(error @ ReportError::Argument { .. }) => error.to_string(),
         error => {
             let text = ErrorRenderer::plain().explain(error);
             let text = text.trim_matches('\n').trim_end();

@@ -16,9 +16,9 @@ use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use sweep::model::axes::AXES;
 use sweep::measure::sampled::is_of_network;
 use sweep::measure::sampled::sample_fields;
+use sweep::model::axes::AXES;
 use sweep::store::Checkpoint;
 use toml::Table;
 

@@ -6,16 +6,16 @@ use crate::values;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
+use sd_core::model::Words;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use sweep::model::axes::{AXES, Axis};
-use sweep::model::campaign::Campaign;
 use sweep::data::DataColumn;
-use sweep::report::{
-    Drawing, FitReport, Format, Kind, Look, Report, SegmentReport, Selection, SphereView,
-    StructureReport, draw_spheres, outline, point_table, sample_table, traces,
-};
+use sweep::model::axes::{AXES, Axis};
 use sweep::model::spaces::AnyFrame;
+use sweep::report::{
+    Drawing, FitReport, Kind, Report, SegmentReport, Selection, SphereView, StructureReport,
+    draw_spheres, outline, point_table, sample_table, traces,
+};
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
 
@@ -309,7 +309,7 @@ impl Store {
     /// case : str or int
     ///     The beginning of its key, or its number in the campaign file, from 1.
     /// path : str or path
-    ///     The file, whose name ends with .svg, .pdf or .png.
+    ///     The file, whose name ends with .svg.
     /// strain : float, optional
     ///     The strain of the drawn frame, the nearest one kept; by default the last frame.
     /// colour : str
@@ -329,20 +329,23 @@ impl Store {
         colour: Option<&Bound<'_, PyAny>>,
         slab: Option<(f64, f64)>,
     ) -> PyResult<()> {
-        let refused = |name, message| PyValueError::new_err(format!("{name}: {message}"));
+        let refused = |name, message: String| PyValueError::new_err(format!("{name}: {message}"));
         let (case, path) = (name_of(case)?, values::file("path", path)?);
-        let format = Format::of_file(&path).map_err(|message| refused("path", message))?;
-        let slab = slab.map(|(from, to)| format!("{from}..{to}").parse());
+        if path.extension().is_none_or(|ending| ending != "svg") {
+            let message = format!("a name that ends with .svg, not {}", path.display());
+            return Err(refused("path", message));
+        }
+        if slab.is_some_and(|(from, to)| !(from < to && from.is_finite() && to.is_finite())) {
+            return Err(refused("slab", "two numbers, the lower one first".into()));
+        }
         let view = SphereView {
             strain: strain
                 .map(|strain| values::number("strain", strain))
                 .transpose()?,
             colour: word("colour", colour)?,
-            slab: slab
-                .transpose()
-                .map_err(|message| refused("slab", message))?,
+            slab: slab.map(|(from, to)| [from, to]),
         };
-        let picture = self.read(py, |store| Ok(draw_spheres(store, &case, view, format)?))?;
+        let picture = self.read(py, |store| Ok(draw_spheres(store, &case, view)?))?;
         Ok(std::fs::write(path, picture.file)?)
     }
 
@@ -390,9 +393,8 @@ impl Store {
     ) -> PyResult<Bound<'py, PyAny>> {
         let drawing = Drawing {
             kind: word("kind", kind)?,
-            quantity: Some(word("quantity", quantity)?),
+            quantity: word("quantity", quantity)?,
             along: along.map(axis).transpose()?,
-            look: Look::default(),
             ..Drawing::default()
         };
         let selection = selection(r#where)?;
@@ -412,7 +414,9 @@ impl Store {
         let outline = match segment {
             None => self.read(py, draw)?,
             Some(number) => py
-                .detach(|| Ok(sweep::campaign::open_segment(&source, number)?.map(|store| draw(&store))))
+                .detach(|| {
+                    Ok(sweep::campaign::open_segment(&source, number)?.map(|store| draw(&store)))
+                })
                 .map_err(|error: sweep::Error| raise(error))?
                 .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
                 .map_err(raise)?,
@@ -489,17 +493,16 @@ fn py_list<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
     }
 }
 
-/// A choice by its keyword on the command line.
-fn word<T: clap::ValueEnum + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
+/// A choice by its keyword.
+fn word<T: Words + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
     let Some(given) = given else {
         return Ok(T::default());
     };
     let given = values::text(name, given)?;
-    T::from_str(&given, false).map_err(|_| {
-        let known = T::value_variants().iter();
-        let known: Vec<String> = known
-            .filter_map(T::to_possible_value)
-            .map(|value| format!("{:?}", value.get_name()))
+    T::of_word(&given).ok_or_else(|| {
+        let known: Vec<String> = T::WORDS
+            .iter()
+            .map(|word| format!("{:?}", word.word))
             .collect();
         PyValueError::new_err(format!(
             "{name}: {given:?} is not one of {}",
