@@ -16,8 +16,7 @@ use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use sweep::measure::sampled::is_of_network;
-use sweep::measure::sampled::sample_fields;
+use sweep::measure::numbers::{Level, Number, columns};
 use sweep::model::axes::AXES;
 use sweep::store::Checkpoint;
 use toml::Table;
@@ -461,16 +460,15 @@ fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAn
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
-    let mut fields = sample_fields(sample);
     // Manual steps do not record the contact network.
-    fields.retain(|field| !is_of_network(field));
+    let numbers = || columns(Level::Samples).filter(|number: &&Number| !number.is_of_network());
     let keys = KEYS.get_or_init(py, || {
-        let names = fields.iter().map(|field| field.name);
+        let names = numbers().map(|number| number.name);
         names.map(|name| PyString::new(py, name).unbind()).collect()
     });
     let dict = PyDict::new(py);
-    for (key, field) in keys.iter().zip(fields) {
-        dict.set_item(key, values::of_axis(py, field.value)?)?;
+    for (key, number) in keys.iter().zip(numbers()) {
+        dict.set_item(key, values::of_axis(py, number.of_sample(sample))?)?;
     }
     Ok(dict)
 }

@@ -14,7 +14,7 @@ use sweep::model::axes::{AXES, Axis};
 use sweep::model::spaces::AnyFrame;
 use sweep::report::{
     Drawing, FitReport, Kind, Report, SegmentReport, Selection, SphereView, StructureReport,
-    draw_spheres, outline, point_table, sample_table, traces,
+    draw_spheres, outline, point_table, traces,
 };
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
 use sweep::trajectory::{contact_table, sphere_table};
@@ -165,7 +165,7 @@ impl Store {
     fn samples(&self, py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<Table> {
         let case = name_of(case)?;
         let samples = self.read(py, |store| Ok(store.samples(&store.key_of(&case)?)?))?;
-        Table::of(sample_table(&samples).map_err(raise)?)
+        Table::of(sweep::measure::sample_table(&samples))
     }
 
     /// The spheres of a run at its kept strains, one row per sphere and strain.

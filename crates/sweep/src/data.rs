@@ -82,19 +82,6 @@ impl Cells {
         }
     }
 
-    /// Removes rows.
-    pub(crate) fn keep(&mut self, rows: &[bool]) {
-        fn kept<C>(cells: &mut Vec<C>, rows: &[bool]) {
-            let mut row = rows.iter();
-            cells.retain(|_| row.next().is_some_and(|keep| *keep));
-        }
-        match self {
-            Self::Word(cells) => kept(cells, rows),
-            Self::Count(cells) => kept(cells, rows),
-            Self::Number(cells) => kept(cells, rows),
-        }
-    }
-
     /// Adds the cells of a column of the same kind.
     pub(crate) fn append(&mut self, more: Self) {
         match (self, more) {

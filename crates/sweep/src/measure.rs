@@ -1,17 +1,23 @@
 //! Averages of samples over a run, and means over runs with their errors.
 
 pub mod doubt;
-pub mod sampled;
+pub mod numbers;
+mod run;
+mod runs;
 pub(crate) mod segments;
 mod steady;
 mod stopping;
+mod tables;
 pub(crate) mod wyart_cates;
 
+pub use run::PointRun;
+pub(crate) use run::RunData;
+pub(crate) use runs::Runs;
 pub(crate) use steady::{Drift, Steadiness, mser_5};
 pub(crate) use stopping::{Decision, Outcome, Verdict, relative_half_width};
+pub use tables::sample_table;
+pub(crate) use tables::{axis_column, key_column, run_table, seed_column};
 
-use sampled::MEANS;
-use sd_core::Sample;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -19,13 +25,10 @@ use std::collections::HashMap;
 /// Mean and quartiles of one quantity over the samples of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Distribution {
-    /// Mean.
     pub mean: f64,
-    /// First quartile.
     pub quartile_1: f64,
     /// Median: near jamming a few spikes dominate the mean, but not the median.
     pub median: f64,
-    /// Third quartile.
     pub quartile_3: f64,
 }
 
@@ -132,93 +135,6 @@ fn student(freedom: f64, probability: f64) -> Option<f64> {
     })
 }
 
-/// Averages over the samples of a run from the discarded strain on.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Averages {
-    /// Number of samples.
-    pub samples: u64,
-    /// Viscosity in full.
-    pub viscosity: Option<Distribution>,
-    /// Viscosity from the stresslets alone.
-    pub viscosity_stresslet: Option<Distribution>,
-    /// First normal stress difference.
-    pub normal_stress_difference: Option<f64>,
-    /// Components and parts of the stress, and numbers of the contact network over the samples that
-    /// have them, in the order of [`sampled::means`].
-    pub(crate) means: [Option<f64>; MEANS],
-    /// Dissipation.
-    pub dissipation: Option<f64>,
-    /// Contacts, summed over the samples.
-    pub contacts: u64,
-    /// Friction-activated contacts, summed.
-    pub activated: u64,
-    /// Rolling contacts, summed.
-    pub rolling: u64,
-    /// Approach velocity, summed over the contacts of all samples; positive for approach.
-    pub approach: f64,
-    /// Steadiness and correlation time of the viscosity.
-    pub steadiness: Option<Steadiness>,
-}
-
-impl Averages {
-    /// Averages the samples from step `discard_step` on.
-    pub(crate) fn of(samples: &[(u64, Sample)], discard_step: u64) -> Self {
-        let kept: Vec<&Sample> = samples
-            .iter()
-            .filter(|(step, _)| *step >= discard_step)
-            .map(|(_, sample)| sample)
-            .collect();
-        let values = |quantity: fn(&Sample) -> f64| -> Vec<f64> {
-            kept.iter().map(|sample| quantity(sample)).collect()
-        };
-        let mut means = [None; MEANS];
-        for (of_number, number) in means.iter_mut().zip(sampled::means()) {
-            let values = kept.iter().map(|sample| number.value(sample).number());
-            let mut values: Vec<f64> = values.collect();
-            if number.is_of_network() {
-                values.retain(|value| !value.is_nan());
-            }
-            *of_number = mean(&values);
-        }
-        let sum = |count: fn(&Sample) -> u32| kept.iter().map(|s| u64::from(count(s))).sum();
-        Self {
-            samples: kept.len() as u64,
-            viscosity: Distribution::of(values(|s| s.viscosity)),
-            viscosity_stresslet: Distribution::of(values(|s| s.viscosity_stresslet)),
-            normal_stress_difference: mean(&values(|s| s.normal_stress_difference)),
-            means,
-            dissipation: mean(&values(|s| s.dissipation)),
-            contacts: sum(|s| s.contacts),
-            activated: sum(|s| s.activated),
-            rolling: sum(|s| s.sticking),
-            approach: values(|s| -s.normal_velocity * f64::from(s.contacts))
-                .iter()
-                .sum(),
-            steadiness: Steadiness::of(&values(|s| s.viscosity)),
-        }
-    }
-
-    /// Contacts per sphere, averaged over the samples.
-    pub(crate) fn contacts_per_sphere(&self, spheres: usize) -> Option<f64> {
-        ratio(self.contacts as f64, (self.samples * spheres as u64) as f64)
-    }
-
-    /// Activated contacts over contacts.
-    pub(crate) fn activated_fraction(&self) -> Option<f64> {
-        ratio(self.activated as f64, self.contacts as f64)
-    }
-
-    /// Rolling contacts over activated ones.
-    pub(crate) fn rolling_fraction(&self) -> Option<f64> {
-        ratio(self.rolling as f64, self.activated as f64)
-    }
-
-    /// Mean approach velocity of a contact.
-    pub(crate) fn mean_approach_velocity(&self) -> Option<f64> {
-        ratio(self.approach, self.contacts as f64)
-    }
-}
-
 /// A quotient; `None` where it is undefined.
 pub(crate) fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
     (denominator > 0.0).then(|| numerator / denominator)
@@ -227,7 +143,6 @@ pub(crate) fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_support::sample;
 
     #[test]
     fn student_interval_of_a_small_sample() {
@@ -258,23 +173,5 @@ mod tests {
         );
         let spikes = Distribution::of(vec![1.0, f64::INFINITY, f64::INFINITY]).unwrap();
         assert!(spikes.median.is_infinite());
-    }
-
-    #[test]
-    fn discarded_samples_do_not_count() {
-        let mut samples = vec![(0, sample(0.0)), (4, sample(0.02)), (8, sample(0.04))];
-        samples[0].1.viscosity = 1e6;
-        let averages = Averages::of(&samples, 4);
-        assert_eq!(averages.samples, 2);
-        assert!(averages.viscosity.unwrap().mean < 100.0);
-        assert_eq!(averages.contacts, 2 * u64::from(sample(0.0).contacts));
-    }
-
-    #[test]
-    fn no_contacts_no_fractions() {
-        let averages = Averages::of(&[], 0);
-        assert_eq!(averages.activated_fraction(), None);
-        assert_eq!(averages.contacts_per_sphere(10), None);
-        assert_eq!(averages.viscosity, None);
     }
 }

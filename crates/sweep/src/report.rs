@@ -23,7 +23,6 @@ mod text;
 mod tidy;
 mod units;
 
-pub use crate::measure::sampled::sample_fields;
 pub use columns::{Columns, point_table};
 pub use error::ReportError;
 pub use failures::FailureGroup;
@@ -34,8 +33,8 @@ pub use fit::FitReport;
 pub use json::write as write_json;
 pub use page::{PageHost, data, movie, page};
 pub use points::{Point, Report};
+pub use runs::TableFormat;
 pub(crate) use runs::about;
-pub use runs::{TableFormat, sample_table};
 pub use segments::SegmentReport;
 pub(crate) use selection::range;
 pub use selection::{Excerpt, Selection};

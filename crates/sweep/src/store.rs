@@ -51,7 +51,6 @@ pub(crate) use merge::MergeMode;
 pub use merge::{Damaged, Disagreement, Merged};
 pub use open::Store;
 pub(crate) use place::is_free;
-pub use points::PointRun;
 pub use processes::{Provenance, TaskName};
 pub use reading::StoreSource;
 pub(crate) use reading::snapshot;

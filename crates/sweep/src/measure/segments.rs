@@ -1,6 +1,6 @@
 //! Results of a segment of a run: averages, stress after a reversal, harmonics of an oscillation.
 
-use super::{Averages, mean};
+use super::{RunData, mean};
 use crate::model::protocol::PlannedSegment;
 use sd_core::model::phase;
 use sd_core::{Params, Sample};
@@ -13,8 +13,8 @@ const MIN_RISE: f64 = 0.01;
 /// Results of one run in a segment.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RunSegment {
-    /// Averages over the segment after its discarded strain.
-    pub(crate) averages: Averages,
+    /// Numbers over the segment after its discarded strain, by their names.
+    pub(crate) numbers: Vec<(&'static str, f64)>,
     /// Strain since its start, and viscosity.
     pub(crate) trace: Vec<(f64, f64)>,
     /// After a reversal.
@@ -111,7 +111,7 @@ impl RunSegment {
         });
         let (cycles, averaged) = cycles.unwrap_or_default();
         Some(Self {
-            averages: Averages::of(kept, 0),
+            numbers: numbers(params, kept),
             trace,
             reversal,
             cycles,
@@ -119,11 +119,32 @@ impl RunSegment {
         })
     }
 
+    /// A number by its name.
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
+        let found = self.numbers.iter().find(|(known, _)| *known == name);
+        found.map(|(_, number)| *number)
+    }
+
     /// The mean of the averaged last cycles of an oscillation.
     pub(crate) fn oscillation(&self) -> Option<Cycle> {
         let first = self.cycles.len().checked_sub(self.averaged_cycles)?;
         Cycle::mean(&self.cycles[first..])
     }
+}
+
+/// The numbers of a segment that are averaged in time.
+fn numbers(params: &Params, kept: &[(u64, Sample)]) -> Vec<(&'static str, f64)> {
+    let run = RunData::of(params, kept, 0);
+    [
+        "samples",
+        "viscosity",
+        "viscosity_stresslet",
+        "normal_stress_difference",
+        "contacts_per_sphere",
+    ]
+    .into_iter()
+    .filter_map(|name| Some((name, run.number(name)?)))
+    .collect()
 }
 
 /// The strain at which a viscosity first reaches a value from below, between its samples.
@@ -314,12 +335,12 @@ mod tests {
             .collect();
         let first = RunSegment::of(&params, &segments, 0, &samples).unwrap();
         assert_eq!(first.reversal, None);
-        assert_eq!(first.averages.samples, 100);
+        assert_eq!(first.number("samples"), Some(100.0));
         let second = RunSegment::of(&params, &segments, 1, &samples).unwrap();
         let reversal = second.reversal.unwrap();
         assert!((reversal.hydrodynamic_share - 0.4).abs() < 1e-12);
         assert!((reversal.recovery_strain.unwrap() - 1.0).abs() < 1e-9);
-        assert_eq!(second.averages.samples, 200);
+        assert_eq!(second.number("samples"), Some(200.0));
         assert_eq!(second.oscillation(), None);
     }
 }

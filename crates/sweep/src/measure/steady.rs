@@ -16,7 +16,7 @@ const BATCH: usize = 5;
 
 /// Measures of steadiness of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steadiness {
+pub(crate) struct Steadiness {
     /// Means over the four equal parts of the kept samples, the earliest first.
     pub parts: [f64; PARTS],
     /// Correlation time in samples: see [`correlation_samples`].
@@ -28,7 +28,7 @@ pub struct Steadiness {
 impl Steadiness {
     /// Computes them from the kept samples of a run; `None` for fewer than eight, or for values
     /// that are not finite.
-    pub fn of(values: &[f64]) -> Option<Self> {
+    pub(crate) fn of(values: &[f64]) -> Option<Self> {
         if values.len() < 2 * PARTS || values.iter().any(|value| !value.is_finite()) {
             return None;
         }

@@ -2,15 +2,13 @@
 //! figures and the page use this list.
 
 use super::error::ReportError;
-use super::figure::scale::count;
-use super::points::{Point, Report, Runs};
+use super::points::{Point, Report};
 use crate::data::{DataColumn, Word};
 use crate::data::{Kind, Value};
-use crate::measure::sampled;
-use crate::measure::{Estimate, mean, ratio};
+use crate::measure::Runs;
+use crate::measure::numbers::{self, Level, Number, OverRuns};
 use crate::model::axes::{AXES, Axis};
-use crate::model::case::State;
-use crate::store::PointRun;
+use crate::text::format::count;
 use std::sync::LazyLock;
 
 /// A column: a name for machines, a unit, a meaning, and a cell for every point.
@@ -34,63 +32,14 @@ pub(super) struct Column {
 enum Content {
     /// Values on an axis.
     Axis(&'static Axis),
-    /// Counts.
-    Count(fn(&Runs<'_>) -> u64),
-    /// Numbers; `None` for missing ones.
-    Number(fn(&Runs<'_>) -> Option<f64>),
-    /// The mean over runs of one of their numbers, or of the number of a sample with this index in
-    /// [`sampled::means`]. The half width of its 95 % interval is in the next column, `NAME_ci95`.
-    Mean(fn(&PointRun, usize) -> Option<f64>, usize),
+    /// A number of points, with its 95 % interval in the next column if it is a mean over runs.
+    Number(&'static Number),
     /// Half width of that interval.
     Interval,
 }
 
-/// Measured quantities, without the means of numbers of samples.
-#[rustfmt::skip]
-#[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
-const MEASURED: [(&str, &str, &str, &str, Content); 29] = {
-    use Content::{Count, Mean, Number};
-    [
-        ("seeds", "1", "runs averaged", "", Count(|r| r.averaged.len() as u64)),
-        ("jammed", "1", "runs that ended jammed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Jammed))),
-        ("failed", "1", "runs that failed: not averaged", "", Count(|r| r.number_of(|run| run.state == State::Failed))),
-        ("doubtful", "1", "finished runs with doubtful numbers: averaged only on request", "", Count(|r| r.number_of(PointRun::is_doubtful))),
-        ("viscosity", "mu", "viscosity in full, mean over runs of their means in time", "viscosity", Mean(|run, _| run.viscosity, 0)),
-        ("viscosity_median", "mu", "median over runs of their medians in time", "median viscosity", Number(|r| Some(r.medians()?.median))),
-        ("viscosity_median_quartile_1", "mu", "first quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_1))),
-        ("viscosity_median_quartile_3", "mu", "third quartile over runs of their medians in time", "", Number(|r| Some(r.quartiles()?.quartile_3))),
-        ("viscosity_stresslet", "mu", "viscosity without contact stress", "stresslet viscosity", Mean(|run, _| run.viscosity_stresslet, 0)),
-        ("normal_stress_difference", "mu rate", "first normal stress difference, contacts included", "normal stress difference N₁", Mean(|run, _| run.normal_stress_difference, 0)),
-        ("contacts_per_sphere", "1", "pairs with a contact force over spheres", "contacts per sphere", Number(|r| ratio(r.sum(|run| run.contacts), r.sum(|run| run.samples * run.params.spheres as u64)))),
-        ("activated_fraction", "1", "contacts above the critical load over contacts", "activated fraction", Number(|r| ratio(r.sum(|run| run.activated), r.sum(|run| run.contacts)))),
-        ("rolling_fraction", "1", "rolling contacts over activated ones", "rolling fraction", Number(|r| ratio(r.sum(|run| run.rolling), r.sum(|run| run.activated)))),
-        ("minimum_gap", "a", "smallest gap of any run", "smallest gap", Number(|r| r.gap())),
-        ("overlap", "a", "largest overlap of rough surfaces in any run: roughness height less smallest gap", "largest overlap", Number(|r| Some((r.all[0].params.roughness - r.gap()?).max(0.0)))),
-        ("mean_approach_velocity", "a rate", "over all contacts, positive for approach", "mean approach velocity", Number(|r| ratio(r.values(|run| Some(run.approach)).iter().sum(), r.sum(|run| run.contacts)))),
-        ("worst_residual", "a rate", "of the contact problem, over all runs", "", Number(|r| r.values(|run| run.worst_residual).into_iter().reduce(f64::max))),
-        ("unconverged_fraction", "1", "contact problems that did not converge over all", "", Number(|r| ratio(r.sum(|run| run.unconverged_stages), r.sum(|run| run.stages)))),
-        ("inexact_fraction", "1", "contact problems with friction off by more than 1e-3 of the largest force over all", "", Number(|r| ratio(r.sum(|run| run.inexact_stages), r.sum(|run| run.stages)))),
-        ("jammed_stages", "1", "contact problems without an admissible motion, over all runs averaged", "", Count(|r| r.total(|run| run.jammed_stages))),
-        ("wall_time_s", "s", "mean wall time of a run", "", Number(|r| mean(&r.values(|run| run.wall_time_s)))),
-        ("cpu_time_s", "s", "mean CPU time of a run", "", Number(|r| mean(&r.values(|run| run.cpu_time_s)))),
-        ("seeds_wanted", "1", "seeds that count: of a precision those of its batches so far", "", Count(|r| r.wanted())),
-        ("precision", "1", "half width of the 95 % interval over the mean, of the requested quantity or the viscosity", "", Number(|r| r.precision())),
-        ("discard", "1", "strain discarded at the start of every run", "", Number(|r| r.values(|run| run.discard).into_iter().reduce(f64::max))),
-        ("drift", "1", "viscosity over the second half of the strain kept less that over the first, over the mean", "", Number(|r| Some(r.drift()?.halves.mean))),
-        ("drift_ci95", "1", "half width of its 95 % interval over runs", "", Number(|r| r.drift()?.halves.ci95)),
-        ("correlation_strain", "1", "strain after which the viscosity of a run counts as independent", "", Number(|r| mean(&r.values(|run| Some(run.steadiness?.correlation * run.sample_every))))),
-        ("effective_samples", "1", "independent samples all runs together are worth", "", Number(|r| r.values(|run| Some(run.samples as f64 / run.steadiness?.correlation)).into_iter().reduce(|a, b| a + b))),
-    ]
-};
-
 /// All columns.
 pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
-    let axis = |axis: &'static Axis| (axis.key, axis.unit, axis.meaning, "", Content::Axis(axis));
-    let means = sampled::means().enumerate().map(|(place, number)| {
-        let mean = Content::Mean(|run, place| run.means[place], place);
-        let meaning = number.meaning;
-        (number.name, number.unit, meaning, meaning, mean)
-    });
     let mut all: Vec<Column> = Vec::new();
     let mut add = |name: Word, unit, meaning, label, content| {
         let place = all.len();
@@ -103,13 +52,29 @@ pub(super) static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
             place,
         });
     };
-    for (name, unit, meaning, label, content) in AXES.iter().map(axis).chain(MEASURED).chain(means)
-    {
-        add(name.into(), unit, meaning, label, content);
-        if matches!(content, Content::Mean(..)) {
-            let name = format!("{name}_ci95");
+    for axis in AXES.iter() {
+        add(
+            axis.key.into(),
+            axis.unit,
+            axis.meaning,
+            "",
+            Content::Axis(axis),
+        );
+    }
+    for number in numbers::columns(Level::Points) {
+        let meaning = number.meaning(Level::Points).unwrap_or_default();
+        let content = Content::Number(number);
+        add(
+            number.name.into(),
+            number.unit,
+            meaning,
+            number.label,
+            content,
+        );
+        if matches!(number.over_runs(), Some(OverRuns::Mean)) {
+            let name = format!("{}_ci95", number.name);
             let meaning = "half width of its 95 % Student interval";
-            add(name.into(), unit, meaning, "", Content::Interval);
+            add(name.into(), number.unit, meaning, "", Content::Interval);
         }
     }
     all
@@ -121,13 +86,15 @@ pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
     for column in COLUMNS.iter() {
         match column.content {
             Content::Axis(_) => numbers.push(f64::NAN),
-            Content::Count(read) => numbers.push(read(runs) as f64),
-            Content::Number(read) => numbers.push(read(runs).unwrap_or(f64::NAN)),
-            Content::Mean(read, place) => {
-                let estimate = Estimate::of(&runs.values(|run| read(run, place)));
-                numbers.push(estimate.map_or(f64::NAN, |e| e.mean));
-                numbers.push(estimate.and_then(|e| e.ci95).unwrap_or(f64::NAN));
-            }
+            Content::Number(number) => match number.over_runs() {
+                Some(OverRuns::Count(count)) => numbers.push(count(runs) as f64),
+                Some(OverRuns::Real(of)) => numbers.push(of(runs).unwrap_or(f64::NAN)),
+                Some(OverRuns::Mean) | None => {
+                    let estimate = runs.estimate(number.name);
+                    numbers.push(estimate.map_or(f64::NAN, |e| e.mean));
+                    numbers.push(estimate.and_then(|e| e.ci95).unwrap_or(f64::NAN));
+                }
+            },
             // Added together with its mean.
             Content::Interval => {}
         }
@@ -203,8 +170,8 @@ impl Column {
     fn kind(&self) -> Kind {
         match self.content {
             Content::Axis(axis) => axis.kind(),
-            Content::Count(_) => Kind::Count,
-            _ => Kind::Number,
+            Content::Number(number) => number.kind(Level::Points),
+            Content::Interval => Kind::Number,
         }
     }
 
@@ -219,7 +186,9 @@ impl Column {
                 return None;
             }
             Content::Axis(axis) => return Some(axis.value(&point.params)),
-            Content::Count(_) => return Some(Value::Count(count(measured) as u64)),
+            Content::Number(number) if number.kind(Level::Points) == Kind::Count => {
+                return Some(Value::Count(count(measured) as u64));
+            }
             _ => measured,
         };
         (!number.is_nan()).then_some(Value::Number(number))
@@ -262,13 +231,11 @@ impl Column {
 
     /// Whether tables for people show it only on request.
     pub(super) fn is_detail(&self) -> bool {
-        let mean_of = |name| sampled::means().find(|number| number.name == name);
         match self.content {
-            Content::Mean(..) => {
-                mean_of(&self.name).is_some_and(|mean| !mean.is_sum() || mean.name == "n1")
-            }
-            Content::Interval => mean_of(&COLUMNS[self.place - 1].name).is_some(),
-            _ => false,
+            Content::Number(number) => number.is_detail() || number.name == "n1",
+            Content::Interval => Number::named(&COLUMNS[self.place - 1].name)
+                .is_some_and(|mean| mean.is_detail() || mean.is_sum()),
+            Content::Axis(_) => false,
         }
     }
 

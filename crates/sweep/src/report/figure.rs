@@ -31,8 +31,9 @@ use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::measure::Estimate;
+use crate::measure::PointRun;
 use crate::model::axes::{Axis, Identity, identity};
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use crate::text::choices::choices;
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
@@ -173,7 +174,7 @@ pub fn traces(
         };
         let discards = traces
             .iter()
-            .map(|(run, _)| run.discard.map(|discard| discard - start).or(usual));
+            .map(|(run, _)| run.discard().map(|discard| discard - start).or(usual));
         all.push(Trace {
             campaign: campaign.clone(),
             params: (*first.params).clone(),

@@ -49,7 +49,7 @@ impl FitReport {
         let mut order: Vec<Vec<Tag>> = Vec::new();
         for run in selected_runs(store, selection)? {
             let is_averaged = run.is_sound() || (report.with_doubtful && run.is_doubtful());
-            if let Some(viscosity) = run.viscosity.filter(|_| is_averaged) {
+            if let Some(viscosity) = run.number("viscosity").filter(|_| is_averaged) {
                 let key = identity(&run.params);
                 let entry = runs.entry(key.clone()).or_insert_with(|| {
                     order.push(key);

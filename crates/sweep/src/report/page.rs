@@ -10,11 +10,12 @@ use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::states::{Flow, flows_of};
 use super::units::Units;
+use crate::measure::PointRun;
 use crate::measure::ratio;
 use crate::model::axes::{AXES, Axis};
 use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use crate::trajectory::{Kept, state_number};
 use sd_core::simulation::Frame;
 use serde::{Serialize, Serializer};
@@ -178,14 +179,14 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         for (_, viscosity) in &mut trace {
             *viscosity *= factor;
         }
-        let discard = run.discard.or(match report.discard {
+        let discard = run.discard().or(match report.discard {
             Discard::Strain(strain) => Some(strain),
             Discard::Auto => None,
         });
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
             "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
-            "viscosity": run.viscosity.map(|viscosity| factor * viscosity), "wall_time_s": run.wall_time_s, "cpu_time_s": run.cpu_time_s,
+            "viscosity": run.number("viscosity").map(|viscosity| factor * viscosity), "wall_time_s": run.number("wall_time_s"), "cpu_time_s": run.number("cpu_time_s"),
             "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
         }));
     }

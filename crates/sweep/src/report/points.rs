@@ -11,12 +11,12 @@ use super::units::{At, Units};
 use crate::campaign::WrittenPoints;
 use crate::data::Value;
 use crate::measure::doubt::is_rigid;
-use crate::measure::{Decision, Distribution, Drift, Estimate, relative_half_width};
+use crate::measure::{Decision, Estimate, PointRun, Runs};
 use crate::model::axes::{Axis, identity};
 use crate::model::case::State;
-use crate::model::precision::{Precision, Quantity};
+use crate::model::precision::Precision;
 use crate::model::protocol::Discard;
-use crate::store::{Counts, PointRun, Provenance, Store};
+use crate::store::{Counts, Provenance, Store};
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
@@ -94,13 +94,6 @@ pub struct Point {
     pub(super) measured: Box<[f64]>,
 }
 
-/// The averaged runs of a point.
-pub(super) struct Runs<'r> {
-    pub(super) all: Vec<&'r PointRun>,
-    pub(super) averaged: Vec<&'r PointRun>,
-    rule: Option<(Precision, Decision)>,
-}
-
 impl Report {
     /// Reads the present results of the points selected.
     ///
@@ -126,12 +119,12 @@ impl Report {
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
         // An empty sum would be -0.
-        let total = |time: fn(&PointRun) -> Option<f64>| {
-            let times = once.iter().filter_map(|run| time(run));
+        let total = |time: &str| {
+            let times = once.iter().filter_map(|run| run.number(time));
             times.fold(0.0, |a, b| a + b)
         };
-        let (computing, processor) = (total(|run| run.wall_time_s), total(|run| run.cpu_time_s));
-        let keys = once.iter().filter(|run| run.viscosity.is_some());
+        let (computing, processor) = (total("wall_time_s"), total("cpu_time_s"));
+        let keys = once.iter().filter(|run| run.number("viscosity").is_some());
         let keys = keys.map(|run| run.key.clone()).collect();
         let rules: HashMap<_, _> = store
             .point_states()?
@@ -328,8 +321,8 @@ impl Point {
         }
     }
 
-    /// Stores the mean over runs in a column, and the half width of its interval in the associated
-    /// one.
+    /// The mean over runs in a column, with the half width of its interval from the column beside
+    /// it.
     pub(super) fn estimate(&self, name: &str) -> Option<Estimate> {
         Some(Estimate {
             ci95: self.number(&format!("{name}_ci95")),
@@ -366,78 +359,12 @@ impl Point {
             jammed: runs.number_of(|run| run.state == State::Jammed),
             failed: runs.number_of(|run| run.state == State::Failed),
             doubtful: runs.number_of(PointRun::is_doubtful),
-            viscosity: Estimate::of(&runs.values(|run| run.viscosity)),
+            viscosity: runs.estimate("viscosity"),
             seeds_wanted: runs.wanted(),
             precision: runs.precision(),
             rule: runs.rule,
             advice: None,
             measured: measure(runs),
         }
-    }
-}
-
-impl Runs<'_> {
-    /// Number of runs that meet a condition.
-    pub(super) fn number_of(&self, is_so: fn(&PointRun) -> bool) -> u64 {
-        self.all.iter().filter(|run| is_so(run)).count() as u64
-    }
-
-    /// Values of the averaged runs that have one.
-    pub(super) fn values(&self, number: impl Fn(&PointRun) -> Option<f64>) -> Vec<f64> {
-        self.averaged.iter().filter_map(|run| number(run)).collect()
-    }
-
-    /// A sum over the runs averaged.
-    pub(super) fn total(&self, count: fn(&PointRun) -> u64) -> u64 {
-        self.averaged.iter().map(|run| count(run)).sum()
-    }
-
-    /// The same as a number.
-    pub(super) fn sum(&self, count: fn(&PointRun) -> u64) -> f64 {
-        self.total(count) as f64
-    }
-
-    /// Smallest gap of any run, in a.
-    pub(super) fn gap(&self) -> Option<f64> {
-        self.values(|run| run.minimum_gap)
-            .into_iter()
-            .reduce(f64::min)
-    }
-
-    /// Median and quartiles over runs of their medians.
-    pub(super) fn medians(&self) -> Option<Distribution> {
-        Distribution::of(self.values(|run| run.viscosity_median))
-    }
-
-    /// The same of several runs.
-    pub(super) fn quartiles(&self) -> Option<Distribution> {
-        self.medians().filter(|_| self.averaged.len() > 1)
-    }
-
-    /// Seeds that count.
-    pub(super) fn wanted(&self) -> u64 {
-        let wanted = self.rule.map(|(_, decision)| decision.wanted);
-        wanted.unwrap_or(self.all.len()) as u64
-    }
-
-    /// Half width of an interval over the mean, of the quantity with a requested precision, else of
-    /// the viscosity.
-    pub(super) fn precision(&self) -> Option<f64> {
-        let measure = self
-            .rule
-            .map_or(Quantity::Viscosity, |(rule, _)| rule.quantity);
-        let values = self.values(|run| match measure {
-            Quantity::Viscosity => run.viscosity,
-            Quantity::ViscosityMedian => run.viscosity_median,
-            Quantity::ViscosityStresslet => run.viscosity_stresslet,
-            Quantity::NormalStressDifference => run.normal_stress_difference,
-        });
-        relative_half_width(&values).filter(|width| width.is_finite())
-    }
-
-    /// Whether they drift.
-    pub(super) fn drift(&self) -> Option<Drift> {
-        let steady = self.averaged.iter().filter_map(|run| run.steadiness);
-        Drift::of(&steady.map(|steady| steady.parts).collect::<Vec<_>>())
     }
 }

@@ -1,21 +1,14 @@
 //! Tables of single runs and of their samples, for other programs.
 
-mod meanings;
-
 use super::error::ReportError;
 use super::points::selected_runs;
 use super::selection::Excerpt;
 use super::units::{At, Units};
 use crate::data::csv_rows;
 use crate::data::{Cells, DataColumn, ParquetFile, write_csv_rows};
-use crate::data::{Kind, Value};
-use crate::measure::sampled::numbered;
-use crate::measure::sampled::sample_fields;
+use crate::measure::{PointRun, axis_column, key_column, run_table, sample_table, seed_column};
 use crate::model::axes::{AXES, Axis};
-use crate::store::PointRun;
-use meanings::{explain_of_runs, explain_of_samples};
 use sd_core::Sample;
-use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::io::Write;
 
@@ -37,27 +30,10 @@ impl Excerpt<'_> {
     /// # Errors
     /// An I/O or SQLite error.
     pub fn runs(&self) -> Result<Vec<DataColumn>, ReportError> {
-        let wanted: HashMap<String, At> = selected_runs(self.store, self.selection)?
-            .into_iter()
-            .map(|run| (run.key.clone(), at(&run)))
-            .collect();
-        let mut table = self.store.runs()?;
-        // Row numbers that link the tables of the store.
-        table.retain(|column| !["case_id", "process"].contains(&column.name.as_ref()));
-        let keys = table.iter().find(|column| column.name == "key");
-        let Some(Cells::Word(keys)) = keys.map(|column| &column.cells) else {
-            return Ok(table);
-        };
-        let places: Vec<Option<At>> = keys
-            .iter()
-            .map(|key| wanted.get(key.as_deref()?).copied())
-            .collect();
-        let is_wanted: Vec<bool> = places.iter().map(Option::is_some).collect();
-        let places: Vec<At> = places.into_iter().flatten().collect();
+        let runs = selected_runs(self.store, self.selection)?;
+        let mut table = run_table(&runs.iter().collect::<Vec<_>>());
         for column in &mut table {
-            column.cells.keep(&is_wanted);
-            explain_of_runs(column);
-            convert(column, self.units, |row| places[row]);
+            convert(column, self.units, |row| at(&runs[row]));
         }
         Ok(table)
     }
@@ -83,17 +59,17 @@ impl Excerpt<'_> {
     ) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
         let axes = axes_of_samples(&runs);
-        let mut table = table_of(None, &axes, self.units)?;
+        let mut table = table_of(None, &axes, self.units);
         let mut file = TableFile::begin(format, out, "samples", &table, self)?;
         for run in &runs {
             let samples = self.store.samples(&run.key)?;
-            let more = table_of(Some((run, &samples)), &axes, self.units)?;
+            let more = table_of(Some((run, &samples)), &axes, self.units);
             for (column, more) in table.iter_mut().zip(more) {
                 column.cells.append(more.cells);
             }
             if table[0].cells.len() >= ROWS {
                 file.append(&table)?;
-                table = table_of(None, &axes, self.units)?;
+                table = table_of(None, &axes, self.units);
             }
         }
         file.append(&table)?;
@@ -108,7 +84,7 @@ impl Excerpt<'_> {
     /// Writes name, unit and meaning of each column of the samples.
     pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
-        about(&table_of(None, &axes_of_samples(&runs), self.units)?, out)
+        about(&table_of(None, &axes_of_samples(&runs), self.units), out)
     }
 }
 
@@ -117,7 +93,7 @@ impl Excerpt<'_> {
 fn at(run: &PointRun) -> At {
     let rate = match run.params.last_shear() {
         (rate, None) => Some(rate),
-        (_, Some(stress)) => run.viscosity.map(|eta| 6.0 * PI * stress / eta),
+        (_, Some(stress)) => run.number("viscosity").map(|eta| 6.0 * PI * stress / eta),
     };
     At::new(&run.params, rate)
 }
@@ -192,47 +168,26 @@ fn table_of(
     run: Option<(&PointRun, &[(u64, Sample)])>,
     axes: &[&Axis],
     units: Units,
-) -> Result<Vec<DataColumn>, ReportError> {
+) -> Vec<DataColumn> {
     let sampled = run.map_or(&[][..], |(_, sampled)| sampled);
-    let mut keys = DataColumn::named("key", Kind::Word, sampled.len());
-    let mut seeds = DataColumn::named("seed", Kind::Count, sampled.len());
-    let mut values: Vec<DataColumn> = axes
-        .iter()
-        .map(|axis| DataColumn::named(axis.key, axis.kind(), sampled.len()))
-        .collect();
-    if let (Some((run, _)), Cells::Word(keys)) = (run, &mut keys.cells) {
-        for _ in sampled {
-            keys.push(Some(run.key.clone().into()));
-            seeds.cells.push(Some(Value::Count(run.seed)));
-            for (column, axis) in values.iter_mut().zip(axes) {
-                column.cells.push(Some(axis.value(&run.params)));
-            }
-        }
-    }
-    let mut table = vec![keys, seeds];
-    table.append(&mut values);
-    table.append(&mut sample_table(sampled)?);
+    let of_rows = || {
+        let run = run.map(|(run, _)| run);
+        sampled.iter().filter_map(move |_| run)
+    };
+    let mut table = vec![
+        key_column(of_rows().map(|run| run.key.as_str())),
+        seed_column(of_rows().map(|run| run.seed)),
+    ];
+    table.extend(axes.iter().map(|axis| axis_column(axis, of_rows())));
+    table.append(&mut sample_table(sampled));
     for column in &mut table {
-        explain_of_samples(column);
         convert(column, units, |row| match run {
             // The rate of every sample is its own.
             Some((run, _)) => At::new(&run.params, Some(sampled[row].1.shear_rate)),
             None => At::rate(None),
         });
     }
-    Ok(table)
-}
-
-/// Samples as columns, of the fields of [`sample_fields`].
-///
-/// # Errors
-/// Not expected: the fields of a sample are numbers.
-pub fn sample_table(sampled: &[(u64, Sample)]) -> Result<Vec<DataColumn>, ReportError> {
-    let mut table = numbered(sampled, sample_fields);
-    for column in &mut table {
-        explain_of_samples(column);
-    }
-    Ok(table)
+    table
 }
 
 /// Writes name, unit and meaning of each column.
@@ -259,7 +214,7 @@ mod tests {
     #[test]
     fn every_column_of_samples_has_a_unit_and_a_meaning() {
         let axes: Vec<&Axis> = AXES.iter().collect();
-        for column in table_of(None, &axes, Units::default()).unwrap() {
+        for column in table_of(None, &axes, Units::default()) {
             assert!(!column.meaning.is_empty(), "{}", column.name);
             let is_word = matches!(column.cells, Cells::Word(_));
             assert_eq!(column.unit.is_empty(), is_word, "{}", column.name);

@@ -53,7 +53,7 @@ struct Number {
     meaning: &'static str,
     /// Rank at which it is dropped on a narrow terminal, the highest first.
     rank: u8,
-    of: fn(&RunSegment, &Params) -> Option<f64>,
+    of: fn(&RunSegment) -> Option<f64>,
 }
 
 /// All of them.
@@ -63,35 +63,35 @@ const NUMBERS: [Number; 10] = [
         heading: "viscosity",
         meaning: "relative viscosity over what is kept of the segment",
         rank: 0,
-        of: |s, _| Some(s.averages.viscosity.as_ref()?.mean),
+        of: |s| s.number("viscosity"),
     },
     Number {
         name: "viscosity_stresslet",
         heading: "stresslet\nviscosity",
         meaning: "the same without contact stress",
         rank: 2,
-        of: |s, _| Some(s.averages.viscosity_stresslet.as_ref()?.mean),
+        of: |s| s.number("viscosity_stresslet"),
     },
     Number {
         name: "normal_stress_difference",
         heading: "N1",
         meaning: "first normal stress difference, in mu times the rate",
         rank: 3,
-        of: |s, _| s.averages.normal_stress_difference,
+        of: |s| s.number("normal_stress_difference"),
     },
     Number {
         name: "contacts_per_sphere",
         heading: "contacts\n/ N",
         meaning: "pairs in contact per sphere",
         rank: 3,
-        of: |s, params| s.averages.contacts_per_sphere(params.spheres),
+        of: |s| s.number("contacts_per_sphere"),
     },
     Number {
         name: "hydrodynamic_share",
         heading: "left by the\nreversal",
         meaning: "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part",
         rank: 1,
-        of: |s, _| Some(s.reversal?.hydrodynamic_share),
+        of: |s| Some(s.reversal?.hydrodynamic_share),
     },
     Number {
         name: "recovery_strain",
@@ -105,33 +105,33 @@ const NUMBERS: [Number; 10] = [
         heading: "η′",
         meaning: "viscous part of the first harmonic of an oscillation, in mu",
         rank: 0,
-        of: |s, _| Some(s.oscillation()?.viscosity[0]),
+        of: |s| Some(s.oscillation()?.viscosity[0]),
     },
     Number {
         name: "eta_double_prime",
         heading: "η″",
         meaning: "elastic part of the first harmonic of an oscillation, in mu: G′/ω",
         rank: 0,
-        of: |s, _| Some(s.oscillation()?.viscosity[1]),
+        of: |s| Some(s.oscillation()?.viscosity[1]),
     },
     Number {
         name: "third_harmonic",
         heading: "3rd/1st\nharmonic",
         meaning: "third over first harmonic of the stress",
         rank: 1,
-        of: |s, _| Some(s.oscillation()?.third_over_first()),
+        of: |s| Some(s.oscillation()?.third_over_first()),
     },
     Number {
         name: "yield_strain",
         heading: "yield\nstrain",
         meaning: "strain after a turning point at which the viscosity has risen half way to its largest value of the half cycle",
         rank: 1,
-        of: |s, _| s.oscillation()?.yield_strain,
+        of: |s| s.oscillation()?.yield_strain,
     },
 ];
 
 /// The recovery strain, the only number that averages leave out where a run does not have it.
-fn recovery(segment: &RunSegment, _: &Params) -> Option<f64> {
+fn recovery(segment: &RunSegment) -> Option<f64> {
     segment.reversal?.recovery_strain
 }
 
@@ -157,14 +157,14 @@ fn over_runs(runs: &[RunSegment], of: impl Fn(&RunSegment) -> Option<f64>) -> Op
 
 impl PointSegment {
     /// Averages the runs of a point.
-    fn of(runs: &[RunSegment], params: &Params) -> Self {
+    fn of(runs: &[RunSegment]) -> Self {
         let cycles = runs.iter().map(|run| run.cycles.len()).min().unwrap_or(0);
         let of_cycle = |cycle: usize| {
             OF_CYCLES.map(|(_, of)| over_runs(runs, |run| of(run.cycles.get(cycle)?)))
         };
         let recovered: Vec<RunSegment> = runs
             .iter()
-            .filter(|run| recovery(run, params).is_some())
+            .filter(|run| recovery(run).is_some())
             .cloned()
             .collect();
         let number = |number: &Number| {
@@ -172,7 +172,7 @@ impl PointSegment {
                 "recovery_strain" => &recovered,
                 _ => runs,
             };
-            over_runs(known, |run| (number.of)(run, params))
+            over_runs(known, |run| (number.of)(run))
         };
         Self {
             runs: runs.len() as u64,
@@ -216,8 +216,7 @@ impl SegmentReport {
         for (place, of_segments) in of_point.iter().enumerate() {
             for (number, runs) in of_segments.iter().enumerate() {
                 if !runs.is_empty() {
-                    let params = &report.points[place].params;
-                    rows.push((place, number, PointSegment::of(runs, params)));
+                    rows.push((place, number, PointSegment::of(runs)));
                 }
             }
         }
@@ -491,13 +490,12 @@ impl SegmentReport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::Averages;
     use crate::measure::segments::Reversal;
 
     #[test]
     fn the_recovery_strain_is_that_of_the_runs_that_have_recovered() {
         let run = |reversal: Option<Option<f64>>| RunSegment {
-            averages: Averages::of(&[], 0),
+            numbers: Vec::new(),
             trace: Vec::new(),
             reversal: reversal.map(|recovery_strain| Reversal {
                 hydrodynamic_share: 0.4,
@@ -510,16 +508,15 @@ mod tests {
             let place = NUMBERS.iter().position(|number| number.name == name);
             of.numbers[place.unwrap()].map(|estimate| estimate.mean)
         };
-        let params = crate::test_support::params();
         let runs = [Some(Some(1.0)), Some(None), Some(Some(2.0))].map(run);
-        let of = PointSegment::of(&runs, &params);
+        let of = PointSegment::of(&runs);
         assert_eq!((of.runs, of.recovered), (3, Some(2)));
         assert_eq!(number(&of, "recovery_strain"), Some(1.5));
         assert!((number(&of, "hydrodynamic_share").unwrap() - 0.4).abs() < 1e-12);
-        let none = PointSegment::of(&[run(Some(None))], &params);
+        let none = PointSegment::of(&[run(Some(None))]);
         assert_eq!(none.recovered, Some(0));
         assert_eq!(number(&none, "recovery_strain"), None);
         // Without a reversal there is nothing to recover from.
-        assert_eq!(PointSegment::of(&[run(None)], &params).recovered, None);
+        assert_eq!(PointSegment::of(&[run(None)]).recovered, None);
     }
 }

@@ -4,8 +4,9 @@ use super::error::ReportError;
 use super::units::Units;
 use crate::campaign::nearest;
 use crate::data::Value;
+use crate::measure::PointRun;
 use crate::model::axes::{AXES, Axis};
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use sd_core::Params;
 use std::fmt;
 

@@ -1,9 +1,10 @@
 //! Advice for a point whose runs are not steady: suitable values of `discard` or `strain`.
 
 use super::error::ReportError;
+use crate::measure::PointRun;
 use crate::measure::{Drift, Steadiness, mser_5};
 use crate::model::protocol::{Discard, Protocol};
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use crate::text::format::significant;
 
 /// Advice about a point, if its averaged runs drift or remember their start. Their samples are read

@@ -9,11 +9,12 @@ use super::figure::{Colour, Key, Mark, Origin, PlanePicture, draw_graphs_of, dra
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
+use crate::measure::PointRun;
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
-use crate::store::{PointRun, Store};
+use crate::store::Store;
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
 use crate::text::choices::choices;
 use crate::text::format::{Uncertain, count};
@@ -95,7 +96,10 @@ impl StructureReport {
                 continue;
             }
             if !known.contains_key(run.key.as_str()) {
-                known.insert(&run.key, of_run(store, run, run.discard.unwrap_or(usual))?);
+                known.insert(
+                    &run.key,
+                    of_run(store, run, run.discard().unwrap_or(usual))?,
+                );
             }
             of_point[place].extend(known[run.key.as_str()].clone());
         }

@@ -36,7 +36,7 @@ fn kinds() -> Vec<(&'static str, &'static str, String)> {
         campaign::SEALED,
         processes::SEALED,
         rules::SEALED,
-        ends::SEALED,
+        ends::sealed(),
         failures::SEALED,
         frames::SEALED,
     ];

@@ -1,20 +1,39 @@
 //! The ends of runs: steps computed, and last states from which runs continue.
 
 use super::digest::{Sealed, whole};
+use super::results::{read, stored};
 use super::statements::Statements;
 use super::{Checkpoint, Damage, samples};
+use crate::measure::numbers::{self, Level, Number};
 use rusqlite::{Connection, Row};
 use sd_core::Sample;
 use sd_core::simulation::Counters;
+use std::sync::LazyLock;
+
+/// The columns before the counters.
+const BEFORE: &str = "steps, jammed, wall_time_s, cpu_time_s, resumed, process, finished_at, state";
 
 /// The ends of runs.
-pub(super) const SEALED: Sealed = Sealed {
-    table: "ends",
-    columns: "steps, jammed, minimum_gap, stages, unconverged_stages, worst_residual, worst_friction_error, jam_events, \
-              jammed_steps, jammed_stages, inexact_stages, wall_time_s, cpu_time_s, resumed, process, finished_at, state",
-    with_key: true,
-    words: "the end of a run",
-};
+pub(super) fn sealed() -> Sealed {
+    static COLUMNS: LazyLock<String> = LazyLock::new(|| {
+        let names = counters().map(|counter| counter.name);
+        std::iter::once(BEFORE)
+            .chain(names)
+            .collect::<Vec<_>>()
+            .join(", ")
+    });
+    Sealed {
+        table: "ends",
+        columns: &COLUMNS,
+        with_key: true,
+        words: "the end of a run",
+    }
+}
+
+/// The numbers that concern all steps of a run.
+pub(super) fn counters() -> impl Iterator<Item = &'static Number> {
+    numbers::kept().filter(|number| number.is_counter())
+}
 
 /// Steps computed of a run.
 #[derive(Debug, Clone)]
@@ -41,19 +60,9 @@ impl RunEnd {
         case: i64,
         key: &str,
     ) -> rusqlite::Result<()> {
-        let counters = &self.counters;
         let values = [
             whole(self.steps),
             self.jammed.into(),
-            counters.minimum_gap.into(),
-            whole(counters.stages),
-            whole(counters.unconverged_stages),
-            counters.worst_residual.into(),
-            counters.worst_friction_error.into(),
-            whole(counters.jam_events),
-            whole(counters.jammed_steps),
-            whole(counters.jammed_stages),
-            whole(counters.inexact_stages),
             self.wall_time_s.into(),
             self.cpu_time_s.into(),
             self.resumed.into(),
@@ -61,7 +70,13 @@ impl RunEnd {
             self.finished_at.into(),
             self.state.clone().into(),
         ];
-        SEALED.put(connection, Some(key), &values, &[("case_id", case.into())])
+        let last = Sample {
+            counters: self.counters,
+            ..Sample::default()
+        };
+        let counters = counters().map(|counter| stored(counter.of_sample(&last)));
+        let values: Vec<_> = values.into_iter().chain(counters).collect();
+        sealed().put(connection, Some(key), &values, &[("case_id", case.into())])
     }
 
     /// The end of the run of a case, if it was completed.
@@ -69,34 +84,27 @@ impl RunEnd {
     /// # Errors
     /// Those of the query, and [`DigestMismatch`](super::digest::DigestMismatch) if it was changed.
     pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Self>> {
-        Ok(SEALED
+        Ok(sealed()
             .all(connection, "t.case_id = ?1", [case], Self::read)?
             .pop())
     }
 
     fn read(row: &Row<'_>) -> rusqlite::Result<Self> {
-        let number = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
+        let seconds = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
+        let mut last = Sample::default();
+        for (counter, column) in counters().zip(8..) {
+            counter.put(&mut last, read(row, column, counter.kind(Level::Samples))?);
+        }
         Ok(Self {
             steps: row.get(0)?,
             jammed: row.get(1)?,
-            counters: Counters {
-                minimum_gap: number(2)?,
-                stages: row.get(3)?,
-                unconverged_stages: row.get(4)?,
-                worst_residual: number(5)?,
-                worst_friction_error: number(6)?,
-                jam_events: row.get(7)?,
-                jammed_steps: row.get(8)?,
-                jammed_stages: row.get(9)?,
-                inexact_stages: row.get(10)?,
-                ..Counters::default()
-            },
-            wall_time_s: number(11)?,
-            cpu_time_s: number(12)?,
-            resumed: row.get(13)?,
-            process: row.get(14)?,
-            finished_at: row.get(15)?,
-            state: row.get(16)?,
+            counters: last.counters,
+            wall_time_s: seconds(2)?,
+            cpu_time_s: seconds(3)?,
+            resumed: row.get(4)?,
+            process: row.get(5)?,
+            finished_at: row.get(6)?,
+            state: row.get(7)?,
         })
     }
 
@@ -117,7 +125,7 @@ pub(super) fn steps_of(connection: &Connection, case: i64) -> rusqlite::Result<O
 /// Deletes the unusable last state of a run.
 pub(super) fn drop_state(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     connection.run("UPDATE ends SET state = NULL WHERE case_id = ?1", [case])?;
-    SEALED.seal(connection, "t.case_id = ?1", [case])
+    sealed().seal(connection, "t.case_id = ?1", [case])
 }
 
 /// The last state of a completed run, with all its samples, from which it can continue.

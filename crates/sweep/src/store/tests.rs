@@ -164,8 +164,8 @@ fn result_is_kept_and_averaged() {
     assert_eq!((counts.done, counts.pending, counts.running), (1, 3, 0));
     let runs = store.point_runs().unwrap();
     let run = runs.iter().find(|run| run.key == claim.key).unwrap();
-    assert_eq!(run.samples, 25);
-    assert_eq!(run.stages, 40);
+    assert_eq!(run.number("samples"), Some(25.0));
+    assert_eq!(run.number("stages"), Some(40.0));
     assert_eq!(
         samples::of(&store.connection, claim.id).unwrap(),
         finished(State::Done).samples
@@ -263,8 +263,12 @@ fn another_discarded_strain_averages_finished_runs_again() {
     store.take_in(&campaign(&later)).unwrap();
     let runs = store.point_runs().unwrap();
     let run = runs.iter().find(|run| run.key == claim.key).unwrap();
-    assert_eq!(run.samples, 10);
-    assert_eq!(run.stages, 40, "counters of the whole run stay");
+    assert_eq!(run.number("samples"), Some(10.0));
+    assert_eq!(
+        run.number("stages"),
+        Some(40.0),
+        "counters of the whole run stay"
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::clusters::clusters;
 use super::core::core;
 use super::network::Network;
 use super::pebble::PebbleGame;
-use crate::measure::sampled::named;
+use crate::measure::numbers::{Level, Number};
 use sd_core::contact::ContactState;
 use sd_core::simulation::NetworkSample;
 use sd_core::{Layer, Space};
@@ -24,7 +24,8 @@ pub(crate) struct Scalar {
 impl Scalar {
     /// Its meaning.
     pub(crate) fn meaning(&self) -> &'static str {
-        named(self.name).map_or(self.meaning, |number| number.meaning)
+        let sampled = Number::named(self.name).and_then(|number| number.meaning(Level::Samples));
+        sampled.unwrap_or(self.meaning)
     }
 }
 

@@ -16,7 +16,7 @@ fn store_with_a_run(directory: &Path) -> (Store, String) {
     (store, claim.key)
 }
 
-fn run(store: &Store, key: &str) -> PointRun {
+fn run(store: &Store, key: &str) -> crate::measure::PointRun {
     let runs = store.point_runs().unwrap();
     runs.into_iter().find(|run| run.key == key).unwrap()
 }
@@ -60,10 +60,13 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     let whole = format!("{:?}", run(&store, &key));
     store.take_in(&of_strain("0.8")).unwrap();
     let cut = run(&store, &key);
-    assert_eq!((cut.state, cut.samples), (State::Done, 15));
+    assert_eq!(
+        (cut.state, cut.number("samples")),
+        (State::Done, Some(15.0))
+    );
     let kept = &finished(State::Done).samples[25..40];
     let mean = kept.iter().map(|(_, s)| s.viscosity).sum::<f64>() / 15.0;
-    assert!((cut.viscosity.unwrap() - mean).abs() < 1e-12);
+    assert!((cut.number("viscosity").unwrap() - mean).abs() < 1e-12);
     let details = store.details(&key).unwrap();
     assert_eq!(details.samples.len(), 40);
     store.take_in(&campaign(CAMPAIGN)).unwrap();
@@ -115,17 +118,17 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     drop(shard);
     let (mut store, key) = store_with_a_run(directory.path());
     assert_eq!(key, claim.key);
-    let before = run(&store, &key).viscosity;
+    let before = run(&store, &key).number("viscosity");
     let merged = store.merge(std::slice::from_ref(&path), false).unwrap();
     assert_eq!((merged.results, merged.duplicates), (1, 0));
     assert_eq!(
-        run(&store, &key).viscosity,
+        run(&store, &key).number("viscosity"),
         before,
         "a strain of 1 is requested"
     );
     assert!(store.disagreements().unwrap().is_empty());
     store.take_in(&of_strain("2.0")).unwrap();
-    assert_eq!(run(&store, &key).samples, 75);
+    assert_eq!(run(&store, &key).number("samples"), Some(75.0));
     // The shorter one adds nothing to it.
     let small = directory.path().join("small.sqlite");
     let other = directory.path().join("other.sqlite");

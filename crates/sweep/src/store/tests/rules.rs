@@ -137,7 +137,7 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
     let table = |store: &Store| -> Vec<(String, Option<u64>)> {
         let runs = store.point_runs().unwrap();
         runs.into_iter()
-            .map(|run| (run.key, run.viscosity.map(f64::to_bits)))
+            .map(|run| (run.key.clone(), run.number("viscosity").map(f64::to_bits)))
             .collect()
     };
     assert_eq!(table(&merged), table(&store));
@@ -227,12 +227,12 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
     let runs = store.point_runs().unwrap();
     for run in runs {
         let dense = run.params.area_fraction > 0.62;
-        let discard = run.discard.unwrap();
+        let discard = run.discard().unwrap();
         assert!(
             (discard - if dense { 0.2 } else { 0.0 }).abs() < 1e-12,
             "{discard}"
         );
-        assert!((run.viscosity.unwrap() - 10.005).abs() < 1e-3);
+        assert!((run.number("viscosity").unwrap() - 10.005).abs() < 1e-3);
     }
 }
 

@@ -1,0 +1,459 @@
+//! The numbers that a run measures, each declared once: its name, its unit, what it means and how
+//! it comes about in a sample, in the result of a run, and at a point.
+//!
+//! The tables of the store, averages, the columns of reports in all formats, units, the page of the
+//! reference and the Python package follow this table: see `docs/add-a-measured-number.md`.
+
+use super::run::RunData;
+use super::runs::Runs;
+use super::{mean, ratio};
+use crate::data::{Kind, Value};
+use crate::model::case::State;
+use sd_core::simulation::{Counters, NetworkSample};
+use sd_core::{Sample, StressComponents};
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
+/// A number by its name. It may exist in samples, in the results of runs, and at points.
+#[derive(Debug, Clone, Copy)]
+pub struct Number {
+    /// Its name in the store, in tables and in JSON.
+    pub name: &'static str,
+    /// Its unit; `1` for pure numbers.
+    pub unit: &'static str,
+    /// Its label on the page; empty for numbers without curves.
+    pub(crate) label: &'static str,
+    sample: Option<(&'static str, InSample)>,
+    run: Option<(&'static str, InTime)>,
+    point: Option<(&'static str, OverRuns)>,
+}
+
+/// Its place in a sample.
+#[derive(Debug, Clone, Copy)]
+enum InSample {
+    Real(fn(&mut Sample) -> &mut f64),
+    Count(fn(&mut Sample) -> &mut u32),
+    /// An extreme over all steps of the run so far.
+    Extreme(fn(&mut Counters) -> &mut f64),
+    /// A count over all steps of the run so far.
+    Total(fn(&mut Counters) -> &mut u64),
+    /// A component of the stress, the sum of its stored parts.
+    Sum(fn(&StressComponents) -> f64),
+    /// A part of a component of the stress.
+    Part(fn(&mut StressComponents) -> &mut f64),
+    /// A number of the contact network, which samples have only if it is observed.
+    Network(fn(&mut NetworkSample) -> &mut f64),
+}
+
+/// How the result of a run has it.
+#[derive(Debug, Clone, Copy)]
+enum InTime {
+    /// The mean over the averaged samples that have it.
+    Mean,
+    Real(fn(&RunData<'_>) -> Option<f64>),
+    Count(fn(&RunData<'_>) -> u64),
+}
+
+/// How a point has it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum OverRuns {
+    /// The mean over the averaged runs; half the width of its 95 % interval is `NAME_ci95`.
+    Mean,
+    /// Computed from all runs.
+    Real(fn(&Runs<'_>) -> Option<f64>),
+    /// Counted over all runs.
+    Count(fn(&Runs<'_>) -> u64),
+}
+
+const fn number(name: &'static str, unit: &'static str) -> Number {
+    Number {
+        name,
+        unit,
+        label: "",
+        sample: None,
+        run: None,
+        point: None,
+    }
+}
+
+impl Number {
+    const fn sample(self, meaning: &'static str, place: InSample) -> Self {
+        Self {
+            sample: Some((meaning, place)),
+            ..self
+        }
+    }
+
+    const fn run(self, meaning: &'static str, how: InTime) -> Self {
+        Self {
+            run: Some((meaning, how)),
+            ..self
+        }
+    }
+
+    const fn point(self, meaning: &'static str, how: OverRuns) -> Self {
+        Self {
+            point: Some((meaning, how)),
+            ..self
+        }
+    }
+
+    /// Averaged in time, and over runs; with a curve on the page.
+    const fn averaged(self) -> Self {
+        let meaning = match self.sample {
+            Some((meaning, _)) => meaning,
+            None => "",
+        };
+        Self {
+            label: meaning,
+            ..self
+                .run(meaning, InTime::Mean)
+                .point(meaning, OverRuns::Mean)
+        }
+    }
+
+    const fn label(self, label: &'static str) -> Self {
+        Self { label, ..self }
+    }
+}
+
+/// All numbers, in the order of the columns. Names and units stay as they are: stores have them.
+#[rustfmt::skip]
+#[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
+pub static NUMBERS: &[Number] = {
+    use InSample::{Count, Extreme, Network, Part, Real, Sum, Total};
+    use InTime::{Count as CountOf, Mean, Real as Of};
+    use OverRuns::{Count as CountOver, Mean as MeanOver, Real as Over};
+    &[
+        number("seeds", "1").point("runs averaged", CountOver(|r| r.averaged.len() as u64)),
+        number("jammed", "1").point("runs that ended jammed: not averaged", CountOver(|r| r.number_of(|run| run.state == State::Jammed))),
+        number("failed", "1").point("runs that failed: not averaged", CountOver(|r| r.number_of(|run| run.state == State::Failed))),
+        number("doubtful", "1").point("finished runs with doubtful numbers: averaged only on request", CountOver(|r| r.number_of(|run| run.is_doubtful()))),
+        number("strain", "1").sample("strain from the start of the run", Real(|s| &mut s.strain)),
+        number("discard_step", "1").run("first step whose sample is averaged", CountOf(|r| r.discard_step)),
+        number("samples", "1").run("samples averaged", CountOf(|r| r.samples.len() as u64)),
+        number("viscosity", "mu").label("viscosity")
+            .sample("viscosity in full: stresslets and contact stress", Real(|s| &mut s.viscosity))
+            .run("mean in time of the viscosity in full", Of(|r| Some(r.viscosity?.mean)))
+            .point("viscosity in full, mean over runs of their means in time", MeanOver),
+        number("viscosity_quartile_1", "mu").run("first quartile in time of the viscosity", Of(|r| Some(r.viscosity?.quartile_1))),
+        number("viscosity_median", "mu").label("median viscosity")
+            .run("median in time of the viscosity", Of(|r| Some(r.viscosity?.median)))
+            .point("median over runs of their medians in time", Over(|r| Some(r.medians()?.median))),
+        number("viscosity_quartile_3", "mu").run("third quartile in time of the viscosity", Of(|r| Some(r.viscosity?.quartile_3))),
+        number("viscosity_median_quartile_1", "mu").point("first quartile over runs of their medians in time", Over(|r| Some(r.quartiles()?.quartile_1))),
+        number("viscosity_median_quartile_3", "mu").point("third quartile over runs of their medians in time", Over(|r| Some(r.quartiles()?.quartile_3))),
+        number("viscosity_stresslet", "mu").label("stresslet viscosity")
+            .sample("viscosity without contact stress", Real(|s| &mut s.viscosity_stresslet))
+            .run("mean in time of the viscosity without contact stress", Of(|r| Some(r.viscosity_stresslet?.mean)))
+            .point("viscosity without contact stress", MeanOver),
+        number("viscosity_stresslet_quartile_1", "mu").run("its first quartile in time", Of(|r| Some(r.viscosity_stresslet?.quartile_1))),
+        number("viscosity_stresslet_median", "mu").run("its median in time", Of(|r| Some(r.viscosity_stresslet?.median))),
+        number("viscosity_stresslet_quartile_3", "mu").run("its third quartile in time", Of(|r| Some(r.viscosity_stresslet?.quartile_3))),
+        number("normal_stress_difference", "mu rate")
+            .sample("first normal stress difference, contacts included", Real(|s| &mut s.normal_stress_difference)).averaged()
+            .label("normal stress difference N₁"),
+        number("shear_rate", "1").sample("shear rate Γ: imposed, or what the imposed stress leaves", Real(|s| &mut s.shear_rate)),
+        number("dissipation", "mu rate")
+            .sample("dissipation over area and rate", Real(|s| &mut s.dissipation))
+            .run("dissipation over area and rate, mean in time", Mean),
+        number("contacts_per_sphere", "1").label("contacts per sphere")
+            .run("pairs with a contact force over spheres, mean in time", Of(|r| ratio(r.sum(|s| s.contacts) as f64, (r.samples.len() * r.params.spheres) as f64)))
+            .point("pairs with a contact force over spheres", Over(|r| ratio(r.sum("contacts"), r.total(|run| run.number("samples").map(|n| n * run.params.spheres as f64))))),
+        number("activated_fraction", "1").label("activated fraction")
+            .run("contacts above the critical load over contacts", Of(|r| ratio(r.sum(|s| s.activated) as f64, r.sum(|s| s.contacts) as f64)))
+            .point("contacts above the critical load over contacts", Over(|r| ratio(r.sum("activated"), r.sum("contacts")))),
+        number("rolling_fraction", "1").label("rolling fraction")
+            .run("rolling contacts over activated ones", Of(|r| ratio(r.sum(|s| s.sticking) as f64, r.sum(|s| s.activated) as f64)))
+            .point("rolling contacts over activated ones", Over(|r| ratio(r.sum("rolling"), r.sum("activated")))),
+        number("contacts", "1").sample("pairs with a contact force", Count(|s| &mut s.contacts)).run("contacts, summed over the samples", CountOf(|r| r.sum(|s| s.contacts))),
+        number("activated", "1").sample("contacts above the critical load", Count(|s| &mut s.activated)).run("contacts above the critical load, summed over the samples", CountOf(|r| r.sum(|s| s.activated))),
+        number("rolling", "1").sample("activated contacts that roll", Count(|s| &mut s.sticking)).run("rolling contacts, summed over the samples", CountOf(|r| r.sum(|s| s.sticking))),
+        number("slipping", "1").sample("activated contacts that slip", Count(|s| &mut s.slipping)),
+        number("minimum_gap", "a").label("smallest gap")
+            .sample("smallest gap in the layer", Real(|s| &mut s.minimum_gap))
+            .run("smallest gap of all stages, the discarded strain included", Of(|r| Some(r.counters.minimum_gap)))
+            .point("smallest gap of any run", Over(|r| r.gap())),
+        number("overlap", "a").label("largest overlap")
+            .point("largest overlap of rough surfaces in any run: roughness height less smallest gap", Over(|r| Some((r.all[0].params.roughness - r.gap()?).max(0.0)))),
+        number("normal_velocity", "a rate").sample("mean normal velocity of the contacts, negative for approach", Real(|s| &mut s.normal_velocity)),
+        number("approach", "a rate").run("approach velocities, summed over contacts and samples", Of(|r| Some(r.approach()))),
+        number("mean_approach_velocity", "a rate").label("mean approach velocity")
+            .run("over all contacts of all samples, positive for approach", Of(|r| ratio(r.approach(), r.sum(|s| s.contacts) as f64)))
+            .point("over all contacts, positive for approach", Over(|r| ratio(r.sum("approach"), r.sum("contacts")))),
+        number("stages", "1").sample("contact problems solved", Total(|c| &mut c.stages)).run("contact problems solved", CountOf(|r| r.counters.stages)),
+        number("worst_residual", "a rate")
+            .sample("largest residual of the contact problem", Extreme(|c| &mut c.worst_residual))
+            .run("largest residual of the contact problem", Of(|r| Some(r.counters.worst_residual)))
+            .point("of the contact problem, over all runs", Over(|r| r.values("worst_residual").into_iter().reduce(f64::max))),
+        number("unconverged_stages", "1")
+            .sample("contact problems that did not converge", Total(|c| &mut c.unconverged_stages))
+            .run("contact problems that did not converge", CountOf(|r| r.counters.unconverged_stages)),
+        number("unconverged_fraction", "1").point("contact problems that did not converge over all", Over(|r| ratio(r.sum("unconverged_stages"), r.sum("stages")))),
+        number("inexact_stages", "1")
+            .sample("contact problems with friction off by more than 1e-3 of the largest force", Total(|c| &mut c.inexact_stages))
+            .run("contact problems with friction off by more than 1e-3 of the largest force", CountOf(|r| r.counters.inexact_stages)),
+        number("inexact_fraction", "1").point("contact problems with friction off by more than 1e-3 of the largest force over all", Over(|r| ratio(r.sum("inexact_stages"), r.sum("stages")))),
+        number("jammed_stages", "1")
+            .sample("contact problems without an admissible motion", Total(|c| &mut c.jammed_stages))
+            .run("contact problems without an admissible motion", CountOf(|r| r.counters.jammed_stages))
+            .point("contact problems without an admissible motion, over all runs averaged", CountOver(|r| crate::text::format::count(r.sum("jammed_stages")) as u64)),
+        number("worst_friction_error", "1")
+            .sample("largest inconsistency of a friction force with its law, over the largest force", Extreme(|c| &mut c.worst_friction_error))
+            .run("largest inconsistency of a friction force with its law, over the largest force", Of(|r| Some(r.counters.worst_friction_error))),
+        number("minimum_gap_so_far", "a").sample("smallest gap of the run so far", Extreme(|c| &mut c.minimum_gap)),
+        number("jam_events", "1")
+            .sample("times the viscosity rose above the threshold of jamming", Total(|c| &mut c.jam_events))
+            .run("times the viscosity rose above the threshold of jamming", CountOf(|r| r.counters.jam_events)),
+        number("jammed_steps", "1").sample("steps begun above that threshold", Total(|c| &mut c.jammed_steps)),
+        number("jammed_steps_running", "1").sample("steps since it was last below", Total(|c| &mut c.jammed_steps_running)),
+        number("jammed_strain", "1").run("strain above the threshold of jamming", Of(|r| Some(r.strain(r.counters.jammed_steps)))),
+        number("final_strain", "1").run("strain at its end", Of(|r| Some(r.strain(r.steps)))),
+        number("wall_time_s", "s").run("wall time of computing", Of(|r| Some(r.wall_time_s))).point("mean wall time of a run", Over(|r| mean(&r.values("wall_time_s")))),
+        number("cpu_time_s", "s").run("CPU time", Of(|r| Some(r.cpu_time_s))).point("mean CPU time of a run", Over(|r| mean(&r.values("cpu_time_s")))),
+        number("resumed", "1").run("times it was resumed from a checkpoint", CountOf(|r| r.resumed)),
+        number("finished_at", "ms").run("when it ended, since 1970", CountOf(|r| r.finished_at)),
+        number("seeds_wanted", "1").point("number of seeds used; with a stopping rule, those of complete batches", CountOver(|r| r.wanted())),
+        number("precision", "1").point("half width of the 95 % interval over the mean, of the requested quantity or the viscosity", Over(|r| r.precision())),
+        number("discard", "1").point("strain discarded at the start of every run", Over(|r| r.of_each(|run| run.discard()).into_iter().reduce(f64::max))),
+        number("drift", "1").point("(mean of second half − mean of first half) / mean of the viscosity, after the discarded strain", Over(|r| Some(r.drift()?.halves.mean))),
+        number("drift_ci95", "1").point("half width of its 95 % interval over runs", Over(|r| r.drift()?.halves.ci95)),
+        number("viscosity_part_1", "mu").run("mean viscosity over the first quarter of the strain kept", Of(|r| Some(r.steadiness?.parts[0]))),
+        number("viscosity_part_2", "mu").run("the same over the second quarter", Of(|r| Some(r.steadiness?.parts[1]))),
+        number("viscosity_part_3", "mu").run("the same over the third quarter", Of(|r| Some(r.steadiness?.parts[2]))),
+        number("viscosity_part_4", "mu").run("the same over the last quarter", Of(|r| Some(r.steadiness?.parts[3]))),
+        number("viscosity_variance", "mu²").run("variance in time of the viscosity", Of(|r| Some(r.steadiness?.variance))),
+        number("viscosity_correlation", "1").run("samples after which the viscosity counts as independent", Of(|r| Some(r.steadiness?.correlation))),
+        number("correlation_strain", "1").point("strain after which the viscosity of a run counts as independent", Over(|r| mean(&r.of_each(|run| Some(run.steadiness()?.correlation * run.sample_every))))),
+        number("effective_samples", "1").point("effective number of independent samples, all runs", Over(|r| r.of_each(|run| Some(run.number("samples")? / run.steadiness()?.correlation)).into_iter().reduce(|a, b| a + b))),
+        number("n1", "mu rate").sample("first normal stress difference N₁, contacts included", Sum(|s| s.n1.total())).averaged(),
+        number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged(),
+        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts and repulsion, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged(),
+        number("shear_hydrodynamic", "mu rate").sample("shear stress of the stresslets", Part(|s| &mut s.shear.hydrodynamic)).averaged(),
+        number("shear_normal_contact", "mu rate").sample("shear stress of the normal contact forces", Part(|s| &mut s.shear.normal_contact)).averaged(),
+        number("shear_tangential_contact", "mu rate").sample("shear stress of the tangential contact forces", Part(|s| &mut s.shear.tangential_contact)).averaged(),
+        number("shear_repulsion", "mu rate").sample("shear stress of the repulsion", Part(|s| &mut s.shear.repulsion)).averaged(),
+        number("n1_hydrodynamic", "mu rate").sample("N₁ of the stresslets", Part(|s| &mut s.n1.hydrodynamic)).averaged(),
+        number("n1_normal_contact", "mu rate").sample("N₁ of the normal contact forces", Part(|s| &mut s.n1.normal_contact)).averaged(),
+        number("n1_tangential_contact", "mu rate").sample("N₁ of the tangential contact forces", Part(|s| &mut s.n1.tangential_contact)).averaged(),
+        number("n1_repulsion", "mu rate").sample("N₁ of the repulsion", Part(|s| &mut s.n1.repulsion)).averaged(),
+        number("n2_hydrodynamic", "mu rate").sample("N₂ of the stresslets", Part(|s| &mut s.n2.hydrodynamic)).averaged(),
+        number("n2_normal_contact", "mu rate").sample("N₂ of the normal contact forces", Part(|s| &mut s.n2.normal_contact)).averaged(),
+        number("n2_tangential_contact", "mu rate").sample("N₂ of the tangential contact forces", Part(|s| &mut s.n2.tangential_contact)).averaged(),
+        number("n2_repulsion", "mu rate").sample("N₂ of the repulsion", Part(|s| &mut s.n2.repulsion)).averaged(),
+        number("particle_pressure_normal_contact", "mu rate").sample("particle pressure of the normal contact forces", Part(|s| &mut s.particle_pressure.normal_contact)).averaged(),
+        number("particle_pressure_repulsion", "mu rate").sample("particle pressure of the repulsion", Part(|s| &mut s.particle_pressure.repulsion)).averaged(),
+        number("coordination", "1").sample("loaded contacts of a sphere", Network(|n| &mut n.coordination)).averaged(),
+        number("frictional_coordination", "1").sample("contacts of a sphere on which friction acts", Network(|n| &mut n.frictional_coordination)).averaged(),
+        number("largest_cluster", "1").sample("fraction of spheres in the largest cluster of frictional contacts", Network(|n| &mut n.largest_cluster)).averaged(),
+        number("percolating_x", "1").sample("fraction of instants at which such a cluster percolates along the flow", Network(|n| &mut n.percolating_x)).averaged(),
+        number("percolating_y", "1").sample("fraction of instants at which such a cluster percolates along the gradient", Network(|n| &mut n.percolating_y)).averaged(),
+        number("core_fraction", "1").sample("fraction of spheres in the 3-core of the frictional contacts of a layer, in the 4-core of a suspension", Network(|n| &mut n.core_fraction)).averaged(),
+    ]
+};
+
+/// A table in which numbers are columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// Samples of a run, also those derived from stored ones.
+    Samples,
+    /// Results of runs.
+    Runs,
+    /// Points of a report.
+    Points,
+}
+
+impl Number {
+    /// The number of this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        static PLACES: LazyLock<HashMap<&str, &Number>> =
+            LazyLock::new(|| NUMBERS.iter().map(|number| (number.name, number)).collect());
+        PLACES.get(name).copied()
+    }
+
+    /// Its meaning in a table; `None` if it is no column there.
+    pub fn meaning(&self, level: Level) -> Option<&'static str> {
+        match level {
+            Level::Samples => self.sample.map(|(meaning, _)| meaning),
+            Level::Runs => self.run.map(|(meaning, _)| meaning),
+            Level::Points => self.point.map(|(meaning, _)| meaning),
+        }
+    }
+
+    /// How a point has it.
+    pub(crate) fn over_runs(&self) -> Option<OverRuns> {
+        self.point.map(|(_, how)| how)
+    }
+
+    /// Whether samples store it: all but sums of stored parts.
+    pub(crate) fn is_kept(&self) -> bool {
+        self.sample.is_some() && !self.is_sum()
+    }
+
+    /// Whether samples derive it as a sum of stored parts.
+    pub(crate) fn is_sum(&self) -> bool {
+        matches!(self.sample, Some((_, InSample::Sum(_))))
+    }
+
+    /// Whether it concerns all steps of a run so far, whether sampled or not.
+    pub(crate) fn is_counter(&self) -> bool {
+        matches!(
+            self.sample,
+            Some((_, InSample::Extreme(_) | InSample::Total(_)))
+        )
+    }
+
+    /// Whether it is a detail: a part of the stress, or a number of the contact network.
+    pub(crate) fn is_detail(&self) -> bool {
+        matches!(self.sample, Some((_, InSample::Part(_)))) || self.is_of_network()
+    }
+
+    /// Whether it belongs to the contact network, which most samples lack.
+    pub fn is_of_network(&self) -> bool {
+        matches!(self.sample, Some((_, InSample::Network(_))))
+    }
+
+    /// Type of its values in the tables of the store.
+    pub(crate) fn kind(&self, level: Level) -> Kind {
+        let is_count = match level {
+            Level::Samples => matches!(
+                self.sample,
+                Some((_, InSample::Count(_) | InSample::Total(_)))
+            ),
+            Level::Runs => matches!(self.run, Some((_, InTime::Count(_)))),
+            Level::Points => matches!(self.point, Some((_, OverRuns::Count(_)))),
+        };
+        if is_count { Kind::Count } else { Kind::Number }
+    }
+
+    /// Its value in a sample; NaN in samples without it.
+    pub fn of_sample(&self, sample: &Sample) -> Value {
+        let mut copy = *sample;
+        let Some((_, place)) = self.sample else {
+            return Value::Number(f64::NAN);
+        };
+        match place {
+            InSample::Real(number) => Value::Number(*number(&mut copy)),
+            InSample::Count(count) => Value::Count(u64::from(*count(&mut copy))),
+            InSample::Extreme(number) => Value::Number(*number(&mut copy.counters)),
+            InSample::Total(count) => Value::Count(*count(&mut copy.counters)),
+            InSample::Sum(sum) => Value::Number(sum(&copy.stress)),
+            InSample::Part(part) => Value::Number(*part(&mut copy.stress)),
+            InSample::Network(number) => {
+                let network = &mut copy.network.unwrap_or(NetworkSample::NONE);
+                Value::Number(*number(network))
+            }
+        }
+    }
+
+    /// Sets its value in a sample, if it is stored.
+    pub(crate) fn put(&self, sample: &mut Sample, value: Value) {
+        let number = value.number();
+        let count = match value {
+            Value::Count(count) => count,
+            _ => 0,
+        };
+        match self.sample {
+            Some((_, InSample::Real(of))) => *of(sample) = number,
+            Some((_, InSample::Count(of))) => {
+                *of(sample) = u32::try_from(count).unwrap_or(u32::MAX);
+            }
+            Some((_, InSample::Extreme(of))) => *of(&mut sample.counters) = number,
+            Some((_, InSample::Total(of))) => *of(&mut sample.counters) = count,
+            Some((_, InSample::Part(of))) => *of(&mut sample.stress) = number,
+            Some((_, InSample::Network(of))) if !number.is_nan() => {
+                *of(sample.network.get_or_insert(NetworkSample::NONE)) = number;
+            }
+            Some((_, InSample::Network(_) | InSample::Sum(_))) | None => {}
+        }
+    }
+
+    /// Its value in the result of a run; `None` if it has none.
+    pub(crate) fn of_run(&self, run: &RunData<'_>) -> Option<Value> {
+        match self.run?.1 {
+            InTime::Real(of) => of(run).map(Value::Number),
+            InTime::Count(of) => Some(Value::Count(of(run))),
+            InTime::Mean => {
+                let values = run
+                    .samples
+                    .iter()
+                    .map(|sample| self.of_sample(sample).number());
+                let mut values: Vec<f64> = values.collect();
+                if self.is_of_network() {
+                    values.retain(|value| !value.is_nan());
+                }
+                mean(&values).map(Value::Number)
+            }
+        }
+    }
+}
+
+/// The numbers that samples store.
+pub(crate) fn kept() -> impl Iterator<Item = &'static Number> {
+    NUMBERS.iter().filter(|number| number.is_kept())
+}
+
+/// The numbers that are columns of a table.
+pub fn columns(level: Level) -> impl Iterator<Item = &'static Number> {
+    NUMBERS
+        .iter()
+        .filter(move |number| number.meaning(level).is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_has_a_name_of_its_own_and_meanings() {
+        for number in NUMBERS {
+            let of_name = NUMBERS.iter().filter(|other| other.name == number.name);
+            assert_eq!(of_name.count(), 1, "{}", number.name);
+            let levels = [Level::Samples, Level::Runs, Level::Points];
+            let meanings: Vec<&str> = levels
+                .iter()
+                .filter_map(|level| number.meaning(*level))
+                .collect();
+            assert!(
+                !meanings.is_empty() && !meanings.contains(&""),
+                "{}",
+                number.name
+            );
+        }
+    }
+
+    #[test]
+    fn numbers_come_back_and_parts_add_up_to_what_they_are_parts_of() {
+        let mut sample = Sample::default();
+        let value = |number: &Number, place: usize| match number.kind(Level::Samples) {
+            Kind::Count => Value::Count(place as u64),
+            _ => Value::Number(place as f64 + 1.0),
+        };
+        for (place, number) in kept().enumerate() {
+            number.put(&mut sample, value(number, place));
+        }
+        for (place, number) in kept().enumerate() {
+            assert_eq!(
+                number.of_sample(&sample),
+                value(number, place),
+                "{}",
+                number.name
+            );
+        }
+        let real = |number: &Number| number.of_sample(&sample).number();
+        for column in columns(Level::Samples).filter(|number| !number.is_kept()) {
+            let begins = format!("{}_", column.name);
+            let parts = kept().filter(|part| {
+                part.name.starts_with(&begins)
+                    && matches!(part.sample, Some((_, InSample::Part(_))))
+            });
+            let sum: f64 = parts.map(real).sum();
+            assert_eq!(real(column), sum, "{}", column.name);
+        }
+        let mut unseen = Sample::default();
+        for number in kept().filter(|number| number.is_of_network()) {
+            number.put(&mut unseen, Value::Number(f64::NAN));
+        }
+        assert_eq!(unseen.network, None);
+    }
+}

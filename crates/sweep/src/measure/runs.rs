@@ -1,0 +1,90 @@
+//! The runs of a point, from which its numbers are made.
+
+use super::run::{PointRun, place_of};
+use super::{Decision, Distribution, Drift, Estimate, relative_half_width};
+use crate::model::precision::{Precision, Quantity};
+
+/// The runs of a point.
+#[derive(Debug)]
+pub(crate) struct Runs<'r> {
+    pub(crate) all: Vec<&'r PointRun>,
+    pub(crate) averaged: Vec<&'r PointRun>,
+    /// The requested precision and the state of its rule.
+    pub(crate) rule: Option<(Precision, Decision)>,
+}
+
+impl Runs<'_> {
+    /// Number of runs that meet a condition.
+    pub(crate) fn number_of(&self, is_so: fn(&PointRun) -> bool) -> u64 {
+        self.all.iter().filter(|run| is_so(run)).count() as u64
+    }
+
+    /// A value of each averaged run that has one.
+    pub(super) fn of_each(&self, number: impl Fn(&PointRun) -> Option<f64>) -> Vec<f64> {
+        self.averaged.iter().filter_map(|run| number(run)).collect()
+    }
+
+    /// The sum of such values.
+    pub(super) fn total(&self, number: impl Fn(&PointRun) -> Option<f64>) -> f64 {
+        // An empty sum would be -0.
+        self.of_each(number).into_iter().fold(0.0, |a, b| a + b)
+    }
+
+    /// A number of the results of the averaged runs that have it.
+    pub(crate) fn values(&self, name: &str) -> Vec<f64> {
+        let Some(place) = place_of(name) else {
+            return Vec::new();
+        };
+        let numbers = self
+            .averaged
+            .iter()
+            .filter_map(|run| run.numbers.get(place));
+        numbers.copied().filter(|number| !number.is_nan()).collect()
+    }
+
+    /// The sum of these numbers.
+    pub(super) fn sum(&self, name: &str) -> f64 {
+        self.values(name).into_iter().fold(0.0, |a, b| a + b)
+    }
+
+    /// The mean over runs of a number of their results.
+    pub(crate) fn estimate(&self, name: &str) -> Option<Estimate> {
+        Estimate::of(&self.values(name))
+    }
+
+    /// Smallest gap of any run, in a.
+    pub(super) fn gap(&self) -> Option<f64> {
+        self.values("minimum_gap").into_iter().reduce(f64::min)
+    }
+
+    /// Median and quartiles over runs of their medians.
+    pub(super) fn medians(&self) -> Option<Distribution> {
+        Distribution::of(self.values("viscosity_median"))
+    }
+
+    /// The same of several runs.
+    pub(super) fn quartiles(&self) -> Option<Distribution> {
+        self.medians().filter(|_| self.averaged.len() > 1)
+    }
+
+    /// Seeds that count.
+    pub(crate) fn wanted(&self) -> u64 {
+        let wanted = self.rule.map(|(_, decision)| decision.wanted);
+        wanted.unwrap_or(self.all.len()) as u64
+    }
+
+    /// Half width of an interval over the mean, of the quantity with a requested precision, else of
+    /// the viscosity.
+    pub(crate) fn precision(&self) -> Option<f64> {
+        let quantity = self
+            .rule
+            .map_or(Quantity::Viscosity, |(rule, _)| rule.quantity);
+        relative_half_width(&self.values(quantity.name())).filter(|width| width.is_finite())
+    }
+
+    /// Whether they drift.
+    pub(crate) fn drift(&self) -> Option<Drift> {
+        let steady = self.averaged.iter().filter_map(|run| run.steadiness());
+        Drift::of(&steady.map(|steady| steady.parts).collect::<Vec<_>>())
+    }
+}
