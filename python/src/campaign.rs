@@ -190,7 +190,7 @@ impl Campaign {
     ) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
         let plan = py
-            .detach(|| sweep::plan::plan(&self.0, workers))
+            .detach(|| sweep::plan::plan(&self.0, workers, false, None))
             .map_err(raise)?;
         values::answer(py, &plan)
     }

@@ -1,9 +1,10 @@
-//! Schedulers, which start the tasks of a campaign on other machines or on this one. Each is one
-//! file that writes a script, submits it, lists the remaining tasks, and cancels them. Schedulers
-//! do not decide which task computes which case.
+//! Campaigns on other machines: the open cases are cut into [`slices`], a scheduler starts a task for
+//! each, tasks publish what they compute as [`shard`]s, and shards are merged into the store.
+//!
+//! An [`Engine`] is a scheduler: one file that writes a script, submits it, lists the remaining
+//! tasks, and cancels them. It does not decide which task computes which case.
 
 mod error;
-pub(crate) mod jobs;
 mod local;
 pub(crate) mod merge;
 mod publish;
@@ -16,8 +17,7 @@ pub(crate) mod task;
 
 pub(crate) use error::{ClusterError, no_room};
 
-use crate::store::TaskName;
-use slurm::Slurm;
+use slurm::TimeLimit;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -39,12 +39,16 @@ pub(crate) struct Job {
     pub workers: usize,
     /// Maximum number of tasks that run at the same time.
     pub throttle: Option<usize>,
+    /// Time limit of a task.
+    pub time: Option<TimeLimit>,
+    /// Further arguments of the command that submits the script.
+    pub submit_arguments: Vec<String>,
     /// Further arguments of `sweep run`.
     pub run_arguments: Vec<String>,
 }
 
 /// A task known to the scheduler: pending, running, or ending.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ActiveTask {
     /// Its number; `None` for all tasks of the job.
     pub task: Option<usize>,
@@ -55,105 +59,75 @@ pub(crate) struct ActiveTask {
 }
 
 /// A scheduler.
-#[derive(Debug, Clone)]
-pub(crate) enum Scheduler {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Engine {
     /// A cluster with Slurm.
-    Slurm(Slurm),
+    Slurm,
     /// The background of this machine.
     Local,
 }
 
-impl Scheduler {
+impl Engine {
+    pub(crate) const ALL: [Self; 2] = [Self::Slurm, Self::Local];
+
     /// Its name in the store and on the command line.
-    pub(crate) const fn name(&self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
-            Self::Slurm(_) => "slurm",
+            Self::Slurm => "slurm",
             Self::Local => "local",
         }
     }
 
     /// The scheduler of a job recorded in a store.
     pub(crate) fn by_name(name: &str) -> Option<Self> {
-        [Self::Slurm(Slurm::default()), Self::Local]
-            .into_iter()
-            .find(|scheduler| scheduler.name() == name)
+        Self::ALL.into_iter().find(|engine| engine.name() == name)
     }
 
-    /// The scheduler that started this process as task number `task` and can restart it, and its
-    /// name of the task.
-    pub(crate) fn of_this_task(task: usize) -> Option<(Self, TaskName)> {
-        slurm::this_task(task).map(|name| (Self::Slurm(Slurm::default()), name))
-    }
-
-    /// The maximum number of tasks of a job.
-    ///
-    /// # Errors
-    /// The scheduler is missing.
-    pub(crate) fn task_limit(&self) -> Result<usize, ClusterError> {
+    /// The maximum number of tasks of a job. Fails where the scheduler is missing.
+    pub(crate) fn task_limit(self) -> Result<usize, ClusterError> {
         match self {
-            Self::Slurm(_) => slurm::task_limit(),
+            Self::Slurm => slurm::task_limit(),
             Self::Local => Ok(local::TASK_LIMIT),
         }
     }
 
     /// The script of the tasks of a job.
-    ///
-    /// # Errors
-    /// [`ClusterError::Path`] on a path that a script cannot name.
-    pub(crate) fn script(&self, job: &Job) -> Result<String, ClusterError> {
+    pub(crate) fn script(self, job: &Job) -> Result<String, ClusterError> {
         match self {
-            Self::Slurm(slurm) => slurm.script(job),
+            Self::Slurm => slurm::script(job),
             Self::Local => local::script(job),
         }
     }
 
     /// The command that submits the script: a program and its arguments.
-    pub(crate) fn command(&self, job: &Job) -> Vec<String> {
+    pub(crate) fn command(self, job: &Job) -> Vec<String> {
         match self {
-            Self::Slurm(slurm) => slurm.command(job),
+            Self::Slurm => slurm::command(job),
             Self::Local => local::command(job),
         }
     }
 
-    /// Submits the script of a job by [`Scheduler::command`]; returns the name of the job.
-    ///
-    /// # Errors
-    /// The scheduler is missing, refuses, or gives an answer that cannot be parsed.
-    pub(crate) fn submit(&self, job: &Job) -> Result<String, ClusterError> {
+    /// Submits the script of a job by [`Engine::command`]; returns the name of the job.
+    pub(crate) fn submit(self, job: &Job) -> Result<String, ClusterError> {
         match self {
-            Self::Slurm(slurm) => slurm.submit(job),
+            Self::Slurm => slurm::submit(job),
             Self::Local => local::submit(job),
         }
     }
 
     /// The tasks of a job that have not ended.
-    ///
-    /// # Errors
-    /// The scheduler is missing or does not answer.
-    pub(crate) fn active(&self, job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
+    pub(crate) fn active(self, job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
         match self {
-            Self::Slurm(_) => slurm::active(job),
+            Self::Slurm => slurm::active(job),
             Self::Local => Ok(local::active(job)),
         }
     }
 
     /// Ends all tasks of a job; they checkpoint first.
-    ///
-    /// # Errors
-    /// The scheduler is missing or refuses.
-    pub(crate) fn cancel(&self, job: &str) -> Result<(), ClusterError> {
+    pub(crate) fn cancel(self, job: &str) -> Result<(), ClusterError> {
         match self {
-            Self::Slurm(_) => slurm::cancel(job),
+            Self::Slurm => slurm::cancel(job),
             Self::Local => local::cancel(job),
-        }
-    }
-
-    /// Requests a restart of a task, after a signal with work left. `in_advance`: the signal was
-    /// the one requested ahead of the time limit, which has no other sender.
-    pub(crate) fn start_again(&self, task: &TaskName, in_advance: bool) -> Requeue {
-        match self {
-            Self::Slurm(_) => slurm::start_again(task, in_advance),
-            Self::Local => Requeue::No("the local scheduler does not restart tasks".into()),
         }
     }
 }
@@ -169,10 +143,7 @@ pub(crate) enum Requeue {
     No(String),
 }
 
-/// A word quoted for the shell.
-///
-/// # Errors
-/// [`ClusterError::Word`] on a word with a NUL byte, which no command line can hold.
+/// A word quoted for the shell. Fails for a word with a NUL byte, which no command line can hold.
 pub(crate) fn quoted(word: &str) -> Result<String, ClusterError> {
     shlex::try_quote(word)
         .map(Cow::into_owned)
@@ -222,9 +193,7 @@ mod tests {
     fn words_come_back_from_the_shell_as_they_were() {
         for word in [
             "plain/path.sqlite",
-            "two words",
-            "it's",
-            "$HOME `x` \"y\" \\z",
+            "it's $HOME `x` \"y\" \\z",
             "a\nb",
             "",
             "*",

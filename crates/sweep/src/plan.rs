@@ -70,7 +70,7 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
 }
 
 /// The source of the time of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Source {
     /// Runs of the store, computed by this build on this machine.
@@ -180,17 +180,12 @@ pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
     memory::resident_bytes() + workers as f64 * runs.fold(0.0, f64::max)
 }
 
-/// Plans a campaign with an empty store. Writes nothing.
+/// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`
+/// is kept. Writes nothing.
 ///
 /// # Errors
-/// An I/O error: none without a store.
-pub fn plan(campaign: &Campaign, workers: usize) -> Result<Plan, StoreError> {
-    make(campaign, workers, false, None)
-}
-
-/// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`
-/// is kept.
-pub(crate) fn make(
+/// An I/O or SQLite error of the store.
+pub fn plan(
     campaign: &Campaign,
     workers: usize,
     trajectory: bool,
@@ -204,23 +199,17 @@ pub(crate) fn make(
     let work = Work::of(campaign, store)?;
     let open = || work.points.iter().filter(|point| point.open > 0.0);
     let (mut warnings, failed) = trials::starts(open().map(|point| point.case));
-    let mut classes: Vec<(Class, Vec<&Case>)> = Vec::new();
-    for case in open().map(|point| point.case) {
-        let class = Class::of(&case.params);
-        if failed(&case.params) || costs.0.iter().any(|(known, ..)| *known == class) {
-            continue;
-        }
-        match classes.iter_mut().find(|(known, _)| *known == class) {
-            Some((_, cases)) => cases.push(case),
-            None => classes.push((class, vec![case])),
-        }
-    }
-    let middle = |(_, cases): &(Class, Vec<&Case>)| {
-        let mut cases = cases.clone();
+    let is_unknown = |case: &&Case| {
+        let (_, source) = costs.step(&case.params);
+        source == Source::Rough && !failed(&case.params)
+    };
+    let unknown = open().map(|point| point.case).filter(is_unknown);
+    let middle = |mut cases: Vec<&Case>| {
         cases.sort_by(|a, b| trials::covered(&a.params).total_cmp(&trials::covered(&b.params)));
         cases[cases.len() / 2].clone()
     };
-    let runs = trials::short_runs(classes.iter().map(middle).collect());
+    let classes = grouped(unknown, |case| Class::of(&case.params));
+    let runs = trials::short_runs(classes.into_iter().map(middle).collect());
     let mut least = f64::INFINITY;
     for run in runs {
         match run.step_s {
@@ -283,49 +272,52 @@ pub(crate) fn make(
     })
 }
 
-/// The kinds of runs there are to compute, the cheapest step first.
-fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
-    let mut kinds: Vec<(Kind, f64)> = Vec::new();
-    for point in work.points.iter().filter(|point| count(point.open) > 0) {
-        let (p, steps) = (&point.case.params, point.case.steps);
-        let [hydrodynamics, contact, tangential] = words(p);
-        let (step_s, source) = costs.step(p);
-        let is_like = |kind: &Kind| {
-            (kind.spheres, kind.steps, kind.time_step) == (p.spheres, steps, p.time_step)
-                && [kind.hydrodynamics, kind.contact, kind.tangential] == words(p)
-        };
-        let at = kinds
-            .iter()
-            .position(|(kind, _)| is_like(kind))
-            .unwrap_or(kinds.len());
-        if at == kinds.len() {
-            let kind = Kind {
-                spheres: p.spheres,
-                hydrodynamics,
-                contact,
-                tangential,
-                time_step: p.time_step,
-                steps,
-                cases: 0,
-                step_s: 0.0,
-                computing_time_s: 0.0,
-                memory_bytes: 0.0,
-                source,
-            };
-            kinds.push((kind, 0.0));
-        }
-        let (kind, steps_left) = &mut kinds[at];
-        kind.cases += count(point.open);
-        kind.computing_time_s += step_s * steps as f64 * point.runs();
-        *steps_left += steps as f64 * point.runs();
-        kind.step_s = kind.computing_time_s / steps_left.max(f64::MIN_POSITIVE);
-        kind.memory_bytes = kind.memory_bytes.max(memory::run_bytes(p));
-        if source == Source::Rough {
-            kind.source = source;
+/// Items with the same key, in the order of the first of each.
+fn grouped<T, K: PartialEq>(items: impl Iterator<Item = T>, key: impl Fn(&T) -> K) -> Vec<Vec<T>> {
+    let mut groups: Vec<(K, Vec<T>)> = Vec::new();
+    for item in items {
+        let own = key(&item);
+        match groups.iter_mut().find(|(known, _)| *known == own) {
+            Some((_, group)) => group.push(item),
+            None => groups.push((own, vec![item])),
         }
     }
-    kinds.sort_by(|(a, _), (b, _)| a.step_s.total_cmp(&b.step_s));
-    kinds.into_iter().map(|(kind, _)| kind).collect()
+    groups.into_iter().map(|(_, group)| group).collect()
+}
+
+/// The kinds of runs there are to compute, the cheapest step first.
+fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
+    let open = work.points.iter().filter(|point| count(point.open) > 0);
+    let groups = grouped(open, |point| {
+        let p = &point.case.params;
+        (words(p), p.spheres, p.time_step.to_bits(), point.case.steps)
+    });
+    let kind = |points: Vec<&work::Point<'_>>| {
+        let (p, steps) = (&points[0].case.params, points[0].case.steps);
+        let [hydrodynamics, contact, tangential] = words(p);
+        let known = points.iter().map(|point| costs.step(&point.case.params));
+        let (step_s, sources): (Vec<f64>, Vec<Source>) = known.unzip();
+        let left = |(point, step_s): (&&work::Point<'_>, f64)| step_s * point.runs();
+        let computed = points.iter().zip(step_s.iter().copied()).map(left);
+        let computing_time_s = steps as f64 * computed.sum::<f64>();
+        let steps_left = steps as f64 * points.iter().map(|point| point.runs()).sum::<f64>();
+        Kind {
+            spheres: p.spheres,
+            hydrodynamics,
+            contact,
+            tangential,
+            time_step: p.time_step,
+            steps,
+            cases: points.iter().map(|point| count(point.open)).sum(),
+            step_s: computing_time_s / steps_left.max(f64::MIN_POSITIVE),
+            computing_time_s,
+            memory_bytes: memory::run_bytes(p),
+            source: sources.into_iter().max().unwrap_or(Source::Rough),
+        }
+    };
+    let mut kinds: Vec<Kind> = groups.into_iter().map(kind).collect();
+    kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));
+    kinds
 }
 
 /// Axes with all their values in the order of first use, without those that have no effect on these

@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::place::StoreArguments;
-use crate::cluster::jobs::cancel;
+use crate::cluster::status::cancel;
 use crate::error::Error;
 use crate::system::exit;
 use std::time::Duration;

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{store_of, workers, workers_or_all};
 use crate::error::Error;
-use crate::plan::{Kind, Plan, Source, make};
+use crate::plan::{Kind, Plan, Source, plan};
 use crate::report::{room, table};
 use crate::store::StoreSource;
 use crate::system::exit;
@@ -57,7 +57,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     } else {
         None
     };
-    let plan = make(&campaign, workers, arguments.trajectory, store.as_ref())?;
+    let plan = plan(&campaign, workers, arguments.trajectory, store.as_ref())?;
     if output.json {
         output.json(&plan)?;
     } else {

@@ -5,7 +5,7 @@ mod task;
 use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
 use super::words::choice;
-use crate::cluster::jobs::jobs;
+use crate::cluster::status::jobs;
 use crate::cluster::task::Part;
 use crate::error::Error;
 use crate::model::campaign::Campaign;

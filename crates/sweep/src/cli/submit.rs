@@ -2,31 +2,17 @@
 
 use super::Output;
 use super::place::{positive, store_of, workers};
+use crate::cluster::slurm::{SCRIPT_OPTIONS, TimeLimit};
 use crate::cluster::submit::{SubmitOptions, Submitted, submit};
-use crate::cluster::{
-    ClusterError, Scheduler, quoted,
-    slurm::{Slurm, TimeLimit},
-};
+use crate::cluster::{ClusterError, Engine, quoted};
 use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::system::exit;
 use crate::text::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
-use clap::ValueEnum;
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-/// Options of sbatch that the script sets.
-const SCRIPT_OPTIONS: [&str; 7] = [
-    "-a",
-    "--array",
-    "--export",
-    "--wrap",
-    "--parsable",
-    "--signal",
-    "--open-mode",
-];
 
 /// Submit the open runs of a campaign to Slurm, as one array of tasks
 ///
@@ -41,8 +27,8 @@ const SCRIPT_OPTIONS: [&str; 7] = [
     reason = "switches of the command line"
 )]
 #[command(
-    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00 --partition short --dry-run\n  \
-                  sweep submit sweeps/figure-11.toml --time 12:00:00 --throttle 50 --sbatch-arg=--mem=4G\n  \
+    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00 --dry-run\n  \
+                  sweep submit sweeps/figure-11.toml --time 12:00:00 --throttle 50 --sbatch-arg=--partition=short\n  \
                   sweep submit sweeps/figure-11.toml --engine local\n  \
                   sweep status sweeps/figure-11.toml && sweep merge sweeps/figure-11.toml && sweep report sweeps/figure-11.toml"
 )]
@@ -50,8 +36,8 @@ pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
     /// Scheduler of the tasks
-    #[arg(long, value_enum, default_value_t = Kind::Slurm)]
-    engine: Kind,
+    #[arg(long, default_value = "slurm", value_parser = engine)]
+    engine: Engine,
     /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder
     /// that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
@@ -69,13 +55,8 @@ pub(crate) struct Arguments {
     /// the site's]
     #[arg(long, value_name = "TIME")]
     time: Option<TimeLimit>,
-    /// Partition of the cluster
-    #[arg(long, value_parser = word)]
-    partition: Option<String>,
-    /// Account to charge
-    #[arg(long, value_parser = word)]
-    account: Option<String>,
-    /// Further argument of sbatch, as in --sbatch-arg=--mem=4G; repeatable
+    /// Argument of sbatch, as in --sbatch-arg=--partition=short, --sbatch-arg=--account=mine or
+    /// --sbatch-arg=--mem=4G; repeatable
     #[arg(long, value_name = "ARG", allow_hyphen_values = true)]
     sbatch_arg: Vec<String>,
     /// Local disk of the nodes [default: SLURM_TMPDIR, or else the folder of shards]
@@ -104,23 +85,12 @@ pub(crate) struct Arguments {
     dry_run: bool,
 }
 
-/// The schedulers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Kind {
-    /// A cluster with Slurm.
-    Slurm,
-    /// The background of this machine.
-    Local,
-}
-
-/// Name of a partition or an account.
-fn word(text: &str) -> Result<String, String> {
-    let fits = |c: char| c.is_ascii_alphanumeric() || "_-.,@+:/".contains(c);
-    if !text.is_empty() && !text.starts_with('-') && text.chars().all(fits) {
-        Ok(text.to_owned())
-    } else {
-        Err("a name of letters, digits and _ - . , @ + : /".into())
-    }
+/// Reads the name of a scheduler.
+fn engine(text: &str) -> Result<Engine, String> {
+    Engine::by_name(text).ok_or_else(|| {
+        let names = Engine::ALL.map(Engine::name);
+        format!("choose one of {}", names.join(", "))
+    })
 }
 
 #[derive(Default, Serialize)]
@@ -139,11 +109,14 @@ struct Answer<'a> {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
+    check(arguments)?;
     let wanted = SubmitOptions {
-        scheduler: scheduler(arguments)?,
+        engine: arguments.engine,
         tasks: arguments.tasks.map(NonZeroUsize::get),
         workers: arguments.workers_per_task.get(),
         throttle: arguments.throttle.map(NonZeroUsize::get),
+        time: arguments.time.clone(),
+        submit_arguments: arguments.sbatch_arg.clone(),
         run_arguments: run_arguments(arguments)?,
         retry_failed: arguments.retry_failed,
         mixed: arguments.allow_mixed_versions,
@@ -197,47 +170,30 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     Ok(exit::DONE)
 }
 
-/// The requested scheduler.
-fn scheduler(arguments: &Arguments) -> Result<Scheduler, Error> {
-    let refused =
-        |argument: &'static str, message: String| Err(Error::Argument { argument, message });
+/// Refuses arguments that the engine does not know, or that the script sets.
+fn check(arguments: &Arguments) -> Result<(), Error> {
+    let refused = |argument, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
         let name = argument.split('=').next().unwrap_or_default();
         if SCRIPT_OPTIONS.contains(&name) {
-            return refused(
-                "--sbatch-arg",
-                format!("{name} is set by sweep itself: see `sweep submit --dry-run`"),
-            );
+            let message = "is set by sweep itself: see `sweep submit --dry-run`";
+            return refused("--sbatch-arg", format!("{name} {message}"));
         }
         if !name.starts_with('-') {
-            return refused(
-                "--sbatch-arg",
-                format!(
-                    "write an option with its value, as in --sbatch-arg=--mem=4G, not {argument:?}"
-                ),
-            );
+            let message = "write an option with its value, as in --sbatch-arg=--mem=4G, not";
+            return refused("--sbatch-arg", format!("{message} {argument:?}"));
         }
     }
-    Ok(match arguments.engine {
-        Kind::Slurm => Scheduler::Slurm(Slurm {
-            time: arguments.time.clone(),
-            partition: arguments.partition.clone(),
-            account: arguments.account.clone(),
-            arguments: arguments.sbatch_arg.clone(),
-        }),
-        Kind::Local => {
-            let foreign = [
-                ("--time", arguments.time.is_some()),
-                ("--partition", arguments.partition.is_some()),
-                ("--account", arguments.account.is_some()),
-                ("--sbatch-arg", !arguments.sbatch_arg.is_empty()),
-            ];
-            if let Some((argument, _)) = foreign.into_iter().find(|(_, given)| *given) {
-                return refused(argument, "it requires --engine slurm".into());
-            }
-            Scheduler::Local
+    let is_slurm = arguments.engine == Engine::Slurm;
+    for (argument, given) in [
+        ("--time", arguments.time.is_some()),
+        ("--sbatch-arg", !arguments.sbatch_arg.is_empty()),
+    ] {
+        if given && !is_slurm {
+            return refused(argument, "it requires --engine slurm".into());
         }
-    })
+    }
+    Ok(())
 }
 
 /// Arguments of every task.

@@ -22,14 +22,16 @@ pub enum ClusterError {
     },
     /// The scheduler refused.
     #[error("`{command}` was refused: {said}")]
-    #[diagnostic(help("{advice}"))]
+    #[diagnostic(help(
+        "correct what it names, then repeat the command: `sinfo -s` lists partitions; --sbatch-arg passes --partition \
+         and --account; fewer --tasks or a shorter --time keep to limits of the site. If Slurm's controller does not \
+         answer, check with `squeue --me` whether the job exists, and try again in a while"
+    ))]
     Refused {
         /// The command.
         command: String,
         /// Its answer.
         said: String,
-        /// Advice.
-        advice: String,
     },
     /// An answer that cannot be parsed.
     #[error("`{command}` gave no job number but {said:?}")]

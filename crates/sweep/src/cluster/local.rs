@@ -46,7 +46,6 @@ pub(super) fn submit(job: &Job) -> Result<String, ClusterError> {
     let refused = |error: std::io::Error| ClusterError::Refused {
         command: command.join(" "),
         said: error.to_string(),
-        advice: "nothing was started".into(),
     };
     let log = std::fs::OpenOptions::new()
         .create(true)
@@ -96,8 +95,9 @@ pub(super) fn cancel(job: &str) -> Result<(), ClusterError> {
         None | Some(Ok(()) | Err(rustix::io::Errno::SRCH)) => Ok(()),
         Some(Err(error)) => Err(ClusterError::Refused {
             command: format!("kill -TERM -{job}"),
-            said: error.to_string(),
-            advice: "cancel it on the machine and with the account that submitted it".into(),
+            said: format!(
+                "{error}; cancel it on the machine and with the account that submitted it"
+            ),
         }),
     }
 }

@@ -19,21 +19,25 @@ pub(crate) struct Joined {
     pub(crate) mixed_shards: u64,
 }
 
+/// The shards published in a folder.
+pub(crate) fn paths(folder: &Path) -> Vec<PathBuf> {
+    let shards = shard::published(folder).into_iter();
+    shards.map(|shard| shard.path).collect()
+}
+
 /// The shards given, and all shards in the folders given; without arguments, those in the folder
 /// beside the store.
 pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>, ClusterError> {
-    if given.is_empty() {
-        return in_folder(&shard::folder_of(store));
-    }
+    let usual = [shard::folder_of(store)];
+    let given = if given.is_empty() { &usual } else { given };
     let mut all = Vec::new();
-    for given in given {
-        if given.is_dir() {
-            all.extend(in_folder(given)?);
-        } else if given.exists() {
-            all.push(given.clone());
+    for path in given {
+        if path.is_dir() {
+            all.extend(paths(path));
+        } else if path.exists() {
+            all.push(path.clone());
         } else {
-            let path = given.clone();
-            return Err(ClusterError::Vanished { path });
+            return Err(ClusterError::Vanished { path: path.clone() });
         }
     }
     Ok(all)
@@ -51,19 +55,6 @@ pub(crate) fn join(
         disagreements: store.disagreements()?,
         mixed_shards: store.mixed_shards()?,
     })
-}
-
-/// The shards in a folder.
-fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ClusterError> {
-    if !folder.is_dir() {
-        return Err(ClusterError::Vanished {
-            path: folder.to_owned(),
-        });
-    }
-    Ok(shard::published(folder)
-        .into_iter()
-        .map(|shard| shard.path)
-        .collect())
 }
 
 /// Opens the store. A new one gets the campaign of the file given, or else that of the first
@@ -86,9 +77,8 @@ pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Stor
             Err(error) => first = first.or(Some(error)),
         }
     }
-    Err(first
-        .unwrap_or_else(|| StoreError::Missing {
-            path: path.to_owned(),
-        })
-        .into())
+    let missing = || StoreError::Missing {
+        path: path.to_owned(),
+    };
+    Err(first.unwrap_or_else(missing).into())
 }

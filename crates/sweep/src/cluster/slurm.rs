@@ -10,6 +10,16 @@ use std::time::Duration;
 
 /// Maximum size of an array where the site does not report it: the default of Slurm.
 pub(crate) const DEFAULT_ARRAY: usize = 1001;
+/// Options of sbatch that the script sets.
+pub(crate) const SCRIPT_OPTIONS: [&str; 7] = [
+    "-a",
+    "--array",
+    "--export",
+    "--wrap",
+    "--parsable",
+    "--signal",
+    "--open-mode",
+];
 /// Environment variables by which a user selects a destination for jobs. All others that `sbatch`
 /// reads could override the script.
 const CHOICES: [&str; 7] = [
@@ -21,19 +31,6 @@ const CHOICES: [&str; 7] = [
     "SBATCH_CLUSTERS",
     "SBATCH_TIMELIMIT",
 ];
-
-/// A Slurm cluster with the resources that a job requests.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Slurm {
-    /// Time limit of a task.
-    pub time: Option<TimeLimit>,
-    /// Partition.
-    pub partition: Option<String>,
-    /// Account.
-    pub account: Option<String>,
-    /// Further arguments of `sbatch`.
-    pub arguments: Vec<String>,
-}
 
 /// A time limit as Slurm writes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,160 +44,141 @@ pub(crate) struct TimeLimit {
 impl std::str::FromStr for TimeLimit {
     type Err = String;
 
+    /// Reads 90m or 12h, or as sbatch: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             "write a time such as 90m or 12h, or as for sbatch: minutes, HH:MM:SS, D-HH or D-HH:MM:SS".to_owned()
         };
         if text.ends_with(|c: char| c.is_ascii_alphabetic()) {
-            let time = parse_duration(text).map_err(|_| wrong())?;
-            let seconds = time.as_secs();
+            let seconds = parse_duration(text).map_err(|_| wrong())?.as_secs();
             let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
             return format!("{hours}:{minutes:02}:{:02}", seconds % 60).parse();
         }
-        let (days, rest) = match text.split_once('-') {
-            Some((days, rest)) => (Some(days.parse::<u32>().map_err(|_| wrong())?), rest),
-            None => (None, text),
-        };
-        let parts: Vec<u32> = rest
-            .split(':')
-            .map(|part| part.parse().map_err(|_| wrong()))
-            .collect::<Result<_, _>>()?;
-        let [hours, minutes, seconds] = match (days, parts.as_slice()) {
-            (Some(_), [h]) => [*h, 0, 0],
-            (Some(_), [h, m]) => [*h, *m, 0],
-            (None, [m]) => [0, *m, 0],
-            (None, [m, s]) => [0, *m, *s],
-            (_, [h, m, s]) => [*h, *m, *s],
+        let (days, rest) = text
+            .split_once('-')
+            .map_or((None, text), |(days, rest)| (Some(days), rest));
+        let number = |text: &str| text.parse::<u32>().map(u64::from).map_err(|_| wrong());
+        let parts: Vec<u64> = rest.split(':').map(number).collect::<Result<_, _>>()?;
+        let seconds = match (days, parts.as_slice()) {
+            (Some(_), [h]) => h * 3600,
+            (Some(_), [h, m]) => h * 3600 + m * 60,
+            (None, [m]) => m * 60,
+            (None, [m, s]) => m * 60 + s,
+            (_, [h, m, s]) => h * 3600 + m * 60 + s,
             _ => return Err(wrong()),
         };
-        let sum = [
-            (days.unwrap_or(0), 86400),
-            (hours, 3600),
-            (minutes, 60),
-            (seconds, 1),
-        ]
-        .iter()
-        .map(|(n, unit)| u64::from(*n) * unit)
-        .sum();
-        if sum == 0 {
+        let seconds = seconds + 86400 * days.map_or(Ok(0), number)?;
+        if seconds == 0 {
             return Err(wrong());
         }
         Ok(Self {
             text: text.to_owned(),
-            time: Duration::from_secs(sum),
+            time: Duration::from_secs(seconds),
         })
     }
 }
 
-impl Slurm {
-    /// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the
-    /// signal may come a minute early, and with less than a minute of warning it may never come.
-    fn warning_s(&self) -> u64 {
-        let limit = self
-            .time
-            .as_ref()
-            .map_or(1200, |limit| limit.time.as_secs());
-        (limit / 10).clamp(60, 300)
-    }
+/// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the
+/// signal may come a minute early, and with less than a minute of warning it may never come.
+fn warning_s(time: Option<&TimeLimit>) -> u64 {
+    let limit = time.map_or(1200, |limit| limit.time.as_secs());
+    (limit / 10).clamp(60, 300)
+}
 
-    /// The script of an array job.
-    pub(super) fn script(&self, job: &Job) -> Result<String, ClusterError> {
-        let mut script = String::from("#!/bin/sh\n");
-        let throttle = job
-            .throttle
-            .map_or_else(String::new, |most| format!("%{most}"));
-        let mut option = |text: &str| {
-            // Writing to a string cannot fail.
-            let _ = writeln!(script, "#SBATCH {text}");
-        };
-        option(&format!("--job-name=sweep-{}", job.campaign));
-        option(&format!("--array=0-{}{throttle}", job.tasks.max(1) - 1));
-        option("--nodes=1 --ntasks=1");
-        option(&format!("--cpus-per-task={}", job.workers));
-        for (name, value) in [
-            ("time", self.time.as_ref().map(|limit| &limit.text)),
-            ("partition", self.partition.as_ref()),
-            ("account", self.account.as_ref()),
-        ] {
-            if let Some(value) = value {
-                option(&format!("--{name}={value}"));
-            }
-        }
-        option(&format!("--signal=B:USR1@{}", self.warning_s()));
-        option("--requeue --open-mode=append --output=log-%A_%a");
-        let command = job.task_command("$SLURM_ARRAY_TASK_ID")?;
-        // sweep replaces the shell, so that signals reach it. The environment of the submitting
-        // user is not exported, so Slurm's programs are searched for in the folder where they were
-        // found at submission.
-        let _ = write!(
-            script,
-            "# Campaign {}: {}, one slice of the open cases each. Made by sweep submit.
+/// The script of an array job.
+pub(super) fn script(job: &Job) -> Result<String, ClusterError> {
+    let time = job.time.as_ref();
+    let throttle = job.throttle.map(|most| format!("%{most}"));
+    let mut script = format!(
+        "#!/bin/sh
+#SBATCH --job-name=sweep-{}
+#SBATCH --array=0-{}{}
+#SBATCH --nodes=1 --ntasks=1
+#SBATCH --cpus-per-task={}
+",
+        job.campaign,
+        job.tasks.max(1) - 1,
+        throttle.unwrap_or_default(),
+        job.workers
+    );
+    // Writing to a string cannot fail.
+    if let Some(limit) = time {
+        let _ = writeln!(script, "#SBATCH --time={}", limit.text);
+    }
+    // sweep replaces the shell, so that signals reach it. The environment of the submitting user is
+    // not exported, so Slurm's programs are searched for in the folder where they were found at
+    // submission.
+    let _ = write!(
+        script,
+        "#SBATCH --signal=B:USR1@{}
+#SBATCH --requeue --open-mode=append --output=log-%A_%a
+# Campaign {}: {}, one slice of the open cases each. Made by sweep submit.
 unset SLURM_JWT
 PATH=${{PATH:-/usr/bin:/bin}}:{}
 export PATH
-exec {command}
+exec {}
 ",
-            job.campaign,
-            counted(job.tasks, "task"),
-            quoted_path(&folder_of_slurm())?,
-        );
-        Ok(script)
-    }
+        warning_s(time),
+        job.campaign,
+        counted(job.tasks, "task"),
+        quoted_path(&folder_of_slurm())?,
+        job.task_command("$SLURM_ARRAY_TASK_ID")?
+    );
+    Ok(script)
+}
 
-    /// The command that submits it.
-    pub(super) fn command(&self, job: &Job) -> Vec<String> {
-        let mut command: Vec<String> = ["sbatch", "--parsable", "--export=NONE", "--chdir"]
-            .map(String::from)
-            .into();
-        command.push(job.plan_folder.display().to_string());
-        command.extend(self.arguments.iter().cloned());
-        command.push(job.script_path().display().to_string());
-        command
-    }
+/// The command that submits it.
+pub(super) fn command(job: &Job) -> Vec<String> {
+    let mut command: Vec<String> = ["sbatch", "--parsable", "--export=NONE", "--chdir"]
+        .map(String::from)
+        .into();
+    command.push(job.plan_folder.display().to_string());
+    command.extend(job.submit_arguments.iter().cloned());
+    command.push(job.script_path().display().to_string());
+    command
+}
 
-    /// Submits it; returns the number of the job.
-    pub(super) fn submit(&self, job: &Job) -> Result<String, ClusterError> {
-        let command = self.command(job);
-        let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
-        let answer = ask(&command[0], &arguments)?;
-        let number = answer.lines().last().unwrap_or_default().trim();
-        // `12`, or `12;cluster` where there are several clusters.
-        let digits = number.split(';').next().unwrap_or_default();
-        if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(ClusterError::Answer {
-                command: command.join(" "),
-                said: answer.trim().to_owned(),
-            });
-        }
-        Ok(number.to_owned())
+/// Submits it; returns the number of the job: `12`, or `12;cluster` where there are several
+/// clusters.
+pub(super) fn submit(job: &Job) -> Result<String, ClusterError> {
+    let command = command(job);
+    let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
+    let answer = ask(&command[0], &arguments)?;
+    let number = answer.lines().last().unwrap_or_default().trim();
+    let digits = parts(number).0;
+    if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(ClusterError::Answer {
+            command: command.join(" "),
+            said: answer.trim().to_owned(),
+        });
     }
+    Ok(number.to_owned())
 }
 
 /// Maximum number of tasks of an array: MaxArraySize of the site.
 pub(super) fn task_limit() -> Result<usize, ClusterError> {
     if which::which("sbatch").is_err() {
-        return Err(missing("sbatch"));
+        return Err(ClusterError::Missing {
+            program: "sbatch".into(),
+        });
     }
-    Ok(ask("scontrol", &["show", "config"])
-        .ok()
-        .and_then(|text| {
-            let line = text.lines().find(|line| line.starts_with("MaxArraySize"))?;
-            line.split('=').nth(1)?.trim().parse().ok()
-        })
+    let settings = ask("scontrol", &["show", "config"]).unwrap_or_default();
+    let line = settings
+        .lines()
+        .find(|line| line.starts_with("MaxArraySize"));
+    Ok(line
+        .and_then(|line| line.split('=').nth(1)?.trim().parse().ok())
         .unwrap_or(DEFAULT_ARRAY))
 }
 
 /// Tasks of a job that `squeue` lists.
 pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
-    let (number, cluster) = parts(job);
-    let mut arguments = vec!["-h", "-r", "-j", number, "-o", "%K|%T|%N"];
-    arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
-    let lines = match ask("squeue", &arguments) {
-        Ok(lines) => lines,
-        // The answer of squeue for a job that ended some minutes ago.
-        Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => String::new(),
-        Err(error) => return Err(error),
-    };
+    let lines = ask_about(
+        job,
+        "squeue",
+        &["-h", "-r", "-o", "%K|%T|%N"],
+        &["-j", parts(job).0],
+    )?;
     Ok(lines
         .lines()
         .filter_map(|line| {
@@ -216,14 +194,7 @@ pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
 
 /// Ends a job.
 pub(super) fn cancel(job: &str) -> Result<(), ClusterError> {
-    let (number, cluster) = parts(job);
-    let mut arguments = vec![number];
-    arguments.extend(cluster.iter().flat_map(|cluster| ["-M", cluster]));
-    match ask("scancel", &arguments) {
-        Ok(_) => Ok(()),
-        Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => Ok(()),
-        Err(error) => Err(error),
-    }
+    ask_about(job, "scancel", &[parts(job).0], &[]).map(|_| ())
 }
 
 /// Name of this process as task number `task` of an array, if it is that task.
@@ -243,15 +214,14 @@ pub(super) fn this_task(task: usize) -> Option<TaskName> {
     })
 }
 
-/// Requeues a task, unless it was cancelled.
+/// Requeues a task, unless it was cancelled. `in_advance`: the signal was the one requested ahead of
+/// the time limit, which has no other sender; TERM may mean the limit, a preemption or a
+/// cancellation.
 pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
     let name = format!("{}_{}", task.job, task.task);
-    // The signal before the time limit is only sent for that; TERM may mean the limit, a preemption
-    // or a cancellation.
     if !in_advance && let Ok(answer) = ask("squeue", &["-h", "-j", &name, "-o", "%T|%r"]) {
         let (state, reason) = answer.trim().split_once('|').unwrap_or_default();
-        let ending = matches!(state, "COMPLETING" | "CANCELLED");
-        if ending && reason != "TimeLimit" {
+        if matches!(state, "COMPLETING" | "CANCELLED") && reason != "TimeLimit" {
             return Requeue::Cancelled;
         }
     }
@@ -277,6 +247,24 @@ fn parts(job: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// Asks about a job on its cluster. The answer is empty if it ended some minutes ago, so that Slurm
+/// has forgotten it.
+fn ask_about(
+    job: &str,
+    program: &str,
+    first: &[&str],
+    then: &[&str],
+) -> Result<String, ClusterError> {
+    let cluster = parts(job).1.map(|cluster| ["-M", cluster]);
+    let arguments = [first, then, cluster.as_ref().map_or(&[], |words| words)].concat();
+    match ask(program, &arguments) {
+        Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => {
+            Ok(String::new())
+        }
+        answer => answer,
+    }
+}
+
 /// Runs one of Slurm's programs; returns its output.
 fn ask(program: &str, arguments: &[&str]) -> Result<String, ClusterError> {
     let mut command = Command::new(program);
@@ -284,11 +272,10 @@ fn ask(program: &str, arguments: &[&str]) -> Result<String, ClusterError> {
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
         // This includes variables that a job sets for jobs that it submits.
-        let stray = text.starts_with("SBATCH_") && !CHOICES.contains(&text.as_ref())
-            || text.starts_with("SLURM_JOB")
-            || text.starts_with("SLURM_ARRAY")
-            || text.starts_with("SLURM_RESTART");
-        if stray {
+        let is_stray = ["SLURM_JOB", "SLURM_ARRAY", "SLURM_RESTART"]
+            .iter()
+            .any(|start| text.starts_with(start));
+        if is_stray || text.starts_with("SBATCH_") && !CHOICES.contains(&text.as_ref()) {
             command.env_remove(&name);
         }
     }
@@ -296,58 +283,24 @@ fn ask(program: &str, arguments: &[&str]) -> Result<String, ClusterError> {
         status,
         stdout,
         stderr,
-    } = command.output().map_err(|_| missing(program))?;
+    } = command.output().map_err(|_| ClusterError::Missing {
+        program: program.to_owned(),
+    })?;
     if status.success() {
         return Ok(String::from_utf8_lossy(&stdout).into_owned());
     }
     let said = String::from_utf8_lossy(&stderr);
-    let said = said
-        .lines()
-        .filter(|line| !line.trim().is_empty())
-        .map(|line| line.trim_start_matches("sbatch: error: "))
-        .collect::<Vec<_>>()
-        .join("; ");
+    let lines = said.lines().filter(|line| !line.trim().is_empty());
+    let lines = lines.map(|line| line.trim_start_matches("sbatch: error: "));
+    let said = lines.collect::<Vec<_>>().join("; ");
     Err(ClusterError::Refused {
         command: format!("{program} {}", arguments.join(" ")),
-        advice: advice(&said),
         said: if said.is_empty() {
             status.to_string()
         } else {
             said
         },
     })
-}
-
-/// Advice for an error of Slurm.
-fn advice(said: &str) -> String {
-    let said = said.to_lowercase();
-    let about = |words: &[&str]| words.iter().any(|word| said.contains(word));
-    let what = if about(&["job array"]) {
-        "the site allows smaller arrays only: give fewer --tasks"
-    } else if about(&["account", "association"]) {
-        "choose an account and a partition that you may use, with --account and --partition"
-    } else if about(&["partition"]) {
-        "choose a partition with --partition; `sinfo -s` lists them"
-    } else if about(&["time limit", "timelimit"]) {
-        "choose a shorter --time: unfinished tasks are restarted automatically"
-    } else if about(&["limit", "qos", "max"]) {
-        "the site limits submitted jobs: give fewer --tasks, or wait until other jobs have ended"
-    } else if about(&["contact", "connect", "timed out"]) {
-        "Slurm's controller does not answer: check with `squeue --me` whether the job exists; if not, try again \
-         in a while"
-    } else if about(&["node configuration", "cpu", "memory"]) {
-        "no node has so many cores or so much memory: give fewer --workers-per-task"
-    } else {
-        "correct what it names"
-    };
-    format!("{what}; then repeat the command")
-}
-
-/// The error about a missing program of Slurm.
-fn missing(program: &str) -> ClusterError {
-    ClusterError::Missing {
-        program: program.to_owned(),
-    }
 }
 
 #[cfg(test)]
@@ -387,13 +340,11 @@ mod tests {
 
     #[test]
     fn warning_comes_at_least_a_minute_ahead() {
-        let slurm = |text: &str| Slurm {
-            time: Some(text.parse().unwrap()),
-            ..Slurm::default()
-        };
-        assert_eq!(slurm("2").warning_s(), 60);
-        assert_eq!(slurm("30").warning_s(), 180);
-        assert_eq!(slurm("2-0").warning_s(), 300);
-        assert_eq!(Slurm::default().warning_s(), 120);
+        let warning = |text: &str| warning_s(text.parse().ok().as_ref());
+        assert_eq!(
+            [warning("2"), warning("30"), warning("2-0")],
+            [60, 180, 300]
+        );
+        assert_eq!(warning_s(None), 120);
     }
 }

@@ -1,11 +1,17 @@
-//! Progress of a campaign.
+//! Progress of a campaign and of its submitted jobs, and cancelling these.
 
-use super::jobs::{Jobs, jobs};
-use super::{ClusterError, shard};
+use super::{ActiveTask, ClusterError, Engine, merge, shard};
 use crate::measure::Verdict;
-use crate::store::{Counts, Disagreement, FailureLine, PointState, ProcessLine, Store, StoreError};
+use crate::store::{
+    Counts, Disagreement, FailureLine, PointState, ProcessLine, SliceState, Store, StoreError,
+    Submission,
+};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+/// Interval between checks of tasks that are ending.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// Progress of a campaign.
 #[derive(Serialize)]
@@ -26,7 +32,7 @@ pub(crate) struct Status {
     pub(crate) processes: Vec<ProcessLine>,
     pub(crate) failures: Vec<FailureLine>,
     /// Jobs that were submitted, with their tasks.
-    pub(crate) jobs: Vec<Jobs>,
+    pub(crate) jobs: Vec<JobStatus>,
     /// Published shards that were not merged, or have changed since.
     pub(crate) unmerged_shards: u64,
     /// Results of one case that differ in some bit.
@@ -64,10 +70,7 @@ impl Status {
     /// The status of an open store, with a maximum number of failures.
     pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, ClusterError> {
         let work = store.work()?;
-        let shards: Vec<PathBuf> = shard::published(&shard::folder_of(store.path()))
-            .into_iter()
-            .map(|shard| shard.path)
-            .collect();
+        let shards = merge::paths(&shard::folder_of(store.path()));
         Ok(Self {
             campaign: store.campaign_name()?,
             last_run_with: store.last_run_with().map(PathBuf::from),
@@ -88,4 +91,175 @@ impl Status {
             mixed_shards: store.mixed_shards()?,
         })
     }
+}
+
+/// A job and its tasks.
+#[derive(Serialize)]
+pub(crate) struct JobStatus {
+    #[serde(flatten)]
+    pub(crate) submission: Submission,
+    /// Why the state of its tasks is unknown.
+    pub(crate) problem: Option<String>,
+    pub(crate) tasks: Vec<TaskStatus>,
+}
+
+/// A task and its slice.
+#[derive(Serialize)]
+pub(crate) struct TaskStatus {
+    #[serde(rename = "task")]
+    pub(crate) number: usize,
+    /// State by the scheduler, or `done`, `ended`, `pending`, `unknown`.
+    pub(crate) state: String,
+    /// The node it is on, or was last.
+    pub(crate) node: String,
+    /// Number of restarts, as recorded in its shards.
+    pub(crate) restarts: u32,
+    /// Seconds since it last published.
+    pub(crate) published_s: Option<f64>,
+    /// Progress of its slice.
+    #[serde(flatten)]
+    pub(crate) slice: SliceState,
+}
+
+/// The jobs submitted from a store.
+pub(crate) fn jobs(store: &Store) -> Result<Vec<JobStatus>, ClusterError> {
+    let submissions = store.submissions()?.into_iter();
+    submissions
+        .map(|submission| job(store, submission))
+        .collect()
+}
+
+fn job(store: &Store, submission: Submission) -> Result<JobStatus, ClusterError> {
+    let slices = store.slice_states(submission.id, submission.tasks)?;
+    let is_over = slices.iter().all(|slice| slice.ended == slice.cases);
+    let asked = match (&submission.job, Engine::by_name(&submission.engine)) {
+        _ if is_over => Ok(Vec::new()),
+        (Some(job), Some(engine)) => engine.active(job).map_err(|error| error.to_string()),
+        _ => Err("submitting was cut short before its number was known".into()),
+    };
+    let (active, problem) = match asked {
+        Ok(active) => (active, None),
+        Err(problem) => (Vec::new(), Some(problem)),
+    };
+    let shards = shard::published(&submission.folder);
+    let task = |(number, slice): (usize, SliceState)| {
+        let last = shards
+            .iter()
+            .filter(|shard| shard.plan == submission.plan && shard.task.task == number)
+            .max_by_key(|shard| shard.at);
+        let published = last.and_then(|shard| shard.at);
+        // A task publishes as soon as it begins. Some file systems cut times to a second.
+        let since_1970 = published.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+        let has_begun = since_1970.is_some_and(|at| {
+            at.as_millis() + 1000 >= submission.submitted_at.unsigned_abs().into()
+        });
+        // Published results count, merged or not.
+        let found = last.and_then(|shard| Store::slice_of_shard(&shard.path).ok());
+        let slice = match found {
+            Some(found) if found.work_done > slice.work_done => SliceState {
+                cases: slice.cases,
+                ..found
+            },
+            _ => slice,
+        };
+        let at_work = active
+            .iter()
+            .find(|task| task.task.is_none_or(|task| task == number));
+        let node = at_work.map(|task| &task.node);
+        let node = node.filter(|node| !node.is_empty());
+        TaskStatus {
+            number,
+            state: state(at_work, problem.is_some(), slice, has_begun),
+            node: node
+                .or(last.map(|shard| &shard.task.node))
+                .cloned()
+                .unwrap_or_default(),
+            restarts: last.map_or(0, |shard| shard.task.restart),
+            published_s: published
+                .and_then(|at| at.elapsed().ok())
+                .map(|since| since.as_secs_f64()),
+            slice,
+        }
+    };
+    let tasks = slices.into_iter().enumerate().map(task).collect();
+    Ok(JobStatus {
+        submission,
+        problem,
+        tasks,
+    })
+}
+
+/// The state of a task in a word.
+fn state(
+    at_work: Option<&ActiveTask>,
+    unknown: bool,
+    slice: SliceState,
+    has_begun: bool,
+) -> String {
+    match at_work {
+        _ if slice.ended == slice.cases => "done".into(),
+        // The local scheduler knows its tasks only together.
+        Some(task) if task.task.is_none() && !has_begun => "pending".into(),
+        Some(task) => task.state.to_lowercase(),
+        None if unknown => "unknown".into(),
+        None => "ended".into(),
+    }
+}
+
+/// The jobs that were cancelled.
+#[derive(Serialize)]
+pub(crate) struct Cancelled {
+    pub(crate) cancelled: Vec<String>,
+    /// Tasks that have not ended yet.
+    pub(crate) ending: usize,
+}
+
+/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have
+/// ended.
+pub(crate) fn cancel(
+    path: &Path,
+    job: Option<&str>,
+    wait: Duration,
+) -> Result<Cancelled, ClusterError> {
+    let mut store = Store::open(path)?;
+    let mut submissions = store.submissions()?;
+    submissions.retain(|submission| job.is_none() || submission.job.as_deref() == job);
+    if let Some(job) = job.filter(|_| submissions.is_empty()) {
+        return Err(ClusterError::NoJob { job: job.into() });
+    }
+    let mut cancelled: Vec<(String, Engine)> = Vec::new();
+    for submission in submissions {
+        let engine = Engine::by_name(&submission.engine);
+        let (Some(job), Some(engine)) = (submission.job, engine) else {
+            continue;
+        };
+        if engine.active(&job)?.is_empty() {
+            continue;
+        }
+        // Written before the tasks are signalled: a task that finds the mark does not request a
+        // restart. Without the mark tasks ask Slurm, with the same result.
+        let mark = shard::cancel_mark(&submission.folder, &submission.plan, &job);
+        if let Some(folder) = mark.parent() {
+            let _ = std::fs::create_dir_all(folder);
+        }
+        let _ = std::fs::write(&mark, "");
+        engine.cancel(&job)?;
+        store.cancelled(submission.id)?;
+        cancelled.push((job, engine));
+    }
+    let begun = Instant::now();
+    let ending = loop {
+        let mut ending = 0;
+        for (job, engine) in &cancelled {
+            ending += engine.active(job)?.len();
+        }
+        if ending == 0 || begun.elapsed() >= wait {
+            break ending;
+        }
+        std::thread::sleep(LOOK);
+    };
+    Ok(Cancelled {
+        cancelled: cancelled.into_iter().map(|(job, _)| job).collect(),
+        ending,
+    })
 }

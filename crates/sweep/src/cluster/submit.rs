@@ -1,28 +1,34 @@
 //! Submits the open cases of a campaign to a scheduler, as one array of tasks.
 
-mod folder;
-
 use super::slices::Slices;
-use super::{ClusterError, Job, Scheduler, shard};
+use super::slurm::TimeLimit;
+use super::{ClusterError, Engine, Job, merge, shard};
 use crate::model::campaign::Campaign;
+use crate::model::order::Order;
 use crate::plan::memory_bytes;
-use crate::store::{OpenCase, Store, Submission};
-use folder::{Draft, write_plan};
+use crate::store::{self, OpenCase, Store, Submission};
+use crate::system::files::write_whole;
+use crate::system::process::build;
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::io::Write as _;
+use std::path::Path;
 
 /// Target duration of a task where no time limit is given, in seconds.
 const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
 pub(crate) struct SubmitOptions {
-    pub(crate) scheduler: Scheduler,
+    pub(crate) engine: Engine,
     /// Number of tasks; by default so many that each needs about half of its time.
     pub(crate) tasks: Option<usize>,
     /// Cases that each task computes in parallel.
     pub(crate) workers: usize,
     /// Maximum number of tasks that run at the same time.
     pub(crate) throttle: Option<usize>,
+    /// Time limit of a task.
+    pub(crate) time: Option<TimeLimit>,
+    /// Further arguments of the command that submits.
+    pub(crate) submit_arguments: Vec<String>,
     /// Further arguments of `sweep run`.
     pub(crate) run_arguments: Vec<String>,
     /// Whether failed cases are computed again.
@@ -50,8 +56,8 @@ pub(crate) struct Submitted {
     pub(crate) memory_bytes: f64,
 }
 
-/// Merges the published shards and submits the open cases of a campaign; `None` if there are none.
-/// A dry run writes nothing. Notes for the user go to `note`.
+/// Merges the published shards and submits the open cases of a campaign; `None` if there are none. A
+/// dry run works on a copy of the store, and writes nothing else. Notes for the user go to `note`.
 pub(crate) fn submit(
     wanted: SubmitOptions,
     campaign: &Campaign,
@@ -59,100 +65,62 @@ pub(crate) fn submit(
     dry_run: bool,
     note: &dyn Fn(&str),
 ) -> Result<Option<Submitted>, ClusterError> {
-    let scheduler = &wanted.scheduler;
-    let limit = match scheduler.task_limit() {
-        Err(ClusterError::Missing { .. }) if dry_run => crate::cluster::slurm::DEFAULT_ARRAY,
+    let engine = wanted.engine;
+    let limit = match engine.task_limit() {
+        Err(ClusterError::Missing { .. }) if dry_run => super::slurm::DEFAULT_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
-    let draft = Draft::new(dry_run, path)?;
-    let mut store = draft.open(campaign)?;
+    let copies = tempfile::tempdir();
+    let mut at = path.to_owned();
+    if dry_run {
+        let copies = copies
+            .as_ref()
+            .map_err(|error| ClusterError::of_plan(&std::env::temp_dir(), error.kind().into()))?;
+        at = copies.path().join("store.sqlite");
+        if path.exists() {
+            drop(Store::open_read_only(path)?);
+            store::snapshot(path, &at)?;
+        }
+    }
+    let mut store = Store::enter(&at, campaign, Order::default())?.0;
     gather(&wanted, &mut store, &folder, note)?;
     let open = open(wanted.again, &store, note)?;
     if open.is_empty() {
         return Ok(None);
     }
     let tasks = tasks(&wanted, &open, limit)?;
-    let slices = Slices::cut(&open, tasks);
     let text = crate::campaign::text_elsewhere(campaign);
-    let plan = slices.plan(&text);
+    let slices = Slices::cut(&text, &open, tasks);
     let job = Job {
         campaign: campaign.name.clone(),
-        program: folder.join(format!("sweep-{}", crate::system::process::build())),
-        plan_folder: shard::plan_folder(&folder, &plan),
+        program: folder.join(format!("sweep-{}", build())),
+        plan_folder: shard::plan_folder(&folder, &slices.plan),
         folder,
         tasks,
         workers: wanted.workers,
         throttle: wanted.throttle,
+        time: wanted.time,
+        submit_arguments: wanted.submit_arguments,
         run_arguments: wanted.run_arguments,
     };
-    let script = scheduler.script(&job)?;
-    let name = if dry_run {
-        None
-    } else {
-        let tasks_read = [
-            ("campaign.toml", text.as_str()),
-            ("slices", &slices.text(&plan)),
-        ];
-        write_plan(&job, &store, campaign, &open, tasks_read, &script)?;
-        Some(submit_job(scheduler, &job, &plan, &slices, &mut store)?)
-    };
+    let script = engine.script(&job)?;
+    let mut name = None;
+    if !dry_run {
+        write_plan(&job, &text, &slices, &script)?;
+        write_begun(&job, &store, campaign, &open)?;
+        name = Some(submit_job(engine, &job, &slices, &mut store)?);
+    }
     Ok(Some(Submitted {
         name,
-        command: scheduler.command(&job),
+        command: engine.command(&job),
         cases: open.len(),
-        plan,
+        plan: slices.plan,
         script,
         cpu_s: store.remaining_cpu_s(&store.work()?)?,
         memory_bytes: memory_bytes(campaign, job.workers),
         job,
     }))
-}
-
-/// Number of tasks: as requested, if that is allowed and each has a case.
-fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, ClusterError> {
-    let usual = || default_tasks(wanted, open, limit);
-    let asked = wanted.tasks.unwrap_or_else(usual);
-    if asked > limit {
-        return Err(ClusterError::TooManyTasks { asked, limit });
-    }
-    Ok(asked.min(open.len()))
-}
-
-/// Records the job and submits it to the scheduler; returns its name.
-fn submit_job(
-    scheduler: &Scheduler,
-    job: &Job,
-    plan: &str,
-    slices: &Slices,
-    store: &mut Store,
-) -> Result<String, ClusterError> {
-    let submission = Submission {
-        id: 0,
-        engine: scheduler.name().into(),
-        job: None,
-        plan: plan.to_owned(),
-        folder: job.folder.clone(),
-        tasks: job.tasks,
-        workers: job.workers,
-        build: crate::system::process::build(),
-        submitted_at: 0,
-        cancelled_at: None,
-    };
-    let id = store.submit(&submission, &slices.tasks)?;
-    match scheduler.submit(job) {
-        Ok(name) => {
-            store.submitted(id, &name)?;
-            Ok(name)
-        }
-        Err(error) => {
-            // The job may exist although the answer could not be parsed.
-            if !matches!(error, ClusterError::Answer { .. }) {
-                store.not_submitted(id)?;
-            }
-            Err(error)
-        }
-    }
 }
 
 /// Updates the store: merges shards, marks failed cases to be retried; refuses to mix builds.
@@ -162,24 +130,14 @@ fn gather(
     folder: &Path,
     note: &dyn Fn(&str),
 ) -> Result<(), ClusterError> {
-    let shards: Vec<PathBuf> = shard::published(folder)
-        .into_iter()
-        .map(|shard| shard.path)
-        .collect();
-    let merged = store.merge(&shards, wanted.mixed)?;
-    for damaged in &merged.damaged {
-        note(&format!(
-            "not merged: {}: {}",
-            damaged.path.display(),
-            damaged.reason
-        ));
+    let shards = merge::paths(folder);
+    for damaged in store.merge(&shards, wanted.mixed)?.damaged {
+        note(&format!("not merged: {damaged}"));
     }
-    let (build, known) = (crate::system::process::build(), store.known_builds()?);
+    let (build, known) = (build(), store.known_builds()?);
     if !wanted.mixed && !known.is_empty() && !known.contains(&build) {
-        return Err(ClusterError::OtherBuild {
-            build,
-            known: known.into_iter().collect::<Vec<_>>().join(", "),
-        });
+        let known = known.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(ClusterError::OtherBuild { build, known });
     }
     if wanted.retry_failed {
         store.retry_failed()?;
@@ -187,13 +145,15 @@ fn gather(
     Ok(())
 }
 
-/// Open cases that are assigned to no task.
+/// Open cases that no task has, or all of them `again`.
 fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>, ClusterError> {
     let mut taken: HashSet<String> = HashSet::new();
-    for submission in store.submissions()? {
-        if again {
-            break;
-        }
+    let submissions = if again {
+        Vec::new()
+    } else {
+        store.submissions()?
+    };
+    for submission in submissions {
         let Some(job) = &submission.job else {
             note(
                 "a submission before was cut short before its job number was known: look with `squeue --me` whether it \
@@ -202,43 +162,120 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
             continue;
         };
         let cases = store.open_of(submission.id)?;
-        if cases.is_empty() {
-            continue;
-        }
-        let Some(scheduler) = Scheduler::by_name(&submission.engine) else {
-            continue;
+        let engine = Engine::by_name(&submission.engine).filter(|_| !cases.is_empty());
+        let active = engine.map_or(Ok(Vec::new()), |engine| engine.active(job));
+        let active = active.map_err(|error| ClusterError::Unclear {
+            job: job.clone(),
+            source: Box::new(error),
+        })?;
+        let has = |number| {
+            active
+                .iter()
+                .any(|task| task.task.is_none_or(|task| task == number))
         };
-        let active = scheduler
-            .active(job)
-            .map_err(|error| ClusterError::Unclear {
-                job: job.clone(),
-                source: Box::new(error),
-            })?;
-        if active.is_empty() {
-            continue;
-        }
-        let all = active.iter().any(|task| task.task.is_none());
-        let tasks: HashSet<usize> = active.iter().filter_map(|task| task.task).collect();
-        taken.extend(
-            cases
-                .into_iter()
-                .filter(|(_, task)| all || tasks.contains(task))
-                .map(|(key, _)| key),
-        );
+        let cases = cases.into_iter().filter(|(_, task)| has(*task));
+        taken.extend(cases.map(|(key, _)| key));
     }
     let mut open = store.open_cases()?;
     open.retain(|case| !taken.contains(&case.key));
     Ok(open)
 }
 
-/// So many tasks that each needs about half of its time by the estimate, which may be wrong.
-fn default_tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> usize {
-    let time = match &wanted.scheduler {
-        Scheduler::Slurm(slurm) => slurm.time.as_ref(),
-        Scheduler::Local => None,
+/// Number of tasks: as requested, if that is allowed and each has a case. By default so many that
+/// each needs about half of its time by the estimate, which may be wrong.
+fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, ClusterError> {
+    let usual = || {
+        let time = wanted.time.as_ref();
+        let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
+        let cost: f64 = open.iter().map(|case| case.cost).sum();
+        let tasks = (cost / (wanted.workers as f64 * time / 2.0)).ceil();
+        let most = limit.min(open.len().div_ceil(wanted.workers)).max(1);
+        crate::text::format::count(tasks).clamp(1, most)
     };
-    let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
-    let cost: f64 = open.iter().map(|case| case.cost).sum();
-    let tasks = crate::text::format::count((cost / (wanted.workers as f64 * time / 2.0)).ceil());
-    tasks.clamp(1, limit.min(open.len().div_ceil(wanted.workers)).max(1))
+    match wanted.tasks.unwrap_or_else(usual) {
+        asked if asked > limit => Err(ClusterError::TooManyTasks { asked, limit }),
+        asked => Ok(asked.min(open.len())),
+    }
+}
+
+/// Writes what the tasks read into the folder of shards: the program, the campaign, the slices, and
+/// the script.
+fn write_plan(
+    job: &Job,
+    campaign: &str,
+    slices: &Slices,
+    script: &str,
+) -> Result<(), ClusterError> {
+    let folder = &job.plan_folder;
+    std::fs::create_dir_all(folder).map_err(|error| ClusterError::of_plan(folder, error))?;
+    // Its name has the hash of the program.
+    if !job.program.exists() {
+        write_whole(&job.program, |copy| {
+            let program = std::env::current_exe()?;
+            std::io::copy(&mut std::fs::File::open(&program)?, copy)?;
+            copy.set_permissions(std::fs::metadata(&program)?.permissions())
+        })
+        .map_err(|error| ClusterError::of_plan(&job.program, error))?;
+    }
+    let slices = serde_json::to_vec(slices).unwrap_or_default();
+    for (path, bytes) in [
+        (folder.join("campaign.toml"), campaign.as_bytes()),
+        (folder.join("slices"), &slices),
+        (job.script_path(), script.as_bytes()),
+    ] {
+        write_whole(&path, |file| file.write_all(bytes))
+            .map_err(|error| ClusterError::of_plan(&path, error))?;
+    }
+    Ok(())
+}
+
+/// Writes the runs that were begun into a store beside the slices, so that tasks continue them.
+fn write_begun(
+    job: &Job,
+    store: &Store,
+    campaign: &Campaign,
+    open: &[OpenCase],
+) -> Result<(), ClusterError> {
+    let begun = open.iter().filter(|case| case.begun);
+    let begun: HashSet<&str> = begun.map(|case| case.key.as_str()).collect();
+    if begun.is_empty() {
+        return Ok(());
+    }
+    let folder = &job.plan_folder;
+    let failed = |error| ClusterError::of_plan(folder, error);
+    let work = tempfile::tempdir_in(folder).map_err(failed)?;
+    let (part, whole) = (work.path().join("part"), work.path().join("whole"));
+    store.write_begun(campaign, &begun, &part)?;
+    store::snapshot(&part, &whole)?;
+    std::fs::rename(&whole, folder.join(shard::BEGUN)).map_err(failed)
+}
+
+/// Records the job and submits it to the scheduler; returns its name.
+fn submit_job(
+    engine: Engine,
+    job: &Job,
+    slices: &Slices,
+    store: &mut Store,
+) -> Result<String, ClusterError> {
+    let submission = Submission {
+        id: 0,
+        engine: engine.name().into(),
+        job: None,
+        plan: slices.plan.clone(),
+        folder: job.folder.clone(),
+        tasks: job.tasks,
+        workers: job.workers,
+        build: build(),
+        submitted_at: 0,
+        cancelled_at: None,
+    };
+    let id = store.submit(&submission, &slices.tasks)?;
+    let submitted = engine.submit(job);
+    match &submitted {
+        Ok(name) => store.submitted(id, name)?,
+        // The job may exist although the answer could not be parsed.
+        Err(ClusterError::Answer { .. }) => {}
+        Err(_) => store.not_submitted(id)?,
+    }
+    submitted
 }

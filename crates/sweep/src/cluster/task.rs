@@ -2,7 +2,7 @@
 
 use super::publish::Publisher;
 use super::slices::Slices;
-use super::{ClusterError, Requeue, Scheduler, shard};
+use super::{ClusterError, Requeue, shard, slurm};
 use crate::model::campaign::Campaign;
 use crate::model::order::Order;
 use crate::runner::{Progress, RunObserver};
@@ -37,8 +37,8 @@ pub(crate) struct TaskOptions {
 /// A running task.
 pub(crate) struct Task {
     pub(crate) publisher: Publisher,
-    /// The scheduler that started it, and its name there; `None` for a manual start.
-    started_by: Option<(Scheduler, TaskName)>,
+    /// Its name at Slurm, which can restart it; `None` for other starts.
+    at_slurm: Option<TaskName>,
     /// Marks that it was cancelled.
     cancelled: PathBuf,
 }
@@ -65,16 +65,16 @@ impl Task {
     /// Requests a restart of the task after a signal with work left. Returns a message about the
     /// outcome.
     pub(crate) fn again(&self, signal: i32) -> String {
-        let Some((scheduler, name)) = &self.started_by else {
+        let Some(name) = &self.at_slurm else {
             return "work is left: repeat the same command to continue".to_owned();
         };
         let again = if self.cancelled.exists() || signal == Signal::INT.as_raw() {
             Requeue::Cancelled
         } else {
-            scheduler.start_again(name, signal == Signal::USR1.as_raw())
+            slurm::start_again(name, signal == Signal::USR1.as_raw())
         };
         match again {
-            Requeue::Yes => format!("work is left: {} restarts the task", scheduler.name()),
+            Requeue::Yes => "work is left: slurm restarts the task".to_owned(),
             Requeue::Cancelled => "cancelled: `sweep submit` continues from here".to_owned(),
             Requeue::No(why) => format!(
                 "work is left, and the task could not be restarted ({why}): `sweep submit` continues from here"
@@ -98,10 +98,13 @@ impl Task {
                 source,
             })?;
         }
-        let started_by = Scheduler::of_this_task(task);
-        let name = started_by
-            .as_ref()
-            .map_or_else(|| by_hand(task), |(_, name)| name.clone());
+        let at_slurm = slurm::this_task(task);
+        let name = at_slurm.clone().unwrap_or_else(|| TaskName {
+            job: "by-hand".into(),
+            task,
+            restart: 0,
+            node: Identity::of_this_process().host,
+        });
         let file = shard::name(plan, &name);
         let work = options.scratch.join(&file);
         if work.exists() {
@@ -110,34 +113,34 @@ impl Task {
             }
         }
         let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
-        let before = Before::of(folder, plan, &name);
-        if reuse_shards(&mut store, &before.others, options.mixed, note)? > 0 {
+        // Results known when the slices were planned and those of other jobs with the same slices;
+        // and what the task itself published before a restart.
+        let shards = shard::published(folder).into_iter();
+        let (own, others): (Vec<_>, Vec<_>) = shards
+            .filter(|shard| shard.plan == plan && shard.task.task == task)
+            .partition(|shard| shard.task.job == shard::sanitize(&name.job));
+        let begun = shard::plan_folder(folder, plan).join(shard::BEGUN);
+        let others: Vec<PathBuf> = (begun.exists().then_some(begun).into_iter())
+            .chain(others.into_iter().map(|shard| shard.path))
+            .collect();
+        if reuse_shards(&mut store, &others, options.mixed, note)? > 0 {
             // Failures of another job are in this slice in order to be retried.
             store.retry_failed()?;
         }
-        reuse_shards(&mut store, &before.own, options.mixed, note)?;
+        let own: Vec<PathBuf> = own.into_iter().map(|shard| shard.path).collect();
+        reuse_shards(&mut store, &own, options.mixed, note)?;
         if options.retry_failed {
             store.retry_failed()?;
         }
         let task = Self {
             publisher: Publisher::new(work, folder.join(file), options.publish_every),
             cancelled: shard::cancel_mark(folder, plan, &name.job),
-            started_by,
+            at_slurm,
         };
         store.work_for(name);
         // A failure to publish should show before hours of computing, not after.
         task.publisher.publish()?;
         Ok((store, task))
-    }
-}
-
-/// The name of a task that no scheduler started.
-fn by_hand(task: usize) -> TaskName {
-    TaskName {
-        job: "by-hand".into(),
-        task,
-        restart: 0,
-        node: Identity::of_this_process().host,
     }
 }
 
@@ -148,23 +151,17 @@ pub(crate) fn restrict(
     part: Part,
     campaign: &mut Campaign,
 ) -> Result<String, ClusterError> {
-    let (plan, keys) = if let Some(path) = slices {
-        Slices::read(path, part.task, part.tasks)?
+    let mut cut = if let Some(path) = slices {
+        Slices::read(path, part.tasks)?
     } else {
-        let all: Vec<OpenCase> = campaign
-            .certain()
-            .map(|(key, case)| OpenCase {
-                key: key.to_string(),
-                cost: case.cost(),
-                begun: false,
-            })
-            .collect();
-        let mut slices = Slices::cut(&all, part.tasks);
-        (
-            slices.plan(&campaign.text),
-            slices.tasks.swap_remove(part.task),
-        )
+        let certain = campaign.certain().map(|(key, case)| OpenCase {
+            key: key.to_string(),
+            cost: case.cost(),
+            begun: false,
+        });
+        Slices::cut(&campaign.text, &certain.collect::<Vec<_>>(), part.tasks)
     };
+    let (plan, keys) = (cut.plan, cut.tasks.swap_remove(part.task));
     let keys: HashSet<String> = keys.into_iter().collect();
     // A task computes the cases it was given; which seeds count is decided when all results are
     // merged.
@@ -183,34 +180,6 @@ pub(crate) fn restrict(
         });
     }
     Ok(plan)
-}
-
-/// Shards that may hold parts of the slice.
-struct Before {
-    /// The results known when it was planned, and those published by other jobs with the same
-    /// slices.
-    others: Vec<PathBuf>,
-    /// The shards that the task itself published before a restart.
-    own: Vec<PathBuf>,
-}
-
-impl Before {
-    fn of(folder: &Path, plan: &str, name: &TaskName) -> Self {
-        let (own, published): (Vec<_>, Vec<_>) = shard::published(folder)
-            .into_iter()
-            .filter(|shard| shard.plan == plan && shard.task.task == name.task)
-            .partition(|shard| shard.task.job == shard::sanitize(&name.job));
-        let begun = shard::plan_folder(folder, plan).join(shard::BEGUN);
-        Self {
-            others: begun
-                .exists()
-                .then_some(begun)
-                .into_iter()
-                .chain(published.into_iter().map(|shard| shard.path))
-                .collect(),
-            own: own.into_iter().map(|shard| shard.path).collect(),
-        }
-    }
 }
 
 /// Reuses the parts of the slice that shards hold; returns the number of failures among them. An

@@ -1,7 +1,7 @@
 //! The submitted tasks in the output of `sweep status`.
 
-use crate::cluster::jobs::{Jobs, Task};
 use crate::cluster::shard;
+use crate::cluster::status::{JobStatus, TaskStatus};
 use crate::error::Error;
 use crate::report::table;
 use std::io::Write;
@@ -10,14 +10,14 @@ use std::io::Write;
 const ROWS: usize = 50;
 
 pub(super) fn write(
-    jobs: &[Jobs],
+    jobs: &[JobStatus],
     width: Option<u16>,
     out: &mut dyn Write,
     store: &std::path::Path,
 ) -> Result<(), Error> {
     for job in jobs {
         let s = &job.submission;
-        let done = |task: &&Task| task.slice.ended == task.slice.cases;
+        let done = |task: &&TaskStatus| task.slice.ended == task.slice.cases;
         writeln!(
             out,
             "job {} on {}{}: {} tasks, {} of their slices done",
@@ -34,7 +34,7 @@ pub(super) fn write(
         if let Some(problem) = &job.problem {
             writeln!(out, "its tasks are unknown: {problem}")?;
         }
-        let open: Vec<&Task> = job.tasks.iter().filter(|task| !done(task)).collect();
+        let open: Vec<&TaskStatus> = job.tasks.iter().filter(|task| !done(task)).collect();
         if open.is_empty() {
             continue;
         }

@@ -30,7 +30,10 @@ fn vanished_folder_is_named_and_submitting_again_recovers() {
         (files > 0).then_some(())
     });
     std::thread::sleep(Duration::from_millis(300));
-    std::fs::remove_dir_all(cluster.shards()).unwrap();
+    // The task may be writing into it.
+    until("the folder to be gone", || {
+        std::fs::remove_dir_all(cluster.shards()).ok()
+    });
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     contains(

@@ -16,10 +16,6 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
         "4",
         "--time",
         "1:00:00",
-        "--partition",
-        "short",
-        "--account",
-        "it.me",
         "--throttle",
         "2",
         "--workers-per-task",
@@ -37,8 +33,6 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
         "#SBATCH --array=0-3%2",
         "#SBATCH --cpus-per-task=2",
         "#SBATCH --time=1:00:00",
-        "#SBATCH --partition=short",
-        "#SBATCH --account=it.me",
         "#SBATCH --signal=B:USR1@300",
     ] {
         assert!(printed.contains(&format!("{line}\n")), "{line}: {printed}");
@@ -118,12 +112,7 @@ fn nothing_of_the_environment_goes_along() {
     ] {
         cluster.not_ok(2, &["submit", "small.toml", argument]);
     }
-    for bad in [
-        ["--partition", "a b"],
-        ["--account", "x\n#SBATCH"],
-        ["--time", "soon"],
-        ["--tasks", "0"],
-    ] {
+    for bad in [["--time", "soon"], ["--tasks", "0"]] {
         cluster.not_ok(2, &["submit", "small.toml", bad[0], bad[1]]);
     }
 }
