@@ -117,7 +117,7 @@ impl FarField {
                     ),
                     wave: WaveSpace::new(alpha, cut_offs.wave, factors),
                     chunks: ewald::chunks(radii.len()),
-                    sums: Default::default(),
+                    sums: ewald::Sums::default(),
                 })
             }
         };
