@@ -170,7 +170,12 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
             if stage.number == 0 {
                 let solved = &layer.stage;
                 parts.time("stress", || {
-                    stress.stress(solved, &Background::SHEAR, snapshot.side * snapshot.side);
+                    stress.stress(
+                        solved,
+                        &Background::SHEAR,
+                        &Background::SHEAR,
+                        snapshot.side * snapshot.side,
+                    );
                 });
             }
             let flow = |x: Vec2| Background::SHEAR.velocity(x);

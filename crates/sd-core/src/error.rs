@@ -86,6 +86,16 @@ pub enum Error {
         /// Smallest side allowed, in a.
         needed: f64,
     },
+    /// A lattice in which a sphere could interact with two images of one neighbour.
+    #[error(
+        "the shortest vector of the lattice is {shortest:.4}, less than {needed:.4}, twice the cutoff distance of pairs: use more spheres or a larger lattice"
+    )]
+    LatticeTooShort {
+        /// Length of the lattice's shortest vector, in a.
+        shortest: f64,
+        /// Smallest length allowed, in a.
+        needed: f64,
+    },
     /// No layer or suspension of this fraction could be made.
     #[error(
         "no start could be made of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"

@@ -2,6 +2,7 @@
 
 pub mod bulk;
 pub mod cell;
+mod lattice;
 mod layer;
 pub mod modes;
 pub(crate) mod neighbours;
@@ -77,6 +78,9 @@ pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
 
     /// Components of the rate of strain.
     fn strain_components(&self) -> S::Strain;
+
+    /// The rate of strain: xx, yy, zz, xy, xz, yz.
+    fn rate_of_strain(&self) -> [f64; 6];
 
     /// All numbers of it.
     fn numbers(&self) -> Vec<f64>;
@@ -247,12 +251,15 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The tensor of components: xx, yy, xy and in a suspension xz, yz; zz makes the trace zero.
     fn tensor(strain: &Self::Strain) -> Self::Tensor;
 
-    /// xx, yy, zz and xy of `m n n`.
-    fn moment_along(normal: &Self::Vector, m: f64) -> [f64; 4];
+    /// xx, yy, zz, xy, xz and yz of the tensor of components.
+    fn full_tensor(strain: &Self::Strain) -> [f64; 6];
 
-    /// The same of `m (t n + n t)/2`.
-    fn moment_across(normal: &Self::Vector, tangent: &Self::Tangent, m: f64) -> [f64; 4];
+    /// xx, yy, zz, xy, xz and yz of `m n n`.
+    fn moment_along(normal: &Self::Vector, m: f64) -> [f64; 6];
 
-    /// The volume that stresses are means over, of a cell whose sides have that product.
+    /// xx, yy, zz, xy, xz and yz of `m (t n + n t)/2`.
+    fn moment_across(normal: &Self::Vector, tangent: &Self::Tangent, m: f64) -> [f64; 6];
+
+    /// The volume that stresses are means over, of a cell of this area or volume.
     fn volume(content: f64, radii: &[f64]) -> f64;
 }

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
-//! η = 1 + Σ_xy/rate,    N1 = Σ_xx − Σ_yy,    N2 = Σ_yy − Σ_zz,    Π = −(1/3) trace Σ
-//! V (η − 1) = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
+//! η = 1 + Σ:E/(2 E:E),    N1 = Σ_xx − Σ_yy,    N2 = Σ_yy − Σ_zz,    Π = −(1/3) trace Σ
+//! V (η − 1) rate² = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
 //!
-//! Under cross shear at the rate γ̇_z the left-hand side has the additional term V Σ_yz γ̇_z/rate;
-//! η remains that of the primary shear.
+//! E is the rate of strain of the imposed flow, and rate = √(2 E:E); in simple shear
+//! η = 1 + Σ_xy/rate. Under cross shear at the rate γ̇_z the left-hand side has the additional term
+//! V Σ_yz γ̇_z; η remains that of the primary shear.
 //!
 //! V = 2 ⟨a⟩ A is the volume of a layer. The contact stress is the symmetric first moment of the
 //! contact forces: each sphere feels the force at its end of the line of centres. Both n and t lie
@@ -71,7 +72,8 @@ impl StressParts {
 /// The components of the bulk stress, by cause, in mu·rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StressComponents {
-    /// Shear stress of the spheres, in addition to that of the fluid, Σ_xy.
+    /// Stress of the spheres that resists the flow, in addition to that of the fluid: Σ_xy in
+    /// shear, Σ:E rate/(2 E:E) in any flow.
     pub shear: StressParts,
     /// First normal stress difference Σ_xx − Σ_yy.
     pub n1: StressParts,
@@ -124,21 +126,24 @@ impl<S: Fluid> StressWork<S> {
         work + strained
     }
 
-    /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell whose
-    /// sides have the product `content`.
+    /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell of this
+    /// area or volume; the viscosity is the resistance to the flow `primary`, which is the
+    /// background without cross shear.
     pub fn stress(
         &mut self,
         stage: &StageSolver<S>,
         background: &S::Background,
+        primary: &S::Background,
         content: f64,
     ) -> Stress {
         let power = self.update(stage, background);
         let volume = S::volume(content, stage.resistance.radii());
-        let mut sums = StressComponents::default();
+        let mut sums = Sums {
+            weights: weights(primary.rate_of_strain()),
+            components: StressComponents::default(),
+        };
         for s in &self.stresslets {
-            let tensor = S::tensor(s);
-            let [xx, yy, xy] = [tensor[0], tensor[1], tensor[2]];
-            sums.add([xx, yy, -(xx + yy), xy], |parts| &mut parts.hydrodynamic);
+            sums.add(S::full_tensor(s), |parts| &mut parts.hydrodynamic);
         }
         for c in &stage.contacts.list {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
@@ -150,7 +155,7 @@ impl<S: Fluid> StressWork<S> {
         for c in &stage.repulsive.pairs {
             sums.add(normal_stress(c), |parts| &mut parts.repulsion);
         }
-        let components = sums.scaled(volume.recip());
+        let components = sums.components.scaled(volume.recip());
         Stress {
             viscosity: 1.0 + components.shear.total(),
             viscosity_stresslet: 1.0 + components.shear.hydrodynamic,
@@ -160,25 +165,40 @@ impl<S: Fluid> StressWork<S> {
     }
 }
 
-impl Stress {
-    /// The stress under shear in that sense, 1 or −1: positive where it resists.
-    pub(crate) fn along(mut self, direction: f64) -> Self {
-        self.components.shear = self.components.shear.scaled(direction);
-        self.viscosity = 1.0 + self.components.shear.total();
-        self.viscosity_stresslet = 1.0 + self.components.shear.hydrodynamic;
-        self
+/// Weights of xx, yy, zz, xy, xz, yz in `Σ:E/(2 E:E)`. Of a fluid at rest they are those of shear.
+fn weights(rate_of_strain: [f64; 6]) -> [f64; 6] {
+    let mut weights = rate_of_strain;
+    for weight in &mut weights[3..] {
+        *weight *= 2.0;
+    }
+    let pairs = weights.iter().zip(&rate_of_strain);
+    let square: f64 = pairs.map(|(weight, e)| weight * e).sum();
+    if square == 0.0 {
+        return [0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+    }
+    weights.map(|weight| weight / (2.0 * square))
+}
+
+/// Sums over spheres and pairs.
+struct Sums {
+    weights: [f64; 6],
+    components: StressComponents,
+}
+
+impl Sums {
+    /// Adds a tensor `[xx, yy, zz, xy, xz, yz]` to one part of every component.
+    fn add(&mut self, tensor: [f64; 6], part: fn(&mut StressParts) -> &mut f64) {
+        let [xx, yy, zz, ..] = tensor;
+        let along = tensor.iter().zip(&self.weights);
+        let sums = &mut self.components;
+        *part(&mut sums.shear) += along.map(|(x, weight)| x * weight).sum::<f64>();
+        *part(&mut sums.n1) += xx - yy;
+        *part(&mut sums.n2) += yy - zz;
+        *part(&mut sums.particle_pressure) -= (xx + yy + zz) / 3.0;
     }
 }
 
 impl StressComponents {
-    /// Adds a tensor `[xx, yy, zz, xy]` to one part of every component.
-    fn add(&mut self, [xx, yy, zz, xy]: [f64; 4], part: fn(&mut StressParts) -> &mut f64) {
-        *part(&mut self.shear) += xy;
-        *part(&mut self.n1) += xx - yy;
-        *part(&mut self.n2) += yy - zz;
-        *part(&mut self.particle_pressure) -= (xx + yy + zz) / 3.0;
-    }
-
     /// All parts of all components times a number.
     fn scaled(self, factor: f64) -> Self {
         Self {
@@ -190,13 +210,13 @@ impl StressComponents {
     }
 }
 
-/// −r f n n as `[xx, yy, zz, xy]`, in mu·a³·rate.
-fn normal_stress<S: Space>(c: &Contact<S>) -> [f64; 4] {
+/// −r f n n as `[xx, yy, zz, xy, xz, yz]`, in mu·a³·rate.
+fn normal_stress<S: Space>(c: &Contact<S>) -> [f64; 6] {
     S::moment_along(&c.pair.normal, -c.pair.distance * c.normal_force)
 }
 
-/// (r/2) (n F_t + F_t n) as `[xx, yy, zz, xy]`, in mu·a³·rate.
-fn tangential_stress<S: Space>(c: &Contact<S>) -> [f64; 4] {
+/// (r/2) (n F_t + F_t n) as `[xx, yy, zz, xy, xz, yz]`, in mu·a³·rate.
+fn tangential_stress<S: Space>(c: &Contact<S>) -> [f64; 6] {
     S::moment_across(&c.pair.normal, &c.tangential_force, c.pair.distance)
 }
 

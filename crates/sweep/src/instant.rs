@@ -11,7 +11,7 @@ use crate::near_field_cache;
 use crate::trajectory::Kept;
 use components::FirstCentre;
 use contact::Contact;
-use sd_core::cell::Cell;
+use sd_core::cell::{Cell, Lattice};
 use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Words;
@@ -34,6 +34,8 @@ pub struct Input<S: Written = Layer> {
     pub radii: Option<Vec<f64>>,
     /// Cell sides; none: unbounded.
     cell: Option<S::Components>,
+    /// Lattice vectors, in place of a cell.
+    lattice: Option<Vec<S::Components>>,
     /// Offset of the cell along the flow.
     offset: Option<f64>,
     /// Offset of the cell along the vorticity, in a suspension.
@@ -193,15 +195,7 @@ pub fn configuration<S: Written>(
             .into());
         }
     }
-    let cell = match (input.cell, input.offset) {
-        (Some(sides), offset) => Cell::periodic(S::vector_of(sides), offset.unwrap_or(0.0))?
-            .with_cross_offset(input.cross_offset.unwrap_or(0.0))?,
-        (None, None) if input.cross_offset.is_some() => {
-            return refuse("cross_offset", "has no meaning without `cell`");
-        }
-        (None, None) => Cell::Unbounded,
-        (None, Some(_)) => return refuse("offset", "has no meaning without `cell`"),
-    };
+    let cell = cell_of::<S>(input.cell, input.offset, input.cross_offset, input.lattice)?;
     let contact = match input.contact {
         None => InstantContacts::None,
         Some(contact) => match contact.request(hydrodynamics) {
@@ -217,9 +211,13 @@ pub fn configuration<S: Written>(
         radii: input.radii.unwrap_or_else(|| vec![1.0; n]),
         cell,
         hydrodynamics,
-        background: input.background.map_or_else(S::shear, |flow| {
-            S::flow_of(flow.rate_of_strain, flow.angular_velocity)
-        }),
+        background: match input.background {
+            None => S::shear(),
+            Some(flow) => match S::flow_of(flow.rate_of_strain, flow.angular_velocity) {
+                Ok(flow) => flow,
+                Err(message) => return refuse("background.rate_of_strain", &message),
+            },
+        },
         forces: input
             .forces
             .map_or_else(|| vec![S::Vector::default(); n], vectors),
@@ -237,6 +235,41 @@ pub fn configuration<S: Written>(
         return refuse("centres", &message);
     }
     Ok((configuration, contact))
+}
+
+/// The cell of an input.
+fn cell_of<S: Written>(
+    sides: Option<S::Components>,
+    offset: Option<f64>,
+    cross_offset: Option<f64>,
+    lattice: Option<Vec<S::Components>>,
+) -> Result<Cell<S>, InputError> {
+    let refuse = |field, message: &str| {
+        Err(InputError::Value {
+            field,
+            message: message.into(),
+        })
+    };
+    let is_given = [
+        ("cell", sides.is_some()),
+        ("offset", offset.is_some()),
+        ("cross_offset", cross_offset.is_some()),
+    ];
+    if let Some(rows) = lattice {
+        if let Some((field, _)) = is_given.iter().find(|(_, is_given)| *is_given) {
+            return refuse(field, "has no meaning beside `lattice`");
+        }
+        let rows: Vec<S::Vector> = rows.into_iter().map(S::vector_of).collect();
+        return Ok(Cell::Periodic(Lattice::new(&rows)?));
+    }
+    match (sides, is_given[1..].iter().find(|(_, is_given)| *is_given)) {
+        (Some(sides), _) => {
+            let cell = Cell::periodic(S::vector_of(sides), offset.unwrap_or(0.0))?;
+            Ok(cell.with_cross_offset(cross_offset.unwrap_or(0.0))?)
+        }
+        (None, None) => Ok(Cell::Unbounded),
+        (None, Some((field, _))) => refuse(field, "has no meaning without `cell`"),
+    }
 }
 
 /// Solves an instant, computing the near-field tables that it needs.

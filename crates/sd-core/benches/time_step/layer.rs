@@ -138,9 +138,12 @@ impl Layer {
 
     /// Viscosity of the motion last solved.
     fn viscosity(&mut self) -> f64 {
-        let stress = self
-            .stress
-            .stress(&self.solver, &Background::SHEAR, self.side * self.side);
+        let stress = self.stress.stress(
+            &self.solver,
+            &Background::SHEAR,
+            &Background::SHEAR,
+            self.side * self.side,
+        );
         stress.viscosity
     }
 

@@ -24,6 +24,7 @@ mod wave_space;
 
 use crate::error::Error;
 use crate::linalg::cholesky::tiled::TiledMatrix;
+use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use ewald::{Ewald, Target, cut_offs};
@@ -33,7 +34,7 @@ pub use resistance::FarResistance;
 use std::f64::consts::PI;
 use wave_space::WaveSpace;
 
-/// The grand mobility of a set of spheres, planned for a cell's sides, radii and tolerance.
+/// The grand mobility of a set of spheres, planned for a cell's area, radii and tolerance.
 #[derive(Debug, Clone)]
 pub struct FarField {
     /// Finite-size coefficients of each sphere.
@@ -52,7 +53,7 @@ impl FarField {
     /// Chooses the splitting of the sums that costs least.
     ///
     /// # Arguments
-    /// - `cell`: sides in a; the offset may differ in every call of [`FarField::fill`].
+    /// - `cell`: may differ in every call of [`FarField::fill`], if its area stays the same.
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of the periodic sums, relative to the largest entry of M, 1e-14 to 1e-3.
     ///
@@ -92,10 +93,9 @@ impl FarField {
             .iter()
             .map(|&radius| FiniteSize::new(radius))
             .collect();
-        let ewald = match *cell {
-            Cell::Unbounded => None,
-            Cell::Periodic { sides, .. } => {
-                let area = sides.product();
+        let ewald = match cell.content() {
+            None => None,
+            Some(area) => {
                 let cut_offs = cut_offs(alpha, area, radii, tolerance);
                 let equal = radii
                     .iter()
@@ -104,7 +104,7 @@ impl FarField {
                 let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
                 let mean = radii.iter().sum::<f64>() / radii.len() as f64;
                 Some(Ewald {
-                    sides: sides.into(),
+                    area,
                     alpha,
                     equal,
                     uniform: 0.5 / (mean * radii.len() as f64),
@@ -151,11 +151,11 @@ impl FarField {
     /// call.
     ///
     /// # Arguments
-    /// - `cell`: any offset; the sides of the plan.
+    /// - `cell`: of the area that was planned for.
     /// - `centres`: one per sphere, in a; any images.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area.
     pub fn fill(
         &mut self,
         cell: &Cell,
@@ -184,7 +184,12 @@ impl FarField {
                     }
                 }
             }
-            Some(ewald) => ewald.fill(&self.sizes, &self.radii, cell, centres, &mut target),
+            Some(ewald) => {
+                let Cell::Periodic(lattice) = cell else {
+                    return Ok(());
+                };
+                ewald.fill(&self.sizes, &self.radii, lattice, centres, &mut target);
+            }
         }
         Ok(())
     }
@@ -192,44 +197,48 @@ impl FarField {
     /// Computes only the real-space half of the sums in [`FarField::fill`], to measure its cost.
     /// Periodic cells only.
     pub fn real_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
-        if let Some(ewald) = &mut self.ewald {
-            ewald.real_sums(cell, centres);
+        if let (Some(ewald), Cell::Periodic(lattice)) = (&mut self.ewald, cell) {
+            ewald.real_sums(lattice, centres);
         }
     }
 
-    /// The same for the wave-space half.
+    /// Computes only the wave-space half of the sums in [`FarField::fill`], to measure its cost.
+    /// Periodic cells only.
     pub fn wave_space_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
-        if let Some(ewald) = &mut self.ewald {
-            ewald.wave_sums(cell, centres);
+        if let (Some(ewald), Cell::Periodic(lattice)) = (&mut self.ewald, cell) {
+            ewald.wave_sums(lattice, centres);
         }
     }
 
     fn check_cell(&self, cell: &Cell) -> Result<(), Error> {
-        let planned = self
-            .ewald
-            .as_ref()
-            .map_or([f64::INFINITY; 2], |ewald| ewald.sides);
-        check_sides(cell, planned)
+        check_content(cell, self.ewald.as_ref().map(|ewald| ewald.area))
     }
 }
 
-/// Refuses a cell of other sides than planned; infinite ones denote unbounded fluid.
-fn check_sides(cell: &Cell, planned: [f64; 2]) -> Result<(), Error> {
-    let found = match *cell {
-        Cell::Unbounded => [f64::INFINITY; 2],
-        Cell::Periodic { sides, .. } => sides.into(),
+/// Refuses a cell of another area or volume than planned, which is `None` in unbounded fluid. Flows
+/// keep it to rounding.
+fn check_content<S: Space>(cell: &Cell<S>, planned: Option<f64>) -> Result<(), Error> {
+    let found = cell.content();
+    let fits = match (found, planned) {
+        (Some(found), Some(planned)) => (found / planned - 1.0).abs() < CONTENT_TOLERANCE,
+        (found, planned) => found == planned,
     };
-    for (k, field) in ["cell[0]", "cell[1]"].into_iter().enumerate() {
-        if found[k].to_bits() != planned[k].to_bits() {
-            return Err(Error::OutOfRange {
-                field,
-                value: found[k],
-                allowed: "the side the far field was planned for",
-            });
-        }
+    if fits {
+        return Ok(());
     }
-    Ok(())
+    Err(Error::OutOfRange {
+        field: if S::DIMENSIONS < 3 {
+            "area of the cell"
+        } else {
+            "volume of the cell"
+        },
+        value: found.unwrap_or(f64::INFINITY),
+        allowed: "the one that the far field was planned for",
+    })
 }
+
+/// Relative change of a cell's area or volume that a far field admits: that of rounding.
+const CONTENT_TOLERANCE: f64 = 1e-6;
 
 fn check(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     if radii.is_empty() {

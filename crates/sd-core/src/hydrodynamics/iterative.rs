@@ -65,7 +65,7 @@ pub struct IterativeFarField<S: Fluid = Layer> {
 }
 
 impl<S: Fluid> IterativeFarField<S> {
-    /// Plans for cells of the given sides.
+    /// Plans for cells of the given area or volume.
     ///
     /// # Arguments
     /// - `cell`: periodic.
@@ -147,7 +147,7 @@ impl<S: Fluid> IterativeFarField<S> {
     /// Sets new positions. The next solve starts from the last solution.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area or volume.
     pub fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.operator.update(cell, centres)
     }

@@ -84,7 +84,8 @@ pub struct Resistance<S: Fluid = Layer> {
 }
 
 impl<S: Fluid> Resistance<S> {
-    /// Workspace for spheres of the given radii, in cells of the given sides, with `R_FU` factored.
+    /// Workspace for spheres of the given radii, in cells of the given area or volume,
+    /// with `R_FU` factored.
     ///
     /// Tables missing in `tables` are computed here, which takes seconds per size ratio.
     ///
@@ -219,8 +220,8 @@ impl<S: Fluid> Resistance<S> {
         self.neighbours.allow_overlap(deepest);
     }
 
-    /// Assembles and factors at new positions. The cell's sides must be those of
-    /// [`Resistance::new`]; its offset is free.
+    /// Assembles and factors at new positions. The cell's area or volume must be that of
+    /// [`Resistance::new`].
     ///
     /// # Errors
     /// [`Error::Overlap`], [`Error::NotPositiveDefinite`].

@@ -337,7 +337,7 @@ pub(super) fn solve_with<S: Fluid>(
     let mut work = StressWork::default();
     let contacts = stage.contacts.list.clone();
     let stress = if let Some(area) = cell.content() {
-        Some(work.stress(&stage, background, area))
+        Some(work.stress(&stage, background, background, area))
     } else {
         work.update(&stage, background);
         None

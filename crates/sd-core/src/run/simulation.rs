@@ -283,10 +283,7 @@ impl<S: Started> Simulation<S> {
     /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
     /// the last step continues.
     pub fn offset_at(&self, strain: f64) -> f64 {
-        match self.cell_at(strain) {
-            Ok(Cell::Periodic { offset, .. }) => offset,
-            Ok(Cell::Unbounded) | Err(_) => 0.0,
-        }
+        self.cell_at(strain).map_or(0.0, |cell| cell.offset())
     }
 
     /// Whether the spheres still flow.

@@ -45,6 +45,12 @@ impl TracelessTensor {
         ])
     }
 
+    /// xx, yy, zz, xy, xz, yz.
+    fn full(&self) -> [f64; 6] {
+        let Self { xx, yy, xy, xz, yz } = *self;
+        [xx, yy, -(xx + yy), xy, xz, yz]
+    }
+
     /// The tensor of components.
     pub(crate) fn of_components(e: &Strain) -> Self {
         let (difference, sum) = (SQRT_2 * e[0], e[2] / 1.5_f64.sqrt());
@@ -126,6 +132,10 @@ impl ImposedFlow<Bulk> for Background {
 
     fn strain_components(&self) -> Strain {
         self.rate_of_strain.components()
+    }
+
+    fn rate_of_strain(&self) -> [f64; 6] {
+        self.rate_of_strain.full()
     }
 
     fn numbers(&self) -> Vec<f64> {
@@ -363,13 +373,30 @@ impl Space for Bulk {
         [xx, yy, xy, xz, yz]
     }
 
-    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 4] {
-        [m * n.x * n.x, m * n.y * n.y, m * n.z * n.z, m * n.x * n.y]
+    fn full_tensor(strain: &Strain) -> [f64; 6] {
+        TracelessTensor::of_components(strain).full()
     }
 
-    fn moment_across(n: &Self::Vector, t: &Self::Tangent, m: f64) -> [f64; 4] {
-        let xy = 0.5 * m * (t.x * n.y + t.y * n.x);
-        [m * t.x * n.x, m * t.y * n.y, m * t.z * n.z, xy]
+    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 6] {
+        [
+            m * n.x * n.x,
+            m * n.y * n.y,
+            m * n.z * n.z,
+            m * n.x * n.y,
+            m * n.x * n.z,
+            m * n.y * n.z,
+        ]
+    }
+
+    fn moment_across(n: &Self::Vector, t: &Self::Tangent, m: f64) -> [f64; 6] {
+        [
+            m * t.x * n.x,
+            m * t.y * n.y,
+            m * t.z * n.z,
+            0.5 * m * (t.x * n.y + t.y * n.x),
+            0.5 * m * (t.x * n.z + t.z * n.x),
+            0.5 * m * (t.y * n.z + t.z * n.y),
+        ]
     }
 
     fn volume(content: f64, _: &[f64]) -> f64 {

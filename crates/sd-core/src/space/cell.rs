@@ -1,5 +1,8 @@
-//! The sheared periodic cell (Lees-Edwards) of any space, or unbounded fluid.
+//! The periodic cell of any space, or unbounded fluid.
 
+pub use super::lattice::Lattice;
+
+use super::lattice::wrapped;
 use super::{Layer, Space};
 use crate::error::Error;
 
@@ -15,21 +18,14 @@ const SIDES: [&str; 3] = ["cell[0]", "cell[1]", "cell[2]"];
 pub enum Cell<S: Space = Layer> {
     /// No images.
     Unbounded,
-    /// Lattice vectors along the axes; the second one is shifted along x: `(length_x, 0)` and
-    /// `(offset, length_y)` in a layer. Cross shear shifts that of a suspension along z too:
-    /// `(offset, length_y, cross_offset)`.
-    Periodic {
-        /// Sides along flow, gradient and, in a suspension, vorticity, in a.
-        sides: S::Vector,
-        /// Shift of the images above in y along x, in `[-sides[0]/2, sides[0]/2)`, in a.
-        offset: f64,
-        /// Their shift along z, in `[-sides[2]/2, sides[2]/2)`, in a; 0 without cross shear.
-        cross_offset: f64,
-    },
+    /// Images on a lattice.
+    Periodic(Lattice<S>),
 }
 
 impl<S: Space> Cell<S> {
-    /// A periodic cell, without an offset along z; any offset is wrapped.
+    /// A sheared cell (Lees & Edwards 1972) with sides along flow, gradient and, in a suspension,
+    /// vorticity, whose images above, in y, are shifted along x by the offset; any offset is
+    /// wrapped into half a side.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the sides are positive and finite and the offset is finite.
@@ -61,36 +57,36 @@ impl<S: Space> Cell<S> {
                 allowed: "finite",
             });
         }
-        Ok(Self::Periodic {
-            sides,
-            offset: wrapped(offset, sides[0]),
-            cross_offset: 0.0,
-        })
+        let offset = wrapped(offset, sides[0]);
+        Ok(Self::Periodic(Lattice::sheared_cell(sides, offset, 0.0)))
     }
 
-    /// The same cell with its images above also shifted along z; any offset is wrapped.
+    /// The sheared cell with its images above also shifted along z; any offset is wrapped into half
+    /// a side.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] unless the offset is finite, and 0 in a layer and in unbounded fluid.
-    pub fn with_cross_offset(mut self, offset: f64) -> Result<Self, Error> {
-        match &mut self {
-            Self::Periodic {
-                sides,
-                cross_offset,
-                ..
-            } if S::DIMENSIONS > 2 && offset.is_finite() => {
-                *cross_offset = wrapped(offset, sides[2]);
+    /// [`Error::OutOfRange`] unless the offset is finite, and 0 in a layer, in unbounded fluid and
+    /// in a lattice that is not a sheared cell.
+    pub fn with_cross_offset(self, offset: f64) -> Result<Self, Error> {
+        match self {
+            Self::Periodic(lattice)
+                if S::DIMENSIONS > 2 && lattice.is_sheared_cell() && offset.is_finite() =>
+            {
+                let mut sides = S::Vector::default();
+                for (k, &length) in lattice.lengths().iter().enumerate() {
+                    sides[k] = length;
+                }
+                let offset = wrapped(offset, sides[2]);
+                let lattice = Lattice::sheared_cell(sides, lattice.offset(), offset);
+                Ok(Self::Periodic(lattice))
             }
-            _ if offset == 0.0 => {}
-            _ => {
-                return Err(Error::OutOfRange {
-                    field: "cross_offset",
-                    value: offset,
-                    allowed: "finite, and 0 except in periodic suspensions",
-                });
-            }
+            _ if offset == 0.0 => Ok(self),
+            _ => Err(Error::OutOfRange {
+                field: "cross_offset",
+                value: offset,
+                allowed: "finite, and 0 except in periodic suspensions",
+            }),
         }
-        Ok(self)
     }
 
     /// As [`Cell::periodic`], with equal sides.
@@ -105,38 +101,38 @@ impl<S: Space> Cell<S> {
         Self::periodic(sides, offset)
     }
 
-    /// Product of the sides, in a² or a³; `None` if unbounded.
-    pub fn content(&self) -> Option<f64> {
+    /// The lattice of the images; `None` if unbounded.
+    pub fn lattice(&self) -> Option<&Lattice<S>> {
         match self {
             Self::Unbounded => None,
-            Self::Periodic { sides, .. } => Some((0..S::DIMENSIONS).map(|k| sides[k]).product()),
+            Self::Periodic(lattice) => Some(lattice),
         }
+    }
+
+    /// Area or volume, in a² or a³; `None` if unbounded.
+    pub fn content(&self) -> Option<f64> {
+        self.lattice().map(Lattice::content)
+    }
+
+    /// Shift of the images above along x, in a; 0 if unbounded.
+    pub fn offset(&self) -> f64 {
+        self.lattice().map_or(0.0, Lattice::offset)
+    }
+
+    /// Shift of the images above along z, in a; 0 if unbounded.
+    pub fn cross_offset(&self) -> f64 {
+        self.lattice().map_or(0.0, Lattice::cross_offset)
     }
 
     /// Position of an image relative to the original.
     pub fn image_vector(&self, image: S::Image) -> S::Vector {
-        let mut vector = S::Vector::default();
-        if let Self::Periodic {
-            sides,
-            offset,
-            cross_offset,
-        } = self
-        {
-            for k in 0..S::DIMENSIONS {
-                vector[k] = f64::from(image[k]) * sides[k];
-            }
-            vector[0] += f64::from(image[1]) * offset;
-            if S::DIMENSIONS > 2 {
-                vector[2] += f64::from(image[1]) * cross_offset;
-            }
+        match self {
+            Self::Unbounded => S::Vector::default(),
+            Self::Periodic(lattice) => lattice.image_vector(image),
         }
-        vector
     }
 
-    /// Moves a separation to the image whose components are at most half the sides, and returns
-    /// that image.
-    ///
-    /// Every vector shorter than half of every side is found this way.
+    /// Moves a separation to its nearest image, and returns that image; see [`Lattice::nearest`].
     ///
     /// ```
     /// use sd_core::Layer;
@@ -150,36 +146,13 @@ impl<S: Space> Cell<S> {
     /// ```
     #[inline(always)]
     pub fn nearest(&self, separation: S::Vector) -> (S::Vector, S::Image) {
-        let (mut vector, mut image) = (separation, S::Image::default());
-        if let Self::Periodic {
-            sides,
-            offset,
-            cross_offset,
-        } = self
-        {
-            let mut shift = |vector: &mut S::Vector, k: usize| -> f64 {
-                // The reciprocals are the same for all pairs of a list: one division each.
-                let cells = -(vector[k] * sides[k].recip()).round_ties_even();
-                #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
-                let whole = cells as i32;
-                image[k] = whole;
-                vector[k] += cells * sides[k];
-                cells
-            };
-            let up = shift(&mut vector, 1);
-            vector[0] += up * offset;
-            if S::DIMENSIONS > 2 {
-                vector[2] += up * cross_offset;
-            }
-            shift(&mut vector, 0);
-            for k in 2..S::DIMENSIONS {
-                shift(&mut vector, k);
-            }
+        match self {
+            Self::Unbounded => (separation, S::Image::default()),
+            Self::Periodic(lattice) => lattice.nearest(separation),
         }
-        (vector, image)
     }
 
-    /// Moves a position into the cell, `0 ≤ x < sides`.
+    /// Moves a position into the cell; see [`Lattice::wrap`].
     ///
     /// ```
     /// use sd_core::Layer;
@@ -192,58 +165,48 @@ impl<S: Space> Cell<S> {
     /// # Ok::<(), sd_core::Error>(())
     /// ```
     pub fn wrap(&self, position: S::Vector) -> S::Vector {
-        let mut wrapped = position;
-        if let Self::Periodic {
-            sides,
-            offset,
-            cross_offset,
-        } = self
-        {
-            let up = (position[1] / sides[1]).floor();
-            wrapped[0] -= up * offset;
-            wrapped[1] -= up * sides[1];
-            if S::DIMENSIONS > 2 {
-                wrapped[2] -= up * cross_offset;
-            }
-            for k in (0..S::DIMENSIONS).filter(|&k| k != 1) {
-                wrapped[k] -= sides[k] * (wrapped[k] / sides[k]).floor();
-            }
+        match self {
+            Self::Unbounded => position,
+            Self::Periodic(lattice) => lattice.wrap(position),
         }
-        wrapped
     }
 
     /// Refuses a cell in which a sphere could have two images of one neighbour within the
     /// lubrication range.
     ///
     /// # Errors
-    /// [`Error::CellTooSmall`] names the side that is too short.
+    /// [`Error::CellTooSmall`] names the side that is too short, [`Error::LatticeTooShort`] the
+    /// shortest vector.
     pub fn check_range(&self, radii: &[f64]) -> Result<(), Error> {
         self.check_reach(radii, LUBRICATION_RANGE)
     }
 
-    /// The same within another range, in s'.
+    /// Refuses a cell in which a sphere could have two images of one neighbour within a range, in
+    /// s'.
     pub(crate) fn check_reach(&self, radii: &[f64], range: f64) -> Result<(), Error> {
-        let Self::Periodic { sides, .. } = self else {
+        let Self::Periodic(lattice) = self else {
             return Ok(());
         };
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let needed = 2.0 * range * largest;
-        for (k, direction) in ['x', 'y', 'z'].into_iter().enumerate().take(S::DIMENSIONS) {
-            if sides[k] < needed {
+        if !lattice.is_sheared_cell() {
+            let shortest = 2.0 * lattice.reach();
+            if shortest < needed {
+                return Err(Error::LatticeTooShort { shortest, needed });
+            }
+            return Ok(());
+        }
+        for (direction, &side) in ['x', 'y', 'z'].into_iter().zip(lattice.lengths()) {
+            if side < needed {
                 return Err(Error::CellTooSmall {
                     direction,
-                    side: sides[k],
+                    side,
                     needed,
                 });
             }
         }
         Ok(())
     }
-}
-
-/// An offset within half a side.
-fn wrapped(offset: f64, side: f64) -> f64 {
-    offset - side * (offset / side + 0.5).floor()
 }
 
 #[cfg(test)]
@@ -255,10 +218,7 @@ mod tests {
     #[test]
     fn offset_is_wrapped() {
         let cell = Cell::<Layer>::periodic(Vector2::new(10.0, 10.0), 16.0).unwrap();
-        let Cell::Periodic { offset, .. } = cell else {
-            unreachable!()
-        };
-        assert!((offset + 4.0).abs() < 1e-12);
+        assert!((cell.offset() + 4.0).abs() < 1e-12);
     }
 
     #[test]

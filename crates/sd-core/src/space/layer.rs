@@ -182,15 +182,20 @@ impl Space for Layer {
         [xx, yy, xy]
     }
 
-    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 4] {
-        [m * n.x * n.x, m * n.y * n.y, 0.0, m * n.x * n.y]
+    fn full_tensor(strain: &Self::Strain) -> [f64; 6] {
+        let (xx, yy, xy) = strain_tensor(strain);
+        [xx, yy, -(xx + yy), xy, 0.0, 0.0]
     }
 
-    fn moment_across(n: &Self::Vector, tangent: &f64, m: f64) -> [f64; 4] {
+    fn moment_along(n: &Self::Vector, m: f64) -> [f64; 6] {
+        [m * n.x * n.x, m * n.y * n.y, 0.0, m * n.x * n.y, 0.0, 0.0]
+    }
+
+    fn moment_across(n: &Self::Vector, tangent: &f64, m: f64) -> [f64; 6] {
         let moment = m * tangent;
         let product = moment * n.x * n.y;
         let xy = 0.5 * moment * (n.x * n.x - n.y * n.y);
-        [-product, product, 0.0, xy]
+        [-product, product, 0.0, xy, 0.0, 0.0]
     }
 
     /// The layer is two mean radii thick.
@@ -216,6 +221,11 @@ impl ImposedFlow<Layer> for Background {
 
     fn strain_components(&self) -> Vector3<f64> {
         self.strain()
+    }
+
+    fn rate_of_strain(&self) -> [f64; 6] {
+        let Self { xx, yy, xy, .. } = *self;
+        [xx, yy, -(xx + yy), xy, 0.0, 0.0]
     }
 
     fn numbers(&self) -> Vec<f64> {

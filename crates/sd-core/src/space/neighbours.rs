@@ -8,6 +8,10 @@ use super::{Layer, Space};
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
 
+/// Bins are wider than the range by this factor's distance from 1, so that rounding of coordinates
+/// hides no pair.
+const ROUNDING: f64 = 1.0 - 1e-12;
+
 /// All pairs within range, ordered by (i, j): found by a cell list, O(N).
 #[derive(Debug)]
 pub struct NeighbourList<S: Space = Layer> {
@@ -142,12 +146,12 @@ impl<S: Space> NeighbourList<S> {
         radii: &[f64],
         range: f64,
     ) -> bool {
-        let Cell::Periodic { sides, .. } = cell else {
+        let Cell::Periodic(lattice) = cell else {
             return false;
         };
         let longer = VerletList::<S>::longer(range);
         let largest = radii.iter().copied().fold(0.0, f64::max);
-        if (0..S::DIMENSIONS).any(|k| sides[k] < 2.0 * longer * largest) {
+        if lattice.reach() < longer * largest {
             return false;
         }
         let good = vectorised(
@@ -192,55 +196,30 @@ impl<S: Space> NeighbourList<S> {
         self.pairs.clear();
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let mut counts = [1; 3];
-        if let Cell::Periodic { sides, .. } = cell {
-            for (k, count) in counts.iter_mut().enumerate().take(S::DIMENSIONS) {
+        if let Cell::Periodic(lattice) = cell {
+            let reciprocal = lattice.reciprocal();
+            for (count, b) in counts.iter_mut().zip(&reciprocal).take(S::DIMENSIONS) {
+                // Distance of the lattice planes across this coordinate.
+                let height = S::norm_squared(b).sqrt().recip();
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
                     reason = "at least 1 and bounded by the clamp"
                 )]
-                let bins = (sides[k] / (range * largest))
+                let bins = (height * ROUNDING / (range * largest))
                     .floor()
                     .clamp(1.0, Self::MAX_BINS) as usize;
                 *count = bins;
             }
         }
         self.fill_bins(cell, centres, counts);
-        let [columns, rows, planes] = counts;
         for i in 0..centres.len() {
             self.found.clear();
             let [column, row, plane] = self.bins[i];
-            for (k, other_row) in around(row, rows).enumerate() {
-                // Across the top or bottom of the cell the bins are shifted by the offsets.
-                let (shift, cross_shift) = match cell {
-                    Cell::Periodic {
-                        sides,
-                        offset,
-                        cross_offset,
-                    } => {
-                        let up = if row + k == 0 {
-                            1.0
-                        } else if row + k == rows + 1 {
-                            -1.0
-                        } else {
-                            0.0
-                        };
-                        let shift = up * offset / sides[0] * columns as f64;
-                        let cross_shift = if *cross_offset == 0.0 {
-                            Some(0.0)
-                        } else {
-                            (rows >= 3).then(|| up * cross_offset / sides[2] * planes as f64)
-                        };
-                        ((rows >= 3).then_some(shift), cross_shift)
-                    }
-                    Cell::Unbounded => (None, None),
-                };
-                let (first, span) = across(column, columns, shift);
-                let (first_plane, planes_met) = across(plane, planes, cross_shift);
-                for other_plane in first_plane..first_plane + planes_met {
-                    for other in first..first + span {
-                        let bin =
-                            number([other % columns, other_row, other_plane % planes], counts);
+            for other_plane in around(plane, counts[2]) {
+                for other_row in around(row, counts[1]) {
+                    for other_column in around(column, counts[0]) {
+                        let bin = number([other_column, other_row, other_plane], counts);
                         for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
                             if j > i {
                                 self.found.extend(Neighbours::within(
@@ -267,15 +246,16 @@ impl<S: Space> NeighbourList<S> {
         self.starts.resize(counts.iter().product::<usize>() + 1, 0);
         for &centre in centres {
             let mut bin = [0; 3];
-            if let Cell::Periodic { sides, .. } = cell {
-                let x = cell.wrap(centre);
+            if let Cell::Periodic(lattice) = cell {
+                let coordinates = lattice.coordinates(&centre);
                 for k in 0..S::DIMENSIONS {
+                    let coordinate = coordinates[k] - coordinates[k].floor();
                     #[expect(
                         clippy::cast_possible_truncation,
                         clippy::cast_sign_loss,
                         reason = "wrapped into the cell; rounding at its edge is clamped"
                     )]
-                    let index = (x[k] / sides[k] * counts[k] as f64) as usize;
+                    let index = (coordinate * counts[k] as f64) as usize;
                     bin[k] = index.min(counts[k] - 1);
                 }
             }
@@ -305,26 +285,6 @@ impl<S: Space> NeighbourList<S> {
 #[inline(always)]
 fn number([column, row, plane]: [usize; 3], counts: [usize; 3]) -> usize {
     (plane * counts[1] + row) * counts[0] + column
-}
-
-/// Bins along an axis that hold the neighbours of one in another row, shifted by a number of bins:
-/// the first, and their number around the cell. `None`: any shift is possible.
-#[inline(always)]
-fn across(bin: usize, count: usize, shift: Option<f64>) -> (usize, usize) {
-    match shift {
-        Some(shift) if shift == 0.0 && count > 3 => (bin + count - 1, 3),
-        Some(shift) if count > 4 => {
-            let start = (bin as f64 + shift).floor();
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "rem_euclid makes it a bin number"
-            )]
-            let first = (start - 1.0).rem_euclid(count as f64) as usize;
-            (first, 4)
-        }
-        _ => (0, count),
-    }
 }
 
 /// The bins before, at and after one along a periodic axis; with fewer than three bins, each once.

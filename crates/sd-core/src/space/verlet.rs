@@ -2,13 +2,15 @@
 //! between searches.
 //!
 //! A search with a range extended by a skin is valid until a pair can have crossed the skin.
-//! Displacements are relative to the shear given by the cell's offset:
+//! Displacements are relative to the deformation of the lattice since the search, which is that of
+//! the flow:
 //!
 //! ```text
-//! w = x − x₀ − Δγ y₀ x̂,  Δγ = Δoffset/sides[1]:      d − d₀ = w_j − w_i + Δγ d₀_y x̂
-//! valid while   2 max |w| + |Δγ| (1 + s) r ≤ s r       for the shortest range r and the skin s r of any pair
+//! H = H₀ F,   w = x F⁻¹ − x₀:      d − d₀ = w_j − w_i + d (1 − F⁻¹)
+//! valid while   2 max |w| + ‖1 − F⁻¹‖ r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
-//! Under cross shear Δγ x̂ is the vector of both strains, along x and along z.
+//! H₀ is, of all bases of the earlier lattice, the one closest to the present basis H: the offset of
+//! a sheared cell is known up to whole sides, and another lattice may have been reduced since.
 
 use super::Space;
 use super::cell::Cell;
@@ -80,44 +82,45 @@ impl<S: Space> VerletList<S> {
         radii: &[f64],
         range: f64,
     ) -> bool {
-        let (
-            Some(Cell::Periodic {
-                sides: old_sides,
-                offset: old,
-                cross_offset: old_cross,
-            }),
-            &Cell::Periodic {
-                sides,
-                offset,
-                cross_offset,
-            },
-        ) = (self.cell, cell)
-        else {
+        let (Some(Cell::Periodic(before)), Cell::Periodic(now)) = (self.cell, cell) else {
             return false;
         };
-        if old_sides != sides || self.range != range || self.radii != radii {
+        if self.range != range || self.radii != radii {
             return false;
         }
-        // Offsets are known up to whole cells.
-        let strain_over =
-            |moved: f64, side: f64| (moved - (moved / side).round() * side) / sides[1];
-        let strain = strain_over(offset - old, sides[0]);
-        let cross_strain = if S::DIMENSIONS > 2 {
-            strain_over(cross_offset - old_cross, sides[2])
-        } else {
-            0.0
+        let mut change = [S::Vector::default(); 3];
+        for (change, a) in change.iter_mut().zip(now.reduced_vectors()) {
+            *change = *a;
+            let coordinates = before.coordinates(a);
+            for (coordinate, &vector) in coordinates.into_iter().zip(before.reduced_vectors()) {
+                *change -= vector * coordinate.round();
+            }
+        }
+        let reciprocal = now.reciprocal();
+        // x (1 − F⁻¹)
+        let carried = |x: &S::Vector| {
+            let mut carried = change[0] * S::dot(x, &reciprocal[0]);
+            for k in 1..S::DIMENSIONS {
+                carried += change[k] * S::dot(x, &reciprocal[k]);
+            }
+            carried
         };
+        let mut strain = 0.0;
+        for k in 0..S::DIMENSIONS {
+            let mut axis = S::Vector::default();
+            axis[k] = 1.0;
+            strain += S::norm_squared(&carried(&axis));
+        }
+        let strain = strain.sqrt();
+        if strain > SKIN {
+            return false;
+        }
         let mut square: f64 = 0.0;
         for (&x, &x0) in centres.iter().zip(&self.centres) {
-            let mut affine = x0;
-            affine[0] += strain * x0[1];
-            if S::DIMENSIONS > 2 {
-                affine[2] += cross_strain * x0[1];
-            }
-            square = square.max(S::norm_squared(&cell.nearest(x - affine).0));
+            let moved = before.nearest(x - carried(&x) - x0).0;
+            square = square.max(S::norm_squared(&moved));
         }
         let shortest = range * radii.iter().copied().fold(f64::INFINITY, f64::min);
-        let strain = strain.hypot(cross_strain);
-        2.0 * square.sqrt() + strain * (1.0 + SKIN) * shortest <= SKIN * shortest
+        2.0 * square.sqrt() + strain * shortest <= SKIN * shortest
     }
 }

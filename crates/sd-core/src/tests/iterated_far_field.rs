@@ -236,7 +236,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         assert!(quality.converged(), "{quality:?}");
         let area = cell.content().unwrap();
         let list = &dense.contacts.list;
-        let expected = StressWork::default().stress(&dense, &shear, area);
+        let expected = StressWork::default().stress(&dense, &shear, &shear, area);
         let count = |state| {
             list.iter()
                 .filter(|c| c.normal_force > 0.0 && c.state == state)

@@ -45,14 +45,14 @@ fn solve(configuration: &Configuration, tables: &NearFields) -> Result<Solved, E
 /// Spheres of radius 1 in simple shear, without forces.
 fn sheared(
     centres: Vec<Vector3<f64>>,
-    cell: Cell<sd_core::Bulk>,
+    cell: &Cell<sd_core::Bulk>,
     hydrodynamics: Hydrodynamics,
 ) -> Configuration {
     let n = centres.len();
     Configuration {
         centres,
         radii: vec![1.0; n],
-        cell,
+        cell: *cell,
         hydrodynamics,
         background: Background::SHEAR,
         forces: vec![Vector3::zeros(); n],
@@ -108,13 +108,13 @@ fn instants_agree_with_an_independent_program() {
         ] {
             let centres = vectors(&instant["centres"]);
             let mut configuration = if instant["cell"].is_null() {
-                sheared(centres, Cell::Unbounded, hydrodynamics)
+                sheared(centres, &Cell::Unbounded, hydrodynamics)
             } else {
                 let sides = Vector3::from_column_slice(&numbers(&instant["cell"]));
                 let offset = instant["offset"].as_f64().unwrap();
                 sheared(
                     centres,
-                    Cell::periodic(sides, offset).unwrap(),
+                    &Cell::periodic(sides, offset).unwrap(),
                     hydrodynamics,
                 )
             };
@@ -197,7 +197,7 @@ fn lattices_near_contact_have_their_exact_slopes() {
     ] {
         let viscosities = |xi: f64| {
             let (cell, centres) = lattice_of_side(name, side * (2.0 + xi));
-            let mut configuration = sheared(centres, cell, Hydrodynamics::BallMelrose);
+            let mut configuration = sheared(centres, &cell, Hydrodynamics::BallMelrose);
             configuration.background.rate_of_strain.xx = 0.5;
             configuration.background.rate_of_strain.yy = -0.5;
             let solved = solve(&configuration, &NearFields::default()).unwrap();
@@ -227,7 +227,7 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         let name = case["lattice"].as_str().unwrap();
         let (cell, centres) = lattice(name, phi);
         let volume = cell.content().unwrap();
-        let mut configuration = sheared(centres, cell, Hydrodynamics::StokesianDynamics);
+        let mut configuration = sheared(centres, &cell, Hydrodynamics::StokesianDynamics);
         // By the symmetry of the lattice both strains and the force decouple: one solution contains
         // all three.
         let (axes, diagonal) = (0.5, 0.3);
@@ -436,7 +436,7 @@ fn dilute_suspension_has_einsteins_viscosity() {
     let phi = 4.0 / 3.0 * PI / 64000.0;
     for hydrodynamics in [Hydrodynamics::StokesianDynamics, Hydrodynamics::BallMelrose] {
         let solved = solve(
-            &sheared(vec![Vector3::zeros()], cell, hydrodynamics),
+            &sheared(vec![Vector3::zeros()], &cell, hydrodynamics),
             &NearFields::default(),
         )
         .unwrap();

@@ -102,8 +102,9 @@ fn contact_forces_and_viscosity_are_those_of_a_published_code() {
             // The exact functions need gaps.
             centres: layer.centres.iter().map(|x| x * 1.001).collect(),
             cell: match layer.cell {
-                Cell::Periodic { sides, offset, .. } => {
-                    Cell::periodic(1.001 * sides, 1.001 * offset).unwrap()
+                Cell::Periodic(lattice) => {
+                    let sides = Vec2::from_column_slice(lattice.lengths());
+                    Cell::periodic(1.001 * sides, 1.001 * lattice.offset()).unwrap()
                 }
                 Cell::Unbounded => Cell::Unbounded,
             },

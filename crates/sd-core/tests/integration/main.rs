@@ -11,6 +11,7 @@ mod cross_shear;
 mod examples;
 mod imposed_stress;
 mod interrupted;
+mod lattices;
 mod layer;
 mod lubrication;
 mod motion;

@@ -208,7 +208,8 @@ impl Record {
         };
         let quality = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First)?;
         let area = self.side * self.side;
-        let stress = StressWork::default().stress(&stage, &Background::SHEAR, area);
+        let stress =
+            StressWork::default().stress(&stage, &Background::SHEAR, &Background::SHEAR, area);
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);
         let load = surface.critical_load;
         let contradicts = |c: &&Contact| {

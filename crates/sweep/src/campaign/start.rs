@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
     let layer = if text.trim_start().starts_with('{') {
         from_json(&text)
     } else {
-        last_frame(&text).and_then(|frame| from_frame(&frame))
+        last_frame(&text).and_then(|frame| out_of_frame(&frame))
     };
     layer.map_err(fault)
 }
@@ -148,7 +148,7 @@ fn columns(properties: &str) -> Option<(Vec<(&str, usize)>, usize)> {
     Some((all, number))
 }
 
-fn from_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
+fn out_of_frame(frame: &Frame<'_>) -> Result<StartLayer, String> {
     let lattice = value(frame.comment, "Lattice").ok_or("has no `Lattice` in its second line")?;
     let lattice: Vec<f64> = lattice
         .split_whitespace()

@@ -111,7 +111,10 @@ pub trait Written: Started {
     fn turning(spin: &Self::Spin) -> Vec<f64>;
 
     /// The flow.
-    fn flow_of(strain: Self::Rates, turning: Self::Turning) -> Self::Background;
+    ///
+    /// # Errors
+    /// What is wrong with its rate of strain.
+    fn flow_of(strain: Self::Rates, turning: Self::Turning) -> Result<Self::Background, String>;
 
     /// Simple shear.
     fn shear() -> Self::Background;
@@ -126,18 +129,22 @@ pub struct PlanarStrain {
     xy: f64,
 }
 
-/// Rate of strain of a suspension in JSON; its trace is zero.
+/// Rate of strain of a suspension in JSON; its trace is zero, whether zz is given or not.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Strain {
     xx: f64,
     yy: f64,
+    zz: Option<f64>,
     xy: f64,
     #[serde(default)]
     xz: f64,
     #[serde(default)]
     yz: f64,
 }
+
+/// Relative trace that is taken for rounding.
+const TRACE_TOLERANCE: f64 = 1e-12;
 
 impl Written for Layer {
     type Components = Components<2>;
@@ -156,13 +163,16 @@ impl Written for Layer {
         vec![*spin]
     }
 
-    fn flow_of(PlanarStrain { xx, yy, xy }: PlanarStrain, turning: f64) -> modes::Background {
-        modes::Background {
+    fn flow_of(
+        PlanarStrain { xx, yy, xy }: PlanarStrain,
+        turning: f64,
+    ) -> Result<modes::Background, String> {
+        Ok(modes::Background {
             xx,
             yy,
             xy,
             angular_velocity: turning,
-        }
+        })
     }
 
     fn shear() -> modes::Background {
@@ -187,11 +197,25 @@ impl Written for Bulk {
         spin.as_slice().to_vec()
     }
 
-    fn flow_of(Strain { xx, yy, xy, xz, yz }: Strain, turning: Components<3>) -> bulk::Background {
-        bulk::Background {
+    fn flow_of(strain: Strain, turning: Components<3>) -> Result<bulk::Background, String> {
+        let Strain {
+            xx,
+            yy,
+            zz,
+            xy,
+            xz,
+            yz,
+        } = strain;
+        let trace = zz.map_or(0.0, |zz| xx + yy + zz);
+        if trace.abs() > TRACE_TOLERANCE * (xx.abs() + yy.abs()) {
+            return Err(format!(
+                "its trace xx + yy + zz is {trace}, must be 0: the fluid is incompressible"
+            ));
+        }
+        Ok(bulk::Background {
             rate_of_strain: bulk::TracelessTensor { xx, yy, xy, xz, yz },
             angular_velocity: <Self as Written>::spin_of(turning),
-        }
+        })
     }
 
     fn shear() -> <Self as Space>::Background {

@@ -20,6 +20,48 @@ fn example_of_the_interface_is_read() {
 }
 
 #[test]
+fn lattices_are_read_and_bad_ones_refused() {
+    let of = |more: &str| {
+        format!(r#"{{"centres": [[0, 0, 0], [4, 0, 0]], "hydrodynamics": "ball-melrose", {more}}}"#)
+    };
+    let read = |more: &str| read_in::<Bulk>(of(more).as_bytes());
+    let given = r#""lattice": [[9, 0, 0], [0, 9, 0], [1, 2, 9]]"#;
+    let (configuration, _) = read(given).unwrap();
+    assert!((configuration.cell.content().unwrap() - 729.0).abs() < 1e-9);
+    for (more, said) in [
+        (r#""lattice": [[9, 0, 0], [0, 9, 0]]"#, "has 2 vectors"),
+        (
+            r#""lattice": [[9, 0, 0], [0, 9, 0], [9, 9, 0]]"#,
+            "lattice = [[9.0, 0.0, 0.0], [0.0, 9.0, 0.0], [9.0, 9.0, 0.0]] has dependent vectors",
+        ),
+        (
+            r#""lattice": [[0, 9, 0], [9, 0, 0], [0, 0, 9]]"#,
+            "is left-handed, with volume -729",
+        ),
+        (
+            r#""cell": [9, 9, 9], "lattice": [[9, 0, 0], [0, 9, 0], [0, 0, 9]]"#,
+            "cell: has no meaning beside `lattice`",
+        ),
+        (
+            r#""background": {"rate_of_strain": {"xx": 0.5, "yy": -0.25, "zz": 0.125, "xy": 0}, "angular_velocity": [0, 0, 0]}"#,
+            "background.rate_of_strain: its trace xx + yy + zz is 0.375, must be 0",
+        ),
+    ] {
+        let error = read(more).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    let (configuration, contact) =
+        read(r#""lattice": [[8, 0, 0], [7.5, 1, 0], [0, 0, 8]]"#).unwrap();
+    let error = solve(&configuration, &contact, &NearFields::default()).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("shortest vector of the lattice is 1.1180, less than 8.0000"),
+        "{error}"
+    );
+}
+
+#[test]
 fn overlapping_spheres_are_solved_under_lubrication() {
     let with = |more: &str| {
         let text = format!(

@@ -8,7 +8,6 @@
 
 use super::network::{Link, Network};
 use sd_core::Space;
-use sd_core::cell::Cell;
 
 /// Cells along each axis.
 type Winding = [i64; 3];
@@ -72,10 +71,7 @@ pub(crate) fn clusters<'n, S: Space>(
             known.push(around);
         }
     }
-    let is_crossed = match network.cell {
-        Cell::Periodic { cross_offset, .. } => cross_offset != 0.0,
-        Cell::Unbounded => false,
-    };
+    let is_crossed = network.cell.cross_offset() != 0.0;
     let mut percolates = [false; 3];
     for windings in &windings {
         for (axis, along) in directions(windings, is_crossed).into_iter().enumerate() {
@@ -123,6 +119,7 @@ fn directions(windings: &[Winding], is_crossed: bool) -> [bool; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sd_core::cell::Cell;
     use sd_core::contact::ContactState;
     use sd_core::{Bulk, Layer};
 

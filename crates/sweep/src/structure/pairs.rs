@@ -3,7 +3,7 @@
 use super::bins::Bins;
 use super::network::Network;
 use sd_core::Space;
-use sd_core::cell::Cell;
+use sd_core::cell::{Cell, Lattice};
 use std::f64::consts::PI;
 
 /// Maximum distance of g(r), in a, limited by half the shortest side of the cell.
@@ -26,17 +26,9 @@ pub(super) struct Pairs {
     pub(super) with_angle: Vec<f64>,
 }
 
-/// Half the shortest side of a cell, in a; 0 without a cell.
+/// Distance below which all pairs are found by their nearest images, in a; 0 without a cell.
 fn reach<S: Space>(cell: &Cell<S>) -> f64 {
-    match cell {
-        Cell::Unbounded => 0.0,
-        Cell::Periodic { sides, .. } => {
-            let shortest = (0..S::DIMENSIONS)
-                .map(|k| sides[k])
-                .fold(f64::INFINITY, f64::min);
-            0.5 * shortest
-        }
-    }
+    cell.lattice().map_or(0.0, Lattice::reach)
 }
 
 /// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak

@@ -6,7 +6,7 @@ use super::unbounded::{self, RadialChain, self_mobility};
 use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
 use crate::linalg::simd::vectorised;
-use crate::space::cell::Cell;
+use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -14,8 +14,8 @@ use std::ops::Range;
 /// The two halves of the periodic sum.
 #[derive(Debug, Clone)]
 pub(super) struct Ewald {
-    /// Sides of the cell it was planned for, in a.
-    pub(super) sides: [f64; 2],
+    /// Area of the cell that was planned for, in a².
+    pub(super) area: f64,
     /// Splitting parameter α, in 1/a.
     pub(super) alpha: f64,
     pub(super) equal: bool,
@@ -117,12 +117,12 @@ impl Ewald {
         &mut self,
         sizes: &[FiniteSize],
         radii: &[f64],
-        cell: &Cell,
+        lattice: &Lattice,
         centres: &[Vec2],
         target: &mut Target<'_>,
     ) {
-        let real_self = self.real.update(cell);
-        let wave_self = self.wave.update(cell, centres);
+        let real_self = self.real.update(lattice);
+        let wave_self = self.wave.update(lattice, centres);
         self.fill_diagonal(sizes, radii, &real_self, &wave_self, target);
         let mut sums = std::mem::take(&mut self.sums);
         for chunk in &self.chunks {
@@ -133,8 +133,8 @@ impl Ewald {
     }
 
     /// The real-space sums of all pairs, without the rest of [`Ewald::fill`].
-    pub(super) fn real_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
-        self.real.update(cell);
+    pub(super) fn real_sums(&mut self, lattice: &Lattice, centres: &[Vec2]) {
+        self.real.update(lattice);
         let mut sums = std::mem::take(&mut self.sums);
         for chunk in &self.chunks {
             self.sum_real(centres, chunk, &mut sums);
@@ -143,8 +143,8 @@ impl Ewald {
     }
 
     /// The wave-space sums of all pairs, without the rest of [`Ewald::fill`].
-    pub(super) fn wave_sums(&mut self, cell: &Cell, centres: &[Vec2]) {
-        self.wave.update(cell, centres);
+    pub(super) fn wave_sums(&mut self, lattice: &Lattice, centres: &[Vec2]) {
+        self.wave.update(lattice, centres);
         for chunk in &self.chunks {
             self.wave.sum(chunk.columns.clone(), &mut self.sums.wave);
         }

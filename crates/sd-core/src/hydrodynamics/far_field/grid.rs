@@ -16,16 +16,16 @@ pub(super) mod axis;
 use super::kernels::FiniteSize;
 use super::wave_space::transforms;
 use crate::linalg::simd::vectorised;
-use crate::space::cell::Cell;
+use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
-use axis::{Axis, WIDTH, Window, plan_axes};
+use axis::{Axis, WIDTH, Window, highest, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Rows of the grid transformed together.
 const ROWS: usize = 4;
 
-/// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
+/// The wave part, planned for radii, a splitting parameter and a cut-off.
 #[derive(Clone)]
 pub(super) struct Grid {
     /// Splitting parameter α, in 1/a.
@@ -36,8 +36,8 @@ pub(super) struct Grid {
     sizes: Vec<FiniteSize>,
     /// First and second lattice coordinate.
     axes: [Axis; 2],
-    /// Cell as `(length_x, length_y, offset)`.
-    cell: [f64; 3],
+    oversampling: f64,
+    lattice: Option<Lattice>,
     windows: Vec<[Window; 2]>,
     /// `(b0, b1, b2)/area` over the windows' transforms, by (m ≥ 0, n), n wrapped as on the grid;
     /// zero beyond the cut-off.
@@ -55,35 +55,50 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Makes a plan for a cell of these sides and any offset.
+    /// Makes a plan for a lattice and all that it becomes.
     ///
     /// `tolerance`: of M, relative to its largest entry.
     pub(super) fn new(
-        sides: [f64; 2],
+        lattice: &Lattice,
         sizes: &[FiniteSize],
         alpha: f64,
         cut_off: f64,
         tolerance: f64,
     ) -> Self {
-        // The second wave number is (k_y L_y + k_x offset)/2π, the offset at most half a side.
-        let lengths = [sides[0], sides[1].hypot(0.5 * sides[0])];
-        let (axes, scratch) = plan_axes(lengths, cut_off, oversampling(tolerance));
-        let (points, rows) = (axes[0].points, axes[1].points);
-        let zero = Complex64::new(0.0, 0.0);
-        let kept = 2 * axes[0].highest + 1;
-        Self {
+        let oversampling = oversampling(tolerance);
+        let [first, second, _] = lattice.wave_lengths();
+        let (axes, scratch) = plan_axes([first, second], cut_off, oversampling);
+        let mut grid = Self {
             alpha,
             cut_off,
             sizes: sizes.to_vec(),
-            cell: [0.0; 3],
-            windows: Vec::with_capacity(sizes.len()),
-            kernel: vec![[0.0; 3]; (axes[0].highest + 1) * rows],
-            values: vec![[0.0; 4]; (points + WIDTH) * rows],
-            columns: [vec![zero; kept * rows], vec![zero; kept * rows]],
-            lines: vec![zero; 2 * ROWS * points],
-            scratch: vec![zero; scratch],
+            oversampling,
             axes,
+            lattice: None,
+            windows: Vec::with_capacity(sizes.len()),
+            kernel: Vec::new(),
+            values: Vec::new(),
+            columns: Default::default(),
+            lines: Vec::new(),
+            scratch: Vec::new(),
+        };
+        grid.make_room(scratch);
+        grid
+    }
+
+    /// Allocates the points of the axes and the scratch of the transforms.
+    fn make_room(&mut self, scratch: usize) {
+        let (points, rows) = (self.axes[0].points, self.axes[1].points);
+        let zero = Complex64::new(0.0, 0.0);
+        let kept = 2 * self.axes[0].highest + 1;
+        self.kernel
+            .resize((self.axes[0].highest + 1) * rows, [0.0; 3]);
+        self.values.resize((points + WIDTH) * rows, [0.0; 4]);
+        for columns in &mut self.columns {
+            columns.resize(kept * rows, zero);
         }
+        self.lines.resize(2 * ROWS * points, zero);
+        self.scratch.resize(scratch, zero);
     }
 
     /// Number of points of the grid.
@@ -92,15 +107,17 @@ impl Grid {
         self.axes[0].points * self.axes[1].points
     }
 
-    /// Sets the cell and the centres for the next applications.
-    pub(super) fn update(&mut self, cell: &Cell, centres: &[Vec2]) {
-        let Cell::Periodic { sides, offset, .. } = *cell else {
-            return;
-        };
-        let [length_x, length_y] = sides.into();
-        if self.cell != [length_x, length_y, offset] {
-            self.cell = [length_x, length_y, offset];
-            self.fill_kernel();
+    /// Sets the lattice and the centres for the next applications.
+    pub(super) fn update(&mut self, lattice: &Lattice, centres: &[Vec2]) {
+        if self.lattice != Some(*lattice) {
+            self.lattice = Some(*lattice);
+            let [first, second, _] = lattice.wave_lengths();
+            if !fit([first, second], self.cut_off, &self.axes) {
+                let scratch;
+                (self.axes, scratch) = plan_axes([first, second], self.cut_off, self.oversampling);
+                self.make_room(scratch);
+            }
+            self.fill_kernel(lattice);
         }
         let Self { windows, axes, .. } = self;
         windows.clear();
@@ -108,33 +125,22 @@ impl Grid {
             #[inline(always)]
             || {
                 for x in centres {
-                    let second = x.y / length_y;
-                    let first = (x.x - second * offset) / length_x;
+                    let [first, second, _] = lattice.coordinates(x);
                     windows.push([axes[0].window(first), axes[1].window(second)]);
                 }
             },
         );
     }
 
-    /// Wave vector of wave numbers (m, n).
-    fn wave(&self, m: isize, n: isize) -> Vec2 {
-        let [length_x, length_y, offset] = self.cell;
-        let (m, n) = (m as f64, n as f64);
-        Vec2::new(
-            2.0 * PI * m / length_x,
-            2.0 * PI / length_y * (n - m * offset / length_x),
-        )
-    }
-
-    /// The transforms of the kernels at this cell.
-    fn fill_kernel(&mut self) {
-        let area = self.cell[0] * self.cell[1];
+    /// The transforms of the kernels on a lattice.
+    fn fill_kernel(&mut self, lattice: &Lattice) {
+        let area = lattice.content();
         self.kernel.fill([0.0; 3]);
         let points = self.axes[1].points;
         let highest = self.axes[1].highest.cast_signed();
         for m in 0..=self.axes[0].highest {
             for n in -highest..=highest {
-                let k = self.wave(m.cast_signed(), n);
+                let k = wave(lattice, m, n as f64);
                 let square = k.norm_squared();
                 if square == 0.0 || square > self.cut_off * self.cut_off {
                     continue;
@@ -162,21 +168,14 @@ impl Grid {
         );
     }
 
-    /// Derivatives of the lattice coordinates d: `∂_x = d₀ ∂_X, ∂_y = d₁ ∂_X + d₂ ∂_Y`.
-    fn slopes(&self) -> [f64; 3] {
-        let [length_x, length_y, offset] = self.cell;
-        [
-            length_x.recip(),
-            -offset / (length_x * length_y),
-            length_y.recip(),
-        ]
-    }
-
     /// Spreads the sources over the grid: P and Q there.
     #[inline(always)]
     fn spread(&mut self, x: &[[f64; 6]]) {
         self.values.fill([0.0; 4]);
-        let d = self.slopes();
+        let Some(lattice) = &self.lattice else {
+            return;
+        };
+        let d = slopes(lattice);
         let (columns, rows) = (self.axes[0].points, self.axes[1].points);
         let stride = columns + WIDTH;
         let spheres = self.windows.iter().zip(&self.sizes).zip(x);
@@ -189,11 +188,12 @@ impl Grid {
                 let force = [fx, fy][b];
                 let total = [0, 1].map(|c| stress[b][c] + turn[b][c]);
                 value[b] = force;
-                by_x[b] = -(total[0] * d[0] + total[1] * d[1]);
-                by_y[b] = -total[1] * d[2];
+                by_x[b] = -(total[0] * d[0].x + total[1] * d[0].y);
+                by_y[b] = -total[1] * d[1].y - total[0] * d[1].x;
                 value[2 + b] = size.force * force;
-                by_x[2 + b] = -size.stresslet * (stress[b][0] * d[0] + stress[b][1] * d[1]);
-                by_y[2 + b] = -size.stresslet * stress[b][1] * d[2];
+                by_x[2 + b] = -size.stresslet * (stress[b][0] * d[0].x + stress[b][1] * d[0].y);
+                by_y[2 + b] = -size.stresslet * stress[b][1] * d[1].y
+                    - size.stresslet * stress[b][0] * d[1].x;
             }
             for r in 0..WIDTH {
                 let start = (across.first + r) % rows * stride + along.first;
@@ -258,7 +258,7 @@ impl Grid {
         }
     }
 
-    /// The reverse of [`Grid::transform_forward`].
+    /// Transforms both fields back from wave numbers to the points of the grid.
     fn transform_back(&mut self) {
         let Self {
             axes,
@@ -302,14 +302,15 @@ impl Grid {
 
     /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
+        let Some(lattice) = self.lattice else {
+            return;
+        };
         let rows = self.axes[1].points;
         let highest = self.axes[0].highest;
         let [p, q] = &mut self.columns;
         let zero = Complex64::new(0.0, 0.0);
-        let [length_x, length_y, offset] = self.cell;
         for m in 0..=highest {
             let opposite = if m == 0 { 0 } else { 2 * highest + 1 - m };
-            let kx = 2.0 * PI * m as f64 / length_x;
             for at in 0..rows {
                 let (here, there) = (m * rows + at, opposite * rows + (rows - at) % rows);
                 // At m = 0 each pair of wave vectors k, −k occurs twice.
@@ -329,18 +330,18 @@ impl Grid {
                 } else {
                     at as f64
                 };
-                let ky = 2.0 * PI / length_y * (n - m as f64 * offset / length_x);
+                let k = wave(&lattice, m, n);
                 let [source, sized] = [&*p, &*q].map(|field| split(field[here], field[there]));
-                let along = |v: [Complex64; 2]| v[0] * kx + v[1] * ky;
+                let along = |v: [Complex64; 2]| v[0] * k.x + v[1] * k.y;
                 let (kp, kq) = (along(source), along(sized));
                 let shear = kp * b0 - kq * b1;
                 let u = [
-                    sized[0] * b2 - source[0] * b1 + shear * kx,
-                    sized[1] * b2 - source[1] * b1 + shear * ky,
+                    sized[0] * b2 - source[0] * b1 + shear * k.x,
+                    sized[1] * b2 - source[1] * b1 + shear * k.y,
                 ];
                 let v = [
-                    source[0] * b2 - kp * (b1 * kx),
-                    source[1] * b2 - kp * (b1 * ky),
+                    source[0] * b2 - kp * (b1 * k.x),
+                    source[1] * b2 - kp * (b1 * k.y),
                 ];
                 for (field, values) in [(&mut *p, u), (&mut *q, v)] {
                     [field[here], field[there]] = pack(values);
@@ -352,7 +353,10 @@ impl Grid {
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
     #[inline(always)]
     fn read(&self, y: &mut [[f64; 6]]) {
-        let d = self.slopes();
+        let Some(lattice) = &self.lattice else {
+            return;
+        };
+        let d = slopes(lattice);
         let (columns, rows) = (self.axes[0].points, self.axes[1].points);
         let stride = columns + WIDTH;
         let spheres = self.windows.iter().zip(&self.sizes).zip(y);
@@ -378,8 +382,9 @@ impl Grid {
                 }
             }
             // ∂ of the centre is minus that of the grid point.
-            let dx = by_x.map(|slope| -(slope * d[0]));
-            let dy: [f64; 4] = std::array::from_fn(|k| -(by_x[k] * d[1] + by_y[k] * d[2]));
+            let [dx, dy]: [[f64; 4]; 2] = std::array::from_fn(|c| {
+                std::array::from_fn(|k| -(by_x[k] * d[0][c] + by_y[k] * d[1][c]))
+            });
             let strain = |k: usize| {
                 [
                     FRAC_1_SQRT_2 * (dx[k] - dy[k + 1]),
@@ -396,6 +401,33 @@ impl Grid {
             y[5] += 0.5 * (dx[1] - dy[0]);
         }
     }
+}
+
+/// Wave vector of wave numbers (m, n).
+fn wave(lattice: &Lattice, m: usize, n: f64) -> Vec2 {
+    let (m, [length_x, length_y, _]) = (m as f64, lattice.lengths_in_frame());
+    let across = 2.0 * PI / length_y * (n - m * lattice.offset() / length_x);
+    lattice.out_of_frame([2.0 * PI * m / length_x, across, 0.0])
+}
+
+/// Gradients of the two lattice coordinates.
+fn slopes(lattice: &Lattice) -> [Vec2; 2] {
+    let [length_x, length_y, _] = lattice.lengths_in_frame();
+    let across = -lattice.offset() / (length_x * length_y);
+    [
+        lattice.out_of_frame([length_x.recip(), across, 0.0]),
+        lattice.out_of_frame([0.0, length_y.recip(), 0.0]),
+    ]
+}
+
+/// Whether the axes are those that wave vectors up to `cut_off` need, of these lengths of the
+/// lattice vectors.
+pub(super) fn fit<const DIMENSIONS: usize>(
+    lengths: [f64; DIMENSIONS],
+    cut_off: f64,
+    axes: &[Axis; DIMENSIONS],
+) -> bool {
+    (0..DIMENSIONS).all(|k| axes[k].highest == highest(lengths[k], cut_off))
 }
 
 /// Grid points over wave numbers that keep the window's errors below a tolerance of M.
@@ -437,7 +469,7 @@ pub(super) fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
     ]
 }
 
-/// The reverse: transforms of a + ib at k and −k.
+/// Transforms of a + ib at k and −k from those of the two real fields a and b at k.
 pub(super) fn pack([a, b]: [Complex64; 2]) -> [Complex64; 2] {
     [
         Complex64::new(a.re - b.im, a.im + b.re),

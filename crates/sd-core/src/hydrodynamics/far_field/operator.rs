@@ -14,7 +14,7 @@ use super::unbounded::{self, RadialChain, self_mobility};
 use crate::error::Error;
 use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, Lattice};
 use crate::space::modes::Vec2;
 use crate::space::neighbours::NeighbourList;
 use std::f64::consts::PI;
@@ -30,15 +30,15 @@ struct NearPair {
     block: [[f64; 6]; 6],
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
-/// last given.
+/// The periodic mobility, planned for a cell, radii and a tolerance; applied at the positions last
+/// given.
 pub struct FarOperator {
     /// Radii, in a.
     radii: Vec<f64>,
     /// Finite-size coefficients of each sphere.
     sizes: Vec<FiniteSize>,
-    /// Sides of the cell it was planned for, in a.
-    sides: [f64; 2],
+    /// Area of the cell that was planned for, in a².
+    area: f64,
     equal: bool,
     /// Kernels of the short-ranged part.
     real: RealSpace,
@@ -65,7 +65,8 @@ impl FarOperator {
     /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
-    /// - `cell`: periodic; its offset may differ in every call of [`FarOperator::update`].
+    /// - `cell`: periodic; may differ in every call of [`FarOperator::update`], if its area stays
+    ///   the same.
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a
     ///   few 1e-9.
@@ -75,9 +76,9 @@ impl FarOperator {
     /// bounds.
     pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
-        let [length_x, length_y] = periodic_sides(cell)?;
-        let (n, area) = (radii.len() as f64, length_x * length_y);
-        let longest = longest([length_x, length_y]);
+        let lattice = periodic(cell)?;
+        let (n, area) = (radii.len() as f64, lattice.content());
+        let longest = longest(lattice);
         let mut best = (f64::INFINITY, 0.0);
         for step in 0..80 {
             let alpha = 3.0 / longest * 1.05_f64.powi(step);
@@ -108,19 +109,15 @@ impl FarOperator {
         alpha: f64,
     ) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
-        let sides = periodic_sides(cell)?;
-        let longest = longest(sides);
-        let narrow = Error::OutOfRange {
-            field: "cell",
-            value: longest,
-            allowed: "wide enough for the near part of the mobility",
-        };
+        let lattice = periodic(cell)?;
+        let longest = longest(lattice);
         if !(alpha * longest >= 1.0 && alpha.is_finite()) {
-            return Err(narrow);
+            return Err(narrow(longest));
         }
-        let CutOffs { distance, wave } = cut_offs(alpha, sides[0] * sides[1], radii, tolerance);
+        let area = lattice.content();
+        let CutOffs { distance, wave } = cut_offs(alpha, area, radii, tolerance);
         if distance > longest {
-            return Err(narrow);
+            return Err(narrow(longest));
         }
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let equal = radii.iter().all(|a| a.to_bits() == radii[0].to_bits());
@@ -141,10 +138,10 @@ impl FarOperator {
         }
         Ok(Self {
             radii: radii.to_vec(),
-            sides,
+            area,
             equal,
             real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
-            grid: Grid::new(sides, &sizes, alpha, wave, tolerance),
+            grid: Grid::new(lattice, &sizes, alpha, wave, tolerance),
             sources: Vec::with_capacity(2 * radii.len()),
             results: Vec::with_capacity(2 * radii.len()),
             waves: Vec::with_capacity(2 * radii.len()),
@@ -161,7 +158,8 @@ impl FarOperator {
     /// maximum.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area, or too narrow for the
+    /// near part.
     pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
         let n = self.radii.len();
         if centres.len() != n {
@@ -171,9 +169,13 @@ impl FarOperator {
                 expected: n,
             });
         }
-        super::check_sides(cell, self.sides)?;
-        self.grid.update(cell, centres);
-        self.real.update(cell);
+        super::check_content(cell, Some(self.area))?;
+        let lattice = periodic(cell)?;
+        if self.reach > longest(lattice) {
+            return Err(narrow(longest(lattice)));
+        }
+        self.grid.update(lattice, centres);
+        self.real.update(lattice);
         self.list.find(cell, centres, &self.units, self.reach);
         let Self {
             pairs,
@@ -314,22 +316,28 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Maximum range of the near part: beyond half a side a sphere would have two images of one
-/// neighbour in range.
-fn longest(sides: [f64; 2]) -> f64 {
-    0.499 * sides[0].min(sides[1])
+/// Maximum range of the near part: beyond half a side, or half the shortest lattice vector, a sphere
+/// would have two images of one neighbour in range.
+fn longest(lattice: &Lattice) -> f64 {
+    0.998 * lattice.reach()
 }
 
-/// Sides of a periodic cell.
-fn periodic_sides(cell: &Cell) -> Result<[f64; 2], Error> {
-    match *cell {
-        Cell::Periodic { sides, .. } => Ok(sides.into()),
-        Cell::Unbounded => Err(Error::OutOfRange {
-            field: "cell",
-            value: f64::INFINITY,
-            allowed: "periodic",
-        }),
+/// The error of a cell that is too narrow for the near part.
+fn narrow(longest: f64) -> Error {
+    Error::OutOfRange {
+        field: "cell",
+        value: longest,
+        allowed: "wide enough for the near part of the mobility",
     }
+}
+
+/// The lattice of a periodic cell.
+fn periodic(cell: &Cell) -> Result<&Lattice, Error> {
+    cell.lattice().ok_or(Error::OutOfRange {
+        field: "cell",
+        value: f64::INFINITY,
+        allowed: "periodic",
+    })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use super::unbounded::{self, RadialChain};
-use crate::space::cell::Cell;
+use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
@@ -171,8 +171,7 @@ pub(crate) struct RealSpace {
     equal: Option<[f64; RADIAL]>,
     /// Lattice vectors that can bring a pair within the cut-off.
     images: Vec<Vec2>,
-    /// Cell as `(length_x, length_y, offset)`.
-    cell: [f64; 3],
+    lattice: Option<Lattice>,
 }
 
 impl RealSpace {
@@ -205,30 +204,30 @@ impl RealSpace {
             tables,
             equal,
             images: Vec::new(),
-            cell: [0.0; 3],
+            lattice: None,
         }
     }
 
-    /// Sets the cell and returns the self terms: all images of a sphere but itself.
-    pub(crate) fn update(&mut self, cell: &Cell) -> [Lanes; 2] {
-        let Cell::Periodic { sides, offset, .. } = *cell else {
+    /// Sets the lattice and returns the self terms: all images of a sphere but itself.
+    pub(crate) fn update(&mut self, lattice: &Lattice) -> [Lanes; 2] {
+        self.lattice = Some(*lattice);
+        let &[length_x, length_y] = lattice.lengths() else {
             return [[0.0; LANES]; 2];
         };
-        let [length_x, length_y] = sides.into();
-        self.cell = [length_x, length_y, offset];
         self.images.clear();
         let cut_off = self.cut_off_square.sqrt();
         #[expect(clippy::cast_possible_truncation, reason = "a few cells")]
         let whole = |x: f64| x.ceil() as i32;
         let rows = whole(cut_off / length_y + 0.5);
         for n in -rows..=rows {
-            let shift = offset * f64::from(n);
+            let shift = lattice.offset() * f64::from(n);
             let columns = whole((cut_off + shift.abs()) / length_x + 0.5);
             for m in -columns..=columns {
-                let image = cell.image_vector([m, n]);
-                // Nearest point of the box of all separations.
-                let x = (image.x.abs() - 0.5 * length_x).max(0.0);
-                let y = (image.y.abs() - 0.5 * length_y).max(0.0);
+                let image = lattice.translation([m, n]);
+                // Nearest point of the box of all folded separations.
+                let [x, y, _] = lattice.in_frame(&image);
+                let x = (x.abs() - 0.5 * length_x).max(0.0);
+                let y = (y.abs() - 0.5 * length_y).max(0.0);
                 if x * x + y * y < self.cut_off_square {
                     self.images.push(image);
                 }
@@ -276,17 +275,14 @@ impl RealSpace {
     )]
     #[inline(always)]
     pub(crate) fn column(&self, centres: &[Vec2], j: usize, sums: &mut [Lanes]) {
-        let [length_x, length_y, offset] = self.cell;
-        let (inverse_x, inverse_y) = (1.0 / length_x, 1.0 / length_y);
+        let Some(lattice) = &self.lattice else {
+            return;
+        };
         let layers = self.tables.len();
         let centre = centres[j];
         let (mut squares, mut xs, mut ys) = ([0.0; NEAR], [0.0; NEAR], [0.0; NEAR]);
         for (x, sums) in centres[j + 1..].iter().zip(sums.chunks_exact_mut(layers)) {
-            let mut d = x - centre;
-            let n = (d.y * inverse_y).round_ties_even();
-            d.x -= n * offset;
-            d.y -= n * length_y;
-            d.x -= (d.x * inverse_x).round_ties_even() * length_x;
+            let (d, _) = lattice.fold(x - centre);
             sums.fill([0.0; LANES]);
             for images in self.images.chunks(NEAR) {
                 // Those within the cut-off first, without branches.

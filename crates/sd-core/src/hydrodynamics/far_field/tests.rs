@@ -4,6 +4,7 @@ use super::unbounded::self_mobility;
 use super::*;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
+use crate::space::cell::Lattice;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -374,15 +375,11 @@ fn large_cells_tend_to_unbounded_fluid() {
 
 #[test]
 fn choice_of_images_is_immaterial() {
-    let sides = Vec2::new(8.0, 7.0);
     let (_, centres, radii) = three();
     for radii in [vec![1.0; 3], radii] {
         let at = |offset: f64, centres: &[Vec2]| {
-            let cell = Cell::Periodic {
-                sides,
-                offset,
-                cross_offset: 0.0,
-            };
+            let vectors = [Vec2::new(8.0, 0.0), Vec2::new(offset, 7.0)];
+            let cell = Cell::Periodic(Lattice::new(&vectors).unwrap());
             mobility(
                 &mut FarField::new(&cell, &radii, 1e-12).unwrap(),
                 &cell,
@@ -392,6 +389,9 @@ fn choice_of_images_is_immaterial() {
         assert!(difference(&at(-4.0, &centres), &at(4.0, &centres)) < 1e-12);
         assert!(difference(&at(0.0, &centres), &at(8.0, &centres)) < 1e-12);
         let base = at(1.7, &centres);
+        let sheared = Cell::periodic(Vec2::new(8.0, 7.0), 1.7).unwrap();
+        let mut far_field = FarField::new(&sheared, &radii, 1e-12).unwrap();
+        assert!(difference(&mobility(&mut far_field, &sheared, &centres), &base) < 1e-12);
         let moved = [
             centres[0] + Vec2::new(-3.0 * 8.0, 0.0),
             centres[1] + Vec2::new(2.0 * 1.7 + 8.0, 14.0),
@@ -472,7 +472,7 @@ fn bad_input_is_refused() {
     assert!(matches!(
         far_field.fill(&Cell::Unbounded, &centres, &mut m),
         Err(Error::OutOfRange {
-            field: "cell[0]",
+            field: "area of the cell",
             ..
         })
     ));

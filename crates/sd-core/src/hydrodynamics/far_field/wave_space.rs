@@ -12,7 +12,7 @@
 use super::kernels::{self, LANES, Lanes, RADIAL};
 use crate::linalg::dense::{Matrix, product};
 use crate::linalg::simd::vectorised;
-use crate::space::cell::Cell;
+use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -141,12 +141,12 @@ impl WaveSpace {
         if self.equal.is_some() { 1 } else { 2 }
     }
 
-    /// Sets the cell and the centres; returns the sum at separation 0.
-    pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> [Lanes; 2] {
-        let Cell::Periodic { sides, offset, .. } = *cell else {
+    /// Sets the lattice and the centres; returns the sum at separation 0.
+    pub(crate) fn update(&mut self, lattice: &Lattice, centres: &[Vec2]) -> [Lanes; 2] {
+        let &[length_x, length_y] = lattice.lengths() else {
             return [[0.0; LANES]; 2];
         };
-        let [length_x, length_y] = sides.into();
+        let offset = lattice.offset();
         let first = 2.0 * PI / length_x;
         let second = 2.0 * PI / length_y;
         #[expect(
@@ -178,19 +178,8 @@ impl WaveSpace {
                 highest = highest.max(n.unsigned_abs() as usize);
             }
         }
-        let sums = self.fill_weights(
-            first,
-            second,
-            offset / length_x,
-            2.0 / (length_x * length_y),
-        );
-        let waves = Waves {
-            length: [length_x, length_y],
-            offset,
-            columns,
-            rows: highest,
-        };
-        self.fill_phases(centres, &waves);
+        let sums = self.fill_weights(first, second, lattice);
+        self.fill_phases(centres, lattice, [columns, highest]);
         sums
     }
 
@@ -221,14 +210,17 @@ impl WaveSpace {
     }
 
     /// Weights of all wave vectors; returns their sum.
-    fn fill_weights(&mut self, first: f64, second: f64, skew: f64, factor: f64) -> [Lanes; 2] {
+    fn fill_weights(&mut self, first: f64, second: f64, lattice: &Lattice) -> [Lanes; 2] {
+        let skew = lattice.offset() / lattice.lengths()[0];
+        let factor = 2.0 / lattice.content();
         let count = self.vectors.len();
         let layers = self.layers();
         self.even.reshape(count, EVEN.len() * layers);
         self.odd.reshape(count, ODD.len() * layers);
         let mut sums = [[0.0; LANES]; 2];
         for (row, &(m, n)) in self.vectors.iter().enumerate() {
-            let k = Vec2::new(first * m as f64, second * (f64::from(n) - m as f64 * skew));
+            let across = second * (f64::from(n) - m as f64 * skew);
+            let k = lattice.out_of_frame([first * m as f64, across, 0.0]);
             let mut weights = weights(k, self.alpha);
             if let Some(factors) = &self.equal {
                 weights[0] = kernels::finite_size(&weights[0], &weights[1], factors);
@@ -248,16 +240,16 @@ impl WaveSpace {
     }
 
     /// cos and sin of k·x for every sphere and wave vector, by products of powers.
-    fn fill_phases(&mut self, centres: &[Vec2], waves: &Waves) {
+    /// `most`: largest multiples of the two reciprocal vectors, the second of either sign.
+    fn fill_phases(&mut self, centres: &[Vec2], lattice: &Lattice, most: [usize; 2]) {
         let n = centres.len();
-        self.powers_x.reshape(n, 2 * (waves.columns + 1));
-        self.powers_y.reshape(n, 2 * (waves.rows + 1));
+        self.powers_x.reshape(n, 2 * (most[0] + 1));
+        self.powers_y.reshape(n, 2 * (most[1] + 1));
         for (i, x) in centres.iter().enumerate() {
-            let y_fraction = x.y / waves.length[1];
-            let x_fraction = (x.x - y_fraction * waves.offset) / waves.length[0];
+            let [x_fraction, y_fraction, _] = lattice.coordinates(x);
             for (powers, fraction, highest) in [
-                (&mut self.powers_x, x_fraction, waves.columns),
-                (&mut self.powers_y, y_fraction, waves.rows),
+                (&mut self.powers_x, x_fraction, most[0]),
+                (&mut self.powers_y, y_fraction, most[1]),
             ] {
                 let (s, c) = (2.0 * PI * (fraction - fraction.floor())).sin_cos();
                 let (mut re, mut im) = (1.0, 0.0);
@@ -324,14 +316,4 @@ impl WaveSpace {
         product(&sums.cosines, &self.even, &mut sums.even);
         product(&sums.sines, &self.odd, &mut sums.odd);
     }
-}
-
-/// Shape of the set of wave vectors.
-struct Waves {
-    length: [f64; 2],
-    offset: f64,
-    /// Largest multiple of the first reciprocal vector.
-    columns: usize,
-    /// Largest multiple of the second, either sign.
-    rows: usize,
 }

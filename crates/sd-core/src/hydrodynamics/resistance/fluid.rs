@@ -77,7 +77,7 @@ pub trait FarMatrix<S: Fluid>: Sized {
     /// Accuracy of the periodic sums unless said otherwise.
     const TOLERANCE: f64;
 
-    /// Workspace for spheres in cells of the given sides.
+    /// Workspace for spheres in cells of the given area or volume.
     ///
     /// # Errors
     /// A radius or tolerance out of range.
@@ -103,7 +103,7 @@ pub trait FarMatrix<S: Fluid>: Sized {
 
 /// The mobility of the far field by its products.
 pub trait FarProduct<S: Fluid>: Sized {
-    /// Plans for cells of the given sides.
+    /// Plans for cells of the given area or volume.
     ///
     /// # Errors
     /// A radius or tolerance out of range, or unbounded fluid.
@@ -112,7 +112,7 @@ pub trait FarProduct<S: Fluid>: Sized {
     /// Sets new positions.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area or volume.
     fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error>;
 
     /// `y ← M x` for one or several motions in sequence, each strains first.

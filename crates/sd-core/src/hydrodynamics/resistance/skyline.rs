@@ -113,10 +113,9 @@ impl<S: Space> Order<S> {
             self.ends[place] = S::MODES * (place + 1);
         }
         self.tail = S::MODES * centres.len();
-        let half = match *cell {
-            Cell::Unbounded => f64::INFINITY,
-            Cell::Periodic { sides, .. } => 0.5 * sides[1],
-        };
+        let half = cell
+            .lattice()
+            .map_or(f64::INFINITY, |lattice| 0.5 * lattice.lengths()[1]);
         for pair in pairs {
             let (i, j) = (self.rows[pair.i], self.rows[pair.j]);
             let (lower, upper) = (i.min(j), i.max(j));

@@ -162,14 +162,7 @@ impl<S: Started> Simulation<S> {
 
     /// Fills in the frame at the stage solved last.
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
-        let (offset, cross_offset) = match self.cell_at(stage.time) {
-            Ok(Cell::Periodic {
-                offset,
-                cross_offset,
-                ..
-            }) => (offset, cross_offset),
-            Ok(Cell::Unbounded) | Err(_) => (0.0, 0.0),
-        };
+        let cell = self.cell_at(stage.time).unwrap_or(Cell::Unbounded);
         // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.strain();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
@@ -185,8 +178,8 @@ impl<S: Started> Simulation<S> {
         let frame = Frame {
             strain: stage.time,
             side: self.side,
-            offset,
-            cross_offset,
+            offset: cell.offset(),
+            cross_offset: cell.cross_offset(),
             radii: self.solver.resistance.radii().to_vec(),
             centres: centres.iter().map(S::point).collect(),
             unwrapped: self

@@ -9,6 +9,7 @@ use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::run::started::Started;
 use crate::run::steppers::Stage;
+use crate::space::ImposedFlow as _;
 use crate::stress::{ContactCounts, Stress};
 
 /// What a step records.
@@ -56,8 +57,9 @@ impl<S: Started> Simulation<S> {
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
-        let stress = self.stress.stress(&self.solver, &self.background, content);
-        stress.along(self.params.direction)
+        let primary = S::Background::simple_shear(self.params.direction);
+        let flow = &self.background;
+        self.stress.stress(&self.solver, flow, &primary, content)
     }
 
     /// Records a stage of the current step before its sample: at the first stage the smallest gap.

@@ -90,13 +90,9 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
             format!("pairs of sphere numbers below {n}"),
         );
     };
-    let offset = match cell {
-        Cell::Periodic { offset, .. } => offset,
-        Cell::Unbounded => 0.0,
-    };
     Ok(StartLayer {
         side,
-        offset,
+        offset: cell.offset(),
         orientations: order
             .iter()
             .map(|&sphere| given.orientations[sphere])

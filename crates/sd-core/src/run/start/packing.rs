@@ -143,12 +143,12 @@ impl<S: Space> Packing<S> {
 
     /// Places every sphere at random.
     fn scatter(&mut self, random: &mut impl Rng) {
-        let Cell::Periodic { sides, .. } = self.cell else {
+        let Cell::Periodic(lattice) = self.cell else {
             return;
         };
         for x in &mut self.centres {
-            for k in 0..S::DIMENSIONS {
-                x[k] = random.random::<f64>() * sides[k];
+            for (k, length) in lattice.lengths().iter().enumerate() {
+                x[k] = random.random::<f64>() * length;
             }
         }
     }

@@ -11,20 +11,21 @@
 use super::kernels::{couplings, finite_size, pair_mobility, self_mobility};
 use crate::error::Error;
 use crate::hydrodynamics::far_field::check;
+use crate::hydrodynamics::far_field::grid::axis::highest;
 use crate::hydrodynamics::far_field::kernels::FiniteSize;
 use crate::hydrodynamics::far_field::unbounded::{RadialChain, self_mobility as planar_self};
 use crate::hydrodynamics::two_sphere::{Coupling, MODES};
 use crate::linalg::dense::{Matrix, add_outer};
 use crate::linalg::simd::vectorised;
 use crate::space::Bulk;
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, Lattice};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Columns of the wave sum that are multiplied together.
 const BATCH: usize = 256;
 
-/// The grand mobility of spheres, planned for a cell's sides, radii and tolerance.
+/// The grand mobility of spheres, planned for a cell's volume, radii and tolerance.
 #[derive(Debug)]
 pub(crate) struct DenseMobility {
     radii: Vec<f64>,
@@ -101,48 +102,11 @@ pub(super) fn transform(square: f64, alpha: f64) -> f64 {
     (1.0 + w * (1.0 + 2.0 * w)) * (-w).exp() / square
 }
 
-/// A periodic cell.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lattice {
-    /// Sides, in a.
-    pub(super) sides: Vector3<f64>,
-    /// Shifts of the images above in y along x and along z, in a.
-    pub(super) offsets: [f64; 2],
-}
-
-impl Lattice {
-    /// The sides and shifts of a cell; `None` for unbounded fluid.
-    pub(super) fn of(cell: &Cell<Bulk>) -> Option<Self> {
-        match *cell {
-            Cell::Unbounded => None,
-            Cell::Periodic {
-                sides,
-                offset,
-                cross_offset,
-            } => Some(Self {
-                sides,
-                offsets: [offset, cross_offset],
-            }),
-        }
-    }
-
-    /// Wave vector of wave numbers: the second one is (k_y L_y + k_x offset + k_z cross offset)/2π.
-    fn wave_vector(&self, numbers: [i32; 3]) -> Vector3<f64> {
-        let (sides, [offset, cross_offset]) = (&self.sides, self.offsets);
-        let [m, n, l] = numbers.map(f64::from);
-        Vector3::new(
-            m / sides.x,
-            (n - m * offset / sides.x - l * cross_offset / sides.z) / sides.y,
-            l / sides.z,
-        ) * (2.0 * PI)
-    }
-}
-
 impl DenseMobility {
     /// Accuracy of the periodic sums, relative to the largest entry of M.
     pub(crate) const TOLERANCE: f64 = 1e-9;
 
-    /// Plans the sums for cells of these sides and any offset.
+    /// Plans the sums for cells of this volume.
     ///
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance.
@@ -212,9 +176,9 @@ impl DenseMobility {
             });
         }
         mobility.reset(MODES * n, MODES * n);
-        if let (Some(lattice), Some(splitting)) = (Lattice::of(cell), self.splitting) {
-            self.add_waves(&splitting, &lattice, centres, mobility);
-            self.add_images(&splitting, &lattice, centres, mobility);
+        if let (Cell::Periodic(lattice), Some(splitting)) = (cell, self.splitting) {
+            self.add_waves(&splitting, lattice, centres, mobility);
+            self.add_images(&splitting, lattice, centres, mobility);
             return Ok(());
         }
         for i in 0..n {
@@ -235,7 +199,7 @@ impl DenseMobility {
     fn add_images(
         &self,
         splitting: &Splitting,
-        lattice: &Lattice,
+        lattice: &Lattice<Bulk>,
         centres: &[Vector3<f64>],
         mobility: &mut Matrix,
     ) {
@@ -267,12 +231,12 @@ impl DenseMobility {
     fn add_waves(
         &mut self,
         splitting: &Splitting,
-        lattice: &Lattice,
+        lattice: &Lattice<Bulk>,
         centres: &[Vector3<f64>],
         mobility: &mut Matrix,
     ) {
         let n = centres.len();
-        let volume = lattice.sides.product();
+        let volume = lattice.content();
         let [left, right] = &mut self.waves;
         for matrix in [&mut *left, &mut *right] {
             matrix.reset(MODES * n, BATCH);
@@ -333,7 +297,7 @@ fn unbounded_less(alone: &Coupling, image: &Coupling) -> Coupling {
 /// All images of a separation that are shorter than a distance.
 pub(super) fn images(
     separation: Vector3<f64>,
-    lattice: &Lattice,
+    lattice: &Lattice<Bulk>,
     reach: f64,
 ) -> impl Iterator<Item = Vector3<f64>> {
     let range = |x: f64, side: f64, reach: f64| {
@@ -344,41 +308,39 @@ pub(super) fn images(
         );
         first..=last
     };
-    let Lattice {
-        sides,
-        offsets: [offset, cross_offset],
-    } = *lattice;
-    let rows = range(separation.y, sides.y, reach);
+    let lattice = *lattice;
+    let [length, above, depth] = lattice.lengths_in_frame();
+    let [first, second, third] = lattice.in_frame(&separation);
+    let rows = range(second, above, reach);
     let most = rows.start().abs().max(rows.end().abs());
-    let shifted = f64::from(most) * cross_offset.abs();
-    range(separation.z, sides.z, reach + shifted).flat_map(move |l| {
+    let shifted = f64::from(most) * lattice.cross_offset().abs();
+    range(third, depth, reach + shifted).flat_map(move |l| {
         rows.clone().flat_map(move |n| {
-            let x = separation
-                + Vector3::new(
-                    f64::from(n) * offset,
-                    f64::from(n) * sides.y,
-                    f64::from(l) * sides.z + f64::from(n) * cross_offset,
-                );
-            range(x.x, sides.x, reach)
-                .map(move |m| x + Vector3::new(f64::from(m) * sides.x, 0.0, 0.0))
+            let (n, l) = (f64::from(n), f64::from(l));
+            let x = first + (n * lattice.offset() + l * lattice.tilt());
+            let y = second + n * above;
+            let z = third + (l * depth + n * lattice.cross_offset());
+            range(x, length, reach)
+                .map(move |m| lattice.out_of_frame([x + f64::from(m) * length, y, z]))
                 .filter(move |x| x.norm_squared() < reach * reach)
         })
     })
 }
 
 /// One of each pair of wave vectors k, −k up to a wave number, without 0.
-fn half_waves(lattice: &Lattice, cut_off: f64) -> impl Iterator<Item = Vector3<f64>> {
-    #[expect(clippy::cast_possible_truncation, reason = "a sum that can be made")]
-    let highest = |side: f64| (cut_off * side / (2.0 * PI)).floor() as i32;
+fn half_waves(lattice: &Lattice<Bulk>, cut_off: f64) -> impl Iterator<Item = Vector3<f64>> {
     let lattice = *lattice;
-    let (sides, [offset, cross_offset]) = (lattice.sides, lattice.offsets);
-    let above = sides.y.hypot(offset).hypot(cross_offset);
-    let [m, n, l] = [sides.x, above, sides.z].map(highest);
+    let lengths = lattice.reduced_vectors().iter().map(Vector3::norm);
+    let mut most = [0; 3];
+    for (most, length) in most.iter_mut().zip(lengths) {
+        *most = highest(length, cut_off).cast_signed();
+    }
+    let [m, n, l] = most;
     (0..=m).flat_map(move |m| {
         (-n..=n).flat_map(move |n| {
             (-l..=l)
                 .filter(move |&l| (m, n, l) > (0, 0, 0))
-                .map(move |l| lattice.wave_vector([m, n, l]))
+                .map(move |l| lattice.wave_vector([m, n, l].map(|x| x as f64)))
                 .filter(move |k| k.norm_squared() <= cut_off * cut_off)
         })
     })

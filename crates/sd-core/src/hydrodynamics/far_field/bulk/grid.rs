@@ -9,20 +9,22 @@
 //! Window, its transform and its derivative are those of the layer's grid; reading is the transpose
 //! of writing.
 
-use super::dense::{Lattice, transform};
+use super::dense::transform;
 use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
-use crate::hydrodynamics::far_field::grid::{oversampling, pack, split};
+use crate::hydrodynamics::far_field::grid::{fit, oversampling, pack, split};
 use crate::hydrodynamics::far_field::kernels::FiniteSize;
 use crate::hydrodynamics::two_sphere::Modes;
 use crate::linalg::simd::vectorised;
+use crate::space::Bulk;
+use crate::space::cell::Lattice;
 use nalgebra::Vector3;
 use rustfft::num_complex::Complex64;
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Lines of the grid transformed together.
 const LINES: usize = 8;
 
-/// The wave part, planned for a cell's sides, radii, splitting parameter and cut-off.
+/// The wave part, planned for radii, a splitting parameter and a cut-off.
 pub(super) struct Grid {
     /// Splitting parameter α, in 1/a.
     alpha: f64,
@@ -32,7 +34,7 @@ pub(super) struct Grid {
     oversampling: f64,
     /// The three lattice coordinates.
     axes: [Axis; 3],
-    lattice: Lattice,
+    lattice: Option<Lattice<Bulk>>,
     windows: Vec<[Window; 3]>,
     /// γ over the windows' transforms; zero beyond the cut-off.
     kernel: Vec<f64>,
@@ -46,27 +48,24 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Makes a plan for cells of these sides and any offsets; `tolerance`: of M, relative to its
+    /// Makes a plan for a lattice and all that it becomes; `tolerance`: of M, relative to its
     /// largest entry.
     pub(super) fn new(
-        sides: Vector3<f64>,
+        lattice: &Lattice<Bulk>,
         sizes: &[FiniteSize],
         alpha: f64,
         cut_off: f64,
         tolerance: f64,
     ) -> Self {
         let oversampling = oversampling(tolerance);
-        let (axes, scratch) = plan_axes(lengths(&sides, false), cut_off, oversampling);
+        let (axes, scratch) = plan_axes(lattice.wave_lengths(), cut_off, oversampling);
         let mut grid = Self {
             alpha,
             cut_off,
             sizes: sizes.to_vec(),
             oversampling,
             axes,
-            lattice: Lattice {
-                sides,
-                offsets: [f64::NAN, 0.0],
-            },
+            lattice: None,
             windows: Vec::with_capacity(sizes.len()),
             kernel: Vec::new(),
             values: Vec::new(),
@@ -89,41 +88,28 @@ impl Grid {
         self.scratch.resize(scratch, zero);
     }
 
-    /// Sets the offsets and the centres for the next applications.
-    pub(super) fn update(&mut self, offsets: [f64; 2], centres: &[Vector3<f64>]) {
-        let old = std::mem::replace(&mut self.lattice.offsets, offsets);
-        // The plan depends only on the cell, not on earlier ones, so a resumed run has the same
-        // bits.
-        let is_crossed = offsets[1] != 0.0;
-        if is_crossed != (old[1] != 0.0) {
-            let lengths = lengths(&self.lattice.sides, is_crossed);
-            let scratch;
-            (self.axes, scratch) = plan_axes(lengths, self.cut_off, self.oversampling);
-            self.make_room(scratch);
-            self.fill_kernel();
-        } else if old.map(f64::to_bits) != offsets.map(f64::to_bits) {
-            self.fill_kernel();
+    /// Sets the lattice and the centres for the next applications.
+    pub(super) fn update(&mut self, lattice: &Lattice<Bulk>, centres: &[Vector3<f64>]) {
+        if self.lattice != Some(*lattice) {
+            self.lattice = Some(*lattice);
+            // The plan depends only on the lattice, not on earlier ones, so a resumed run has the
+            // same bits.
+            let lengths = lattice.wave_lengths();
+            if !fit(lengths, self.cut_off, &self.axes) {
+                let scratch;
+                (self.axes, scratch) = plan_axes(lengths, self.cut_off, self.oversampling);
+                self.make_room(scratch);
+            }
+            self.fill_kernel(lattice);
         }
-        let Self {
-            windows,
-            axes,
-            lattice,
-            ..
-        } = self;
-        let (sides, [offset, cross_offset]) = (lattice.sides, lattice.offsets);
+        let Self { windows, axes, .. } = self;
         windows.clear();
         vectorised(
             #[inline(always)]
             || {
                 for x in centres {
-                    let second = x.y / sides.y;
-                    let first = (x.x - second * offset) / sides.x;
-                    let third = (x.z - second * cross_offset) / sides.z;
-                    windows.push([
-                        axes[0].window(first),
-                        axes[1].window(second),
-                        axes[2].window(third),
-                    ]);
+                    let coordinates = lattice.coordinates(x);
+                    windows.push([0, 1, 2].map(|k| axes[k].window(coordinates[k])));
                 }
             },
         );
@@ -131,12 +117,12 @@ impl Grid {
 
     /// Calls `visit` with the index of every kept wave vector, that of its opposite, and the wave
     /// vector, once per pair.
-    fn for_waves(&self, mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3])) {
+    fn for_waves(
+        &self,
+        lattice: &Lattice<Bulk>,
+        mut visit: impl FnMut(usize, usize, Vector3<f64>, [usize; 3]),
+    ) {
         let highest = [0, 1, 2].map(|k| self.axes[k].highest.cast_signed());
-        let Lattice {
-            sides,
-            offsets: [offset, cross_offset],
-        } = self.lattice;
         let place = |m: isize, n: isize, l: isize| {
             let [x, y, z] =
                 [(0, m), (1, n), (2, l)].map(|(axis, wave)| self.axes[axis].index(wave));
@@ -148,9 +134,7 @@ impl Grid {
                     if m == 0 && (n, l) <= (0, 0) {
                         continue;
                     }
-                    let (x, y, z) = (m as f64 / sides.x, n as f64, l as f64 / sides.z);
-                    let across = (y - x * offset - z * cross_offset) / sides.y;
-                    let k = Vector3::new(x, across, z) * (2.0 * PI);
+                    let k = lattice.wave_vector([m, n, l].map(|x| x as f64));
                     if k.norm_squared() <= self.cut_off * self.cut_off {
                         let numbers = [m, n, l].map(isize::unsigned_abs);
                         visit(place(m, n, l), place(-m, -n, -l), k, numbers);
@@ -160,12 +144,12 @@ impl Grid {
         }
     }
 
-    /// The transforms of the kernel at these offsets.
-    fn fill_kernel(&mut self) {
+    /// The transforms of the kernel on a lattice.
+    fn fill_kernel(&mut self, lattice: &Lattice<Bulk>) {
         let mut kernel = std::mem::take(&mut self.kernel);
         kernel.fill(0.0);
-        let volume = self.lattice.sides.product();
-        self.for_waves(|here, there, k, numbers| {
+        let volume = lattice.content();
+        self.for_waves(lattice, |here, there, k, numbers| {
             let window: f64 = (0..3)
                 .map(|axis| self.axes[axis].correction[numbers[axis]])
                 .product();
@@ -197,13 +181,11 @@ impl Grid {
     /// Derivatives of the lattice coordinates: row c holds the components of `∂_c` along
     /// `∂_X, ∂_Y, ∂_Z`.
     fn slopes(&self) -> [[f64; 3]; 3] {
-        let [x, y, z] = [0, 1, 2].map(|k| self.lattice.sides[k].recip());
-        let [offset, cross_offset] = self.lattice.offsets;
-        [
-            [x, 0.0, 0.0],
-            [-offset * x * y, y, -cross_offset * y * z],
-            [0.0, 0.0, z],
-        ]
+        let Some(lattice) = &self.lattice else {
+            return [[0.0; 3]; 3];
+        };
+        let reciprocal = lattice.reciprocal();
+        [0, 1, 2].map(|c| reciprocal.map(|b| b[c]))
     }
 
     /// Spreads the sources over the grid.
@@ -310,13 +292,16 @@ impl Grid {
 
     /// Computes u and v of every wave vector from P and Q.
     fn multiply(&mut self) {
+        let Some(lattice) = self.lattice else {
+            return;
+        };
         let mut values = std::mem::take(&mut self.values);
         for (value, &gamma) in values.iter_mut().zip(&self.kernel) {
             if gamma == 0.0 {
                 *value = [Complex64::new(0.0, 0.0); 3];
             }
         }
-        self.for_waves(|here, there, k, _| {
+        self.for_waves(&lattice, |here, there, k, _| {
             let gamma = self.kernel[here];
             let square = k.norm_squared();
             let fields = [0, 1, 2].map(|c| split(values[here][c], values[there][c]));
@@ -394,18 +379,6 @@ impl Grid {
             }
         }
     }
-}
-
-/// Lengths of the lattice coordinates: a wave vector k has at most k·length/2π waves along each.
-/// Offsets are at most half a side.
-fn lengths(sides: &Vector3<f64>, is_crossed: bool) -> [f64; 3] {
-    let above = sides.y.hypot(0.5 * sides.x);
-    let above = if is_crossed {
-        above.hypot(0.5 * sides.z)
-    } else {
-        above
-    };
-    [sides.x, above, sides.z]
 }
 
 /// Dipole of a stresslet in components.

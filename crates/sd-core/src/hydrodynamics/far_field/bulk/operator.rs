@@ -3,17 +3,17 @@
 //! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes
 //! through a grid.
 
-use super::dense::{Lattice, Splitting, images};
+use super::dense::{Splitting, images};
 use super::grid::Grid;
 use super::kernels::{couplings, finite_size, self_mobility};
 use crate::error::Error;
-use crate::hydrodynamics::far_field::check;
 use crate::hydrodynamics::far_field::kernels::FiniteSize;
 use crate::hydrodynamics::far_field::unbounded::RadialChain;
+use crate::hydrodynamics::far_field::{check, check_content};
 use crate::hydrodynamics::two_sphere::{Coupling, Modes};
 use crate::linalg::simd::vectorised;
 use crate::space::Bulk;
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, Lattice};
 use crate::space::neighbours::NeighbourList;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -30,11 +30,12 @@ struct NearPair {
     coupling: Coupling,
 }
 
-/// The periodic mobility, planned for a cell's sides, radii and tolerance; applied at the positions
+/// The periodic mobility, planned for a cell's volume, radii and tolerance; applied at the positions
 /// last given.
 pub(crate) struct MobilityOperator {
     sizes: Vec<FiniteSize>,
-    sides: Vector3<f64>,
+    /// Volume of the cell that was planned for, in a³.
+    volume: f64,
     splitting: Splitting,
     grid: Grid,
     list: NeighbourList<Bulk>,
@@ -49,7 +50,8 @@ impl MobilityOperator {
     /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
-    /// - `cell`: periodic; its offsets may differ in every call of [`MobilityOperator::update`].
+    /// - `cell`: periodic; may differ in every call of [`MobilityOperator::update`], if its volume
+    ///   stays the same.
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3.
     ///
@@ -86,14 +88,9 @@ impl MobilityOperator {
         alpha: f64,
     ) -> Result<Self, Error> {
         check(radii, tolerance)?;
-        let Cell::Periodic { sides, .. } = *cell else {
-            return Err(Error::OutOfRange {
-                field: "cell",
-                value: f64::INFINITY,
-                allowed: "periodic",
-            });
-        };
-        let splitting = Splitting::new(alpha, sides.product(), radii, tolerance);
+        let lattice = periodic(cell)?;
+        let volume = lattice.content();
+        let splitting = Splitting::new(alpha, volume, radii, tolerance);
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let image = couplings(&RadialChain::own_image(splitting.alpha));
         let own = sizes
@@ -110,9 +107,9 @@ impl MobilityOperator {
             })
             .collect();
         Ok(Self {
-            grid: Grid::new(sides, &sizes, splitting.alpha, splitting.wave, tolerance),
+            grid: Grid::new(lattice, &sizes, splitting.alpha, splitting.wave, tolerance),
             sizes,
-            sides,
+            volume,
             splitting,
             list: NeighbourList::default(),
             units: vec![1.0; radii.len()],
@@ -121,16 +118,16 @@ impl MobilityOperator {
         })
     }
 
-    /// Whether the range of near pairs is less than half of every side, so that no sphere has two
-    /// images of another in range.
-    pub(super) fn reaches_one_image(&self) -> bool {
-        self.splitting.distance < 0.499 * self.sides.min()
+    /// Whether the range of near pairs is less than half of every side, or half the shortest lattice
+    /// vector, so that no sphere has two images of another in range.
+    pub(super) fn reaches_one_image(&self, lattice: &Lattice<Bulk>) -> bool {
+        self.splitting.distance < 0.998 * lattice.reach()
     }
 
     /// Sets new positions.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another volume.
     pub(crate) fn update(
         &mut self,
         cell: &Cell<Bulk>,
@@ -143,16 +140,11 @@ impl MobilityOperator {
                 expected: self.sizes.len(),
             });
         }
-        let Some(lattice) = Lattice::of(cell).filter(|lattice| lattice.sides == self.sides) else {
-            return Err(Error::OutOfRange {
-                field: "cell",
-                value: self.sides.x,
-                allowed: "of the sides the far field was planned for",
-            });
-        };
-        self.grid.update(lattice.offsets, centres);
+        check_content(cell, Some(self.volume))?;
+        let lattice = periodic(cell)?;
+        self.grid.update(lattice, centres);
         self.pairs.clear();
-        if self.reaches_one_image() {
+        if self.reaches_one_image(lattice) {
             self.list
                 .find(cell, centres, &self.units, self.splitting.distance);
             for k in 0..self.list.pairs().len() {
@@ -167,7 +159,7 @@ impl MobilityOperator {
         for i in 0..centres.len() {
             for j in i..centres.len() {
                 let separation = centres[i] - centres[j];
-                for x in images(separation, &lattice, reach) {
+                for x in images(separation, lattice, reach) {
                     // Of the images of a sphere itself, each pair of opposite ones once.
                     if i != j || (x.z, x.y, x.x) > (0.0, 0.0, 0.0) {
                         self.add_pair(i, j, &x);
@@ -210,4 +202,13 @@ impl MobilityOperator {
         );
         self.grid.add(x, y);
     }
+}
+
+/// The lattice of a periodic cell.
+fn periodic(cell: &Cell<Bulk>) -> Result<&Lattice<Bulk>, Error> {
+    cell.lattice().ok_or(Error::OutOfRange {
+        field: "cell",
+        value: f64::INFINITY,
+        allowed: "periodic",
+    })
 }

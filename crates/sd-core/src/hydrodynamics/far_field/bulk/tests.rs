@@ -4,7 +4,7 @@ use super::*;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::dense::Matrix;
 use crate::space::Bulk;
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, Lattice};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -65,20 +65,9 @@ fn planned_tolerance_is_met() {
 fn images_of_one_lattice_are_one_whatever_cell_spans_it() {
     let (cell, centres, radii) = sheared();
     let expected = filled(&cell, &centres, &radii, 0.5);
-    // A whole strain later, which is not wrapped here, and with spheres moved to other images.
-    let Cell::Periodic {
-        sides,
-        offset,
-        cross_offset,
-    } = cell
-    else {
-        unreachable!()
-    };
-    let later = Cell::Periodic {
-        sides,
-        offset: offset + sides.x,
-        cross_offset: cross_offset - sides.z,
-    };
+    // Other vectors of the lattice, and spheres moved to other images.
+    let vectors = [[1, 0, 0], [1, 1, -1], [-2, 0, 1]].map(|image| cell.image_vector(image));
+    let later = Cell::Periodic(Lattice::new(&vectors).unwrap());
     let moved: Vec<_> = centres
         .iter()
         .zip([[1, 0, 2], [0, 1, 1], [-1, 2, 0]])
@@ -214,7 +203,10 @@ fn operator_is_the_dense_mobility() {
             Some(alpha) => MobilityOperator::with_splitting(&plain, &radii, tolerance, alpha),
         };
         let mut operator = operator.unwrap();
-        assert_eq!(operator.reaches_one_image(), alpha.is_some());
+        assert_eq!(
+            operator.reaches_one_image(plain.lattice().unwrap()),
+            alpha.is_some()
+        );
         // One plan serves cells of any offsets.
         for (cell, exact) in &cells {
             let worst = error_of(&mut operator, cell, &centres, exact);

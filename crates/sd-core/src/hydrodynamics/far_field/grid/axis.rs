@@ -49,21 +49,25 @@ pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
     oversampling: f64,
 ) -> ([Axis; DIMENSIONS], usize) {
     let mut planner = FftPlanner::new();
-    let axes = lengths.map(|length| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "as many as the plan allows"
-        )]
-        let highest = (cut_off * length / (2.0 * PI)).floor() as usize;
-        Axis::new(highest, oversampling, &mut planner)
-    });
+    let axes =
+        lengths.map(|length| Axis::new(highest(length, cut_off), oversampling, &mut planner));
     let scratch = axes
         .iter()
         .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
         .max()
         .unwrap_or(0);
     (axes, scratch)
+}
+
+/// The largest wave number of wave vectors up to `cut_off` along a lattice vector of that length.
+pub(in crate::hydrodynamics::far_field) fn highest(length: f64, cut_off: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "as many as the plan allows"
+    )]
+    let highest = (cut_off * length / (2.0 * PI)).floor() as usize;
+    highest
 }
 
 impl Axis {
