@@ -2,26 +2,18 @@
 //!
 //! It has three read-only routes: the page, its data, and the movie of a run. Requests must name
 //! this machine as their host, so that no other site can read the store through a visitor's browser
-//! (DNS rebinding). A connection carries one request.
+//! (DNS rebinding). A connection carries one request, and a fixed number of threads answers one
+//! connection each; the system queues the others.
 
 use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
 use crate::store::{Store, StoreError, StoreSource};
-use axum::Router;
-use axum::extract::{Path as Segment, Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
-use axum::routing::get;
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
-use std::io;
-use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
-use std::time::Duration;
-use tokio::net::TcpListener;
-use tokio::sync::{Mutex, Semaphore};
-use tokio::time::{Instant, sleep, timeout};
+use crate::system::lock;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::io::{self, Read as _, Write as _};
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// How long an answer about the store is reused.
 const FRESH: Duration = Duration::from_secs(1);
@@ -31,12 +23,14 @@ const FRAMES: usize = 120;
 const CONNECTIONS: usize = 24;
 /// Maximum number of readers of the store; each has a few files open.
 const READERS: usize = 4;
-/// Time for a connection to send its request.
+/// Time for a connection to send its request: an idle one would block others.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(3);
-/// Time for a response; after it the status is 503.
-const RESPONSE_TIMEOUT: Duration = Duration::from_mins(1);
-/// Maximum duration of a connection.
-const VISIT: Duration = Duration::from_mins(2);
+/// Time to wait for other readers; after it the status is 503.
+const READER_TIMEOUT: Duration = Duration::from_mins(1);
+/// Time for a connection to take its response.
+const RESPONSE_TIMEOUT: Duration = Duration::from_mins(2);
+/// Maximum size of the head of a request, in bytes.
+const HEAD_LIMIT: usize = 16 << 10;
 
 /// Errors of the server.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -63,11 +57,30 @@ pub enum ServeError {
     Output(#[from] io::Error),
 }
 
+/// State shared by the threads.
 struct Shared {
     source: StoreSource,
     /// The last data, and when it was read.
     data: Mutex<Option<(Instant, String)>>,
+    /// Number of readers of the store, and the end of one.
+    readers: Mutex<usize>,
+    reader_ended: Condvar,
 }
+
+/// A response: its status, the type of its content, and its content.
+type Response = (Status, &'static str, String);
+
+/// A status with its text.
+type Status = (u16, &'static str);
+
+const OK: Status = (200, "OK");
+const BAD_REQUEST: Status = (400, "Bad Request");
+const NOT_FOUND: Status = (404, "Not Found");
+const METHOD_NOT_ALLOWED: Status = (405, "Method Not Allowed");
+const MISDIRECTED: Status = (421, "Misdirected Request");
+const UNAVAILABLE: Status = (503, "Service Unavailable");
+
+const TEXT: &str = "text/plain; charset=utf-8";
 
 /// Serves the page of a store at an address until a signal; calls `ready` with the address.
 ///
@@ -84,75 +97,151 @@ pub(crate) fn serve(
             reason: error.to_string(),
         }
     };
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .max_blocking_threads(READERS)
-        .build()
-        .map_err(start("a server"))?;
-    let result = runtime.block_on(async {
-        let listener = TcpListener::bind(address)
-            .await
-            .map_err(start("a server at this address (--listen chooses another)"))?;
-        let mut terminate =
-            tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())
-                .map_err(start("listening to signals"))?;
-        ready(listener.local_addr().map_err(start("a server"))?)?;
-        let stopped = async move {
-            tokio::select! {
-                _ = tokio::signal::ctrl_c() => {}
-                _ = terminate.recv() => {}
-            }
-        };
-        // Open connections are closed immediately: the server only reads.
-        tokio::select! {
-            () = accept(listener, routes(source)) => {}
-            () = stopped => {}
-        }
-        Ok(())
-    });
-    // A reader may still wait for the store; it is abandoned.
-    runtime.shutdown_background();
-    result
+    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(start("listening to signals"))?;
+    let listener = TcpListener::bind(address)
+        .map_err(start("a server at this address (--listen chooses another)"))?;
+    let address = listener.local_addr().map_err(start("a server"))?;
+    let shared = Arc::new((
+        listener,
+        Shared {
+            source,
+            data: Mutex::new(None),
+            readers: Mutex::new(0),
+            reader_ended: Condvar::new(),
+        },
+    ));
+    for _ in 0..CONNECTIONS {
+        let shared = Arc::clone(&shared);
+        std::thread::Builder::new()
+            .spawn(move || accept(&shared.0, &shared.1))
+            .map_err(start("a thread of the server"))?;
+    }
+    ready(address)?;
+    // Open connections are closed with the process: the server only reads.
+    signals.forever().next();
+    Ok(())
 }
 
-/// Answers one request per connection, up to the maximum number in parallel; the system queues the
-/// others.
-async fn accept(listener: TcpListener, routes: Router) {
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
-    while let Ok(place) = Arc::clone(&places).acquire_owned().await {
-        let Ok((stream, _)) = listener.accept().await else {
+/// Answers one connection after the other.
+fn accept(listener: &TcpListener, shared: &Shared) {
+    loop {
+        match listener.accept() {
+            // A client that is gone or too slow is of no interest.
+            Ok((stream, _)) => drop(visit(stream, shared)),
             // The process has no free file descriptors until a connection closes.
-            sleep(FRESH).await;
-            continue;
-        };
-        // An idle connection would block one that sends a request.
-        let visit = http1::Builder::new()
-            .keep_alive(false)
-            .timer(TokioTimer::new())
-            .header_read_timeout(REQUEST_TIMEOUT)
-            .serve_connection(
-                TokioIo::new(stream),
-                TowerToHyperService::new(routes.clone()),
-            );
-        tokio::spawn(async move {
-            // One that takes too long is ended.
-            let _ = timeout(VISIT, visit).await;
-            drop(place);
-        });
+            Err(_) => std::thread::sleep(FRESH),
+        }
     }
 }
 
-fn routes(source: StoreSource) -> Router {
-    let shared = Arc::new(Shared {
-        source,
-        data: Mutex::new(None),
-    });
-    Router::new()
-        .route("/", get(send_page))
-        .route("/data.json", get(send_data))
-        .route("/movie/{key}", get(send_movie))
-        .layer(middleware::from_fn(guard))
-        .with_state(shared)
+/// Reads a request and answers it.
+fn visit(mut stream: TcpStream, shared: &Shared) -> io::Result<()> {
+    let head = read_head(&mut stream)?;
+    let head = String::from_utf8_lossy(&head);
+    let (is_head, (status, kind, content)) = match Request::parse(&head) {
+        Ok(request) => (request.method == "HEAD", respond(&request, shared)),
+        Err((status, text)) => (false, (status, TEXT, text.to_owned())),
+    };
+    let mut response = format!(
+        "HTTP/1.1 {} {}\r\ncontent-type: {kind}\r\ncontent-length: {}\r\nconnection: close\r\n\
+         cache-control: no-store\r\nx-content-type-options: nosniff\r\nx-frame-options: DENY\r\n\
+         referrer-policy: no-referrer\r\n\r\n",
+        status.0,
+        status.1,
+        content.len()
+    );
+    if !is_head {
+        response.push_str(&content);
+    }
+    let mut rest = response.as_bytes();
+    let end = Instant::now() + RESPONSE_TIMEOUT;
+    while !rest.is_empty() {
+        stream.set_write_timeout(Some(time_until(end)?))?;
+        let sent = stream.write(rest)?;
+        if sent == 0 {
+            return Err(io::ErrorKind::WriteZero.into());
+        }
+        rest = &rest[sent..];
+    }
+    stream.flush()
+}
+
+/// The time left until an end.
+fn time_until(end: Instant) -> io::Result<Duration> {
+    let left = end.saturating_duration_since(Instant::now());
+    if left.is_zero() {
+        return Err(io::ErrorKind::TimedOut.into());
+    }
+    Ok(left)
+}
+
+/// Reads a request up to the empty line that ends its head.
+fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
+    let end = Instant::now() + REQUEST_TIMEOUT;
+    let mut head = Vec::new();
+    let mut part = [0; 2048];
+    while !head.windows(4).any(|bytes| bytes == b"\r\n\r\n") {
+        stream.set_read_timeout(Some(time_until(end)?))?;
+        let read = stream.read(&mut part)?;
+        if read == 0 || head.len() + read > HEAD_LIMIT {
+            return Err(io::ErrorKind::InvalidData.into());
+        }
+        head.extend_from_slice(&part[..read]);
+    }
+    Ok(head)
+}
+
+/// A request to this machine.
+struct Request<'h> {
+    method: &'h str,
+    path: &'h str,
+}
+
+impl<'h> Request<'h> {
+    /// Reads its head; on a request that must not be answered, the reason.
+    fn parse(head: &'h str) -> Result<Self, (Status, &'static str)> {
+        let mut lines = head.split("\r\n").take_while(|line| !line.is_empty());
+        let mut first = lines.next().unwrap_or_default().split(' ');
+        let (Some(method), Some(target), Some(version), None) =
+            (first.next(), first.next(), first.next(), first.next())
+        else {
+            return Err((BAD_REQUEST, "this is not a request\n"));
+        };
+        if !version.starts_with("HTTP/1.") {
+            return Err((BAD_REQUEST, "this server speaks HTTP/1.1\n"));
+        }
+        let fields = lines.filter_map(|line| line.split_once(':'));
+        let mut hosts = fields.filter(|(name, _)| name.eq_ignore_ascii_case("host"));
+        let (Some((_, host)), None) = (hosts.next(), hosts.next()) else {
+            return Err((
+                BAD_REQUEST,
+                "a request needs one Host header and no second one\n",
+            ));
+        };
+        let host = host.trim();
+        if !is_local_host(host) {
+            return Err((
+                MISDIRECTED,
+                "this server answers to localhost and to addresses only\n",
+            ));
+        }
+        // A proxy writes the whole address.
+        let path = match target.strip_prefix("http://") {
+            None => target,
+            Some(address) => {
+                let (authority, _) = address.split_once('/').unwrap_or((address, ""));
+                if authority != host {
+                    return Err((
+                        BAD_REQUEST,
+                        "the host in the request line is not the one of the Host header\n",
+                    ));
+                }
+                &address[authority.len()..]
+            }
+        };
+        let (path, _) = path.split_once('?').unwrap_or((path, ""));
+        Ok(Self { method, path })
+    }
 }
 
 /// Whether a Host header names this machine: its loopback, or an address rather than a name.
@@ -168,73 +257,92 @@ fn is_local_host(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok()
 }
 
-/// Checks that a request names this machine as its host; otherwise returns the reason for the
-/// refusal.
-fn check_host(request: &Request) -> Result<(), (StatusCode, &'static str)> {
-    let mut hosts = request.headers().get_all(header::HOST).iter();
-    let (Some(host), None) = (hosts.next(), hosts.next()) else {
-        let text = "a request needs one Host header and no second one\n";
-        return Err((StatusCode::BAD_REQUEST, text));
+/// The response to a request.
+fn respond(request: &Request<'_>, shared: &Shared) -> Response {
+    let json = "application/json";
+    let route = match request.path {
+        "/" | "/data.json" => Some(request.path),
+        path => path.strip_prefix("/movie/").filter(|key| !key.is_empty()),
     };
-    if !host.to_str().is_ok_and(is_local_host) {
-        let text = "this server answers to localhost and to addresses only\n";
-        return Err((StatusCode::MISDIRECTED_REQUEST, text));
+    let Some(route) = route else {
+        return (NOT_FOUND, TEXT, "there is no such page\n".into());
+    };
+    if !["GET", "HEAD"].contains(&request.method) {
+        return (METHOD_NOT_ALLOWED, TEXT, "this server only reads\n".into());
     }
-    let authority = request.uri().authority();
-    if authority.is_some_and(|authority| authority.as_str().as_bytes() != host.as_bytes()) {
-        let text = "the host in the request line is not the one of the Host header\n";
-        return Err((StatusCode::BAD_REQUEST, text));
-    }
-    Ok(())
-}
-
-/// Refuses other hosts and adds the security headers of the page.
-async fn guard(request: Request, next: Next) -> Response {
-    let mut response = match check_host(&request) {
-        Ok(()) => timeout(RESPONSE_TIMEOUT, next.run(request))
-            .await
-            .unwrap_or_else(|_| {
-                let text = "reading the store takes too long: try again later\n";
-                (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
+    match route {
+        "/" => answer(
+            "text/html; charset=utf-8",
+            read(shared, |store| {
+                page(everything(store, &Selection::default()), PageHost::Server)
             }),
-        Err(refusal) => refusal.into_response(),
-    };
-    let headers = [
-        (header::CACHE_CONTROL, "no-store"),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::X_FRAME_OPTIONS, "DENY"),
-        (header::REFERRER_POLICY, "no-referrer"),
-    ];
-    let headers = headers.map(|(name, value)| (name, HeaderValue::from_static(value)));
-    response.headers_mut().extend(HeaderMap::from_iter(headers));
-    response
+        ),
+        "/data.json" => {
+            // Pages that poll at the same time share one reading.
+            let mut last = lock(&shared.data);
+            if let Some((_, text)) = last.as_ref().filter(|(at, _)| at.elapsed() < FRESH) {
+                return (OK, json, text.clone());
+            }
+            let result = read(shared, |store| {
+                data(everything(store, &Selection::default()), PageHost::Server)
+            });
+            if let Ok(text) = &result {
+                *last = Some((Instant::now(), text.clone()));
+            }
+            answer(json, result)
+        }
+        key => answer(
+            json,
+            read(shared, |store| Ok(movie(store, key, FRAMES)?.to_string())),
+        ),
+    }
 }
 
-/// Reads the store on a thread that may block.
-async fn read<T: Send + 'static>(
+/// Reads the store, once there is room for a reader.
+fn read(
     shared: &Shared,
-    what: impl FnOnce(&Store) -> Result<T, ReportError> + Send + 'static,
-) -> Result<T, ServeError> {
-    let source = shared.source.clone();
-    tokio::task::spawn_blocking(move || Ok(what(&source.open()?)?))
-        .await
-        .map_err(|error| ServeError::Start {
+    what: impl FnOnce(&Store) -> Result<String, ReportError>,
+) -> Result<String, ServeError> {
+    let (mut readers, waited) = shared
+        .reader_ended
+        .wait_timeout_while(lock(&shared.readers), READER_TIMEOUT, |readers| {
+            *readers >= READERS
+        })
+        .unwrap_or_else(PoisonError::into_inner);
+    if waited.timed_out() {
+        return Err(ServeError::Start {
             what: "a reader of the store",
-            reason: error.to_string(),
-        })?
+            reason: "all others are busy".into(),
+        });
+    }
+    *readers += 1;
+    drop(readers);
+    // A panic must not take the place of a reader for ever.
+    let _place = Place(shared);
+    Ok(what(&shared.source.open()?)?)
+}
+
+/// The place of a reader, which is free again when it is dropped.
+struct Place<'s>(&'s Shared);
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        *lock(&self.0.readers) -= 1;
+        self.0.reader_ended.notify_one();
+    }
 }
 
 /// A response, or an error.
 fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     match result {
-        Ok(text) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
+        Ok(text) => (OK, kind, text),
         Err(ServeError::Report(ReportError::Store(error @ StoreError::NoFrames { .. }))) => {
-            (StatusCode::NOT_FOUND, format!("{error}\n")).into_response()
+            (NOT_FOUND, TEXT, format!("{error}\n"))
         }
         // The reason may name files of this machine, so it is not sent to the client.
         Err(_) => {
             let text = "the store cannot be read; `sweep check STORE` shows why\n";
-            (StatusCode::SERVICE_UNAVAILABLE, text).into_response()
+            (UNAVAILABLE, TEXT, text.into())
         }
     }
 }
@@ -246,40 +354,6 @@ fn everything<'s>(store: &'s Store, all: &'s Selection) -> Excerpt<'s> {
         selection: all,
         units: Units::default(),
     }
-}
-
-async fn send_page(State(shared): State<Arc<Shared>>) -> Response {
-    let result = read(&shared, |store| {
-        page(everything(store, &Selection::default()), PageHost::Server)
-    })
-    .await;
-    answer("text/html; charset=utf-8", result)
-}
-
-/// Its present data.
-async fn send_data(State(shared): State<Arc<Shared>>) -> Response {
-    // Pages that poll at the same time share one reading.
-    let mut last = shared.data.lock().await;
-    if let Some((_, text)) = last.as_ref().filter(|(at, _)| at.elapsed() < FRESH) {
-        return answer("application/json", Ok(text.clone()));
-    }
-    let result = read(&shared, |store| {
-        data(everything(store, &Selection::default()), PageHost::Server)
-    })
-    .await;
-    if let Ok(text) = &result {
-        *last = Some((Instant::now(), text.clone()));
-    }
-    answer("application/json", result)
-}
-
-/// The movie of a run.
-async fn send_movie(State(shared): State<Arc<Shared>>, Segment(key): Segment<String>) -> Response {
-    let result = read(&shared, move |store| {
-        Ok(movie(store, &key, FRAMES)?.to_string())
-    })
-    .await;
-    answer("application/json", result)
 }
 
 #[cfg(test)]
