@@ -212,7 +212,8 @@ impl Campaign {
     /// retry_failed : bool
     ///     Compute failed runs again.
     /// trajectory : bool
-    ///     Keep a frame at every sampled strain, for `Store.frames`.
+    ///     Keep a frame at every sampled strain of every run, for `Store.frames`; runs begun or
+    ///     finished without them are computed again.
     /// time_limit : float or str, optional
     ///     Seconds, or a text such as "15m" or "2h", after which all is checkpointed; the same call
     ///     continues.
@@ -395,6 +396,7 @@ fn compute(
         let beginning = StartOptions {
             reuse: &wanted.reuse,
             retry_failed: wanted.retry_failed,
+            trajectory: wanted.trajectory,
             priority: &wanted.priority,
         };
         let StartedCampaign {
@@ -407,7 +409,6 @@ fn compute(
             workers,
             threads: wanted.workers,
             wall_limit: wanted.wall_limit,
-            trajectory: wanted.trajectory,
             observer: None,
             stop: &stop,
             progress: &progress,
@@ -473,7 +474,7 @@ fn threads(given: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
         })
 }
 
-fn warn(py: Python<'_>, words: &str) -> PyResult<()> {
+pub(crate) fn warn(py: Python<'_>, words: &str) -> PyResult<()> {
     let words = CString::new(words.replace('\0', " "))?;
     PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &words, 1)
 }

@@ -1,5 +1,6 @@
 //! Stores, readable during writes.
 
+use crate::campaign::warn;
 use crate::errors::raise;
 use crate::table::Table;
 use crate::values;
@@ -93,13 +94,12 @@ impl Store {
     ) -> PyResult<Vec<DataColumn>> {
         let selection = selection(r#where)?;
         let case = case.map(name_of).transpose()?;
-        self.read(py, |store| {
-            Ok(table(&StructureReport::of(
-                store,
-                &selection,
-                case.as_deref(),
-            )?))
-        })
+        let (table, note) = self.read(py, |store| {
+            let report = StructureReport::of(store, &selection, case.as_deref())?;
+            Ok((table(&report), report.note()))
+        })?;
+        note.map_or(Ok(()), |note| warn(py, &note))?;
+        Ok(table)
     }
 
     fn kept_frames(&self, py: Python<'_>, case: &str, every: usize) -> PyResult<Vec<StoredFrame>> {

@@ -60,8 +60,6 @@ pub struct Options<'o> {
     pub threads: usize,
     /// Computing time after which a case ends as failed; by default a multiple of its estimate.
     pub wall_limit: Option<Duration>,
-    /// Keep a frame of the layer with every sample.
-    pub trajectory: bool,
     /// The observer of the run.
     pub observer: Option<&'o dyn RunObserver>,
     /// The stop request.

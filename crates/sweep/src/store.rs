@@ -39,7 +39,7 @@ mod work;
 pub(crate) use crate::model::checkpoint::can_be_kept;
 pub use crate::model::checkpoint::{Checkpoint, Damage};
 pub use check::{Checked, Finding, accept_changes, check};
-pub use claims::Claim;
+pub use claims::{Claim, NewRows};
 pub use details::{CaseDetails, Origin};
 pub use error::StoreError;
 pub use failures::{Attempt, FailureLine};

@@ -88,8 +88,9 @@ pub(crate) struct Arguments {
     /// of computing them; repeatable
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
     reuse: Vec<PathBuf>,
-    /// Keep a frame at every sampled strain, for `sweep export` and movies; finished cases are not
-    /// recomputed for it
+    /// Keep a frame at every sampled strain of every run, for `sweep structure`, `sweep export` and
+    /// movies; runs begun or finished without them are computed again, and later commands keep them
+    /// too
     #[arg(long)]
     trajectory: bool,
     #[command(flatten)]
@@ -217,6 +218,7 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let beginning = StartOptions {
         reuse: &arguments.reuse,
         retry_failed: arguments.retry_failed,
+        trajectory: arguments.trajectory,
         priority: &priority,
     };
     let StartedCampaign {
@@ -224,14 +226,18 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         adoption,
         taken,
         damaged,
+        without_frames,
     } = begin(&path, &campaign, beginning)?;
     print_warning(&store);
     print_damage(&damaged, style);
     print_inventory(&campaign, &path, adoption, style);
     print_reused(taken, style);
     print_tasks(&store, &campaign, style)?;
-    if arguments.trajectory {
-        print_frameless(&store, style)?;
+    if without_frames > 0 {
+        style.note(&format!(
+            "{} without all frames of the averaged strain: computed again, with the same digits",
+            counted(without_frames, "begun or finished run")
+        ));
     }
     let counts = compute(arguments, &campaign, &mut store, (&stop, None), style)?;
     let is_over = counts.pending + counts.running == 0;
@@ -279,18 +285,6 @@ fn print_inventory(campaign: &Campaign, path: &Path, adoption: Adoption, style: 
             campaign.file.display()
         ));
     }
-}
-
-/// Notes the finished runs without frames, which are not computed again for them.
-fn print_frameless(store: &Store, style: Style) -> Result<(), Error> {
-    let frameless = store.done_without_frames()?;
-    if frameless > 0 {
-        style.note(&format!(
-            "{} without frames: with --store ANOTHER.sqlite all runs are computed, with theirs",
-            counted(frameless, "finished run")
-        ));
-    }
-    Ok(())
 }
 
 /// Notes the open cases of tasks that have not ended, which are computed twice.
@@ -356,7 +350,6 @@ fn compute(
         workers,
         threads,
         wall_limit: arguments.max_wall_time,
-        trajectory: arguments.trajectory,
         observer,
         stop,
         progress: &progress,

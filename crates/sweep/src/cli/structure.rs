@@ -64,6 +64,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = StructureReport::of(&store, &selection, arguments.case.as_deref())?;
+    if let Some(note) = report.note() {
+        output.note(&note);
+    }
     let name = store.campaign_name()?;
     let names = ["structure", &name];
     if let Some(path) = &arguments.csv {

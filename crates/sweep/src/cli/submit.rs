@@ -119,6 +119,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         submit_arguments: arguments.sbatch_arg.clone(),
         run_arguments: run_arguments(arguments)?,
         retry_failed: arguments.retry_failed,
+        trajectory: arguments.trajectory,
         mixed: arguments.allow_mixed_versions,
         again: arguments.again,
     };

@@ -17,6 +17,10 @@ use std::path::Path;
 const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is an option of the command"
+)]
 pub(crate) struct SubmitOptions {
     pub(crate) engine: Engine,
     /// Number of tasks; by default so many that each needs about half of its time.
@@ -33,6 +37,8 @@ pub(crate) struct SubmitOptions {
     pub(crate) run_arguments: Vec<String>,
     /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
+    /// Whether all runs are to keep frames.
+    pub(crate) trajectory: bool,
     /// Whether stored results of another build are accepted.
     pub(crate) mixed: bool,
     /// Whether cases of tasks that may still be running are submitted too.
@@ -85,6 +91,9 @@ pub(crate) fn submit(
     }
     let mut store = Store::enter(&at, campaign, Order::default())?.0;
     gather(&wanted, &mut store, &folder, note)?;
+    if wanted.trajectory {
+        store.request_frames()?;
+    }
     let open = open(wanted.again, &store, note)?;
     if open.is_empty() {
         return Ok(None);

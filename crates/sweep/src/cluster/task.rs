@@ -32,6 +32,8 @@ pub(crate) struct TaskOptions {
     pub(crate) mixed: bool,
     /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
+    /// Whether runs keep a frame with each sample.
+    pub(crate) trajectory: bool,
 }
 
 /// A running task.
@@ -131,6 +133,9 @@ impl Task {
         reuse_shards(&mut store, &own, options.mixed, note)?;
         if options.retry_failed {
             store.retry_failed()?;
+        }
+        if options.trajectory {
+            store.request_frames()?;
         }
         let task = Self {
             publisher: Publisher::new(work, folder.join(file), options.publish_every),

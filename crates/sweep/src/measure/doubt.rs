@@ -3,9 +3,8 @@
 //! The rules are declared here alone, each with its threshold and the reason for it; the store
 //! keeps which of them a run broke, and tables, figures and the page count such runs.
 
-use crate::measure::{mean, ratio};
-use sd_core::simulation::Counters;
-use sd_core::{ContactScheme, Params, Sample};
+use crate::measure::{RunData, mean, ratio};
+use sd_core::{ContactScheme, Params};
 
 /// Maximum fraction of unconverged contact problems. Good runs near jamming have 1 to 2.5 %.
 const UNCONVERGED: f64 = 0.05;
@@ -93,24 +92,16 @@ impl Doubt {
         names.join(",")
     }
 
-    /// The rules that a finished run broke: `counters` of the whole run, `samples` after the
-    /// discarded strain.
-    pub fn of(params: &Params, counters: &Counters, samples: &[&Sample]) -> Vec<Self> {
+    /// The rules that a finished run broke.
+    pub(crate) fn of(run: &RunData<'_>) -> Vec<Self> {
         Self::ALL
             .into_iter()
-            .filter(|rule| rule.is_broken(params, counters, samples))
+            .filter(|rule| rule.is_broken(run))
             .collect()
     }
 
-    fn is_broken(self, params: &Params, counters: &Counters, samples: &[&Sample]) -> bool {
-        let mean_of = |quantity: fn(&Sample) -> f64| {
-            mean(
-                &samples
-                    .iter()
-                    .map(|sample| quantity(sample))
-                    .collect::<Vec<_>>(),
-            )
-        };
+    fn is_broken(self, run: &RunData<'_>) -> bool {
+        let (params, counters, viscosities) = (run.params, &run.counters, &run.viscosities);
         match self {
             Self::Unconverged => {
                 counters.unconverged_stages as f64 > UNCONVERGED * counters.stages as f64
@@ -118,15 +109,15 @@ impl Doubt {
             Self::Residual => counters.worst_residual > RESIDUAL,
             Self::Overlap => is_rigid(params) && counters.minimum_gap < HELD * params.roughness,
             Self::BelowOne => {
-                mean_of(|sample| sample.viscosity).is_some_and(|mean| mean < 1.0)
-                    || mean_of(|sample| sample.viscosity_stresslet).is_some_and(|mean| mean < 0.0)
+                mean(viscosities).is_some_and(|mean| mean < 1.0)
+                    || mean(&run.stresslet_viscosities).is_some_and(|mean| mean < 0.0)
                     || (!can_release_energy(params)
-                        && samples.iter().any(|sample| sample.viscosity < 0.0))
+                        && viscosities.iter().any(|viscosity| *viscosity < 0.0))
             }
             Self::OneSample => {
-                let sizes = || samples.iter().map(|sample| sample.viscosity.abs());
+                let sizes = || viscosities.iter().map(|viscosity| viscosity.abs());
                 let largest = sizes().fold(0.0, f64::max);
-                samples.len() >= FEW
+                viscosities.len() >= FEW
                     && ratio(largest, sizes().sum()).is_none_or(|share| share > CARRIED)
             }
         }
@@ -156,13 +147,20 @@ fn can_release_energy(params: &Params) -> bool {
 mod tests {
     use super::*;
     use crate::test_support::{counters, params, sample};
+    use sd_core::Sample;
+    use sd_core::simulation::Counters;
 
     fn samples() -> Vec<Sample> {
         (0..50).map(|n| sample(f64::from(n) * 0.02)).collect()
     }
 
     fn doubts(params: &Params, counters: &Counters, samples: &[Sample]) -> Vec<Doubt> {
-        Doubt::of(params, counters, &samples.iter().collect::<Vec<_>>())
+        let mut run = RunData::new(params, 0);
+        run.counters = *counters;
+        for sample in samples {
+            run.add(0, sample);
+        }
+        Doubt::of(&run)
     }
 
     #[test]

@@ -131,7 +131,7 @@ pub static NUMBERS: &[Number] = {
         number("doubtful", "1").point("finished runs with doubtful numbers: averaged only on request", CountOver(|r| r.number_of(|run| run.is_doubtful()))),
         number("strain", "1").sample("strain from the start of the run", Real(|s| &mut s.strain)),
         number("discard_step", "1").run("first step whose sample is averaged", CountOf(|r| r.discard_step)),
-        number("samples", "1").run("samples averaged", CountOf(|r| r.samples.len() as u64)),
+        number("samples", "1").run("samples averaged", CountOf(|r| r.samples())),
         number("viscosity", "mu").label("viscosity")
             .sample("viscosity in full: stresslets and contact stress", Real(|s| &mut s.viscosity))
             .run("mean in time of the viscosity in full", Of(|r| Some(r.viscosity?.mean)))
@@ -158,17 +158,17 @@ pub static NUMBERS: &[Number] = {
             .sample("dissipation over area and rate", Real(|s| &mut s.dissipation))
             .run("dissipation over area and rate, mean in time", Mean),
         number("contacts_per_sphere", "1").label("contacts per sphere")
-            .run("pairs with a contact force over spheres, mean in time", Of(|r| ratio(r.sum(|s| s.contacts) as f64, (r.samples.len() * r.params.spheres) as f64)))
+            .run("pairs with a contact force over spheres, mean in time", Of(|r| ratio(r.contacts as f64, (r.samples() * r.params.spheres as u64) as f64)))
             .point("pairs with a contact force over spheres", Over(|r| ratio(r.sum("contacts"), r.total(|run| run.number("samples").map(|n| n * run.params.spheres as f64))))),
         number("activated_fraction", "1").label("activated fraction")
-            .run("contacts above the critical load over contacts", Of(|r| ratio(r.sum(|s| s.activated) as f64, r.sum(|s| s.contacts) as f64)))
+            .run("contacts above the critical load over contacts", Of(|r| ratio(r.activated as f64, r.contacts as f64)))
             .point("contacts above the critical load over contacts", Over(|r| ratio(r.sum("activated"), r.sum("contacts")))),
         number("rolling_fraction", "1").label("rolling fraction")
-            .run("rolling contacts over activated ones", Of(|r| ratio(r.sum(|s| s.sticking) as f64, r.sum(|s| s.activated) as f64)))
+            .run("rolling contacts over activated ones", Of(|r| ratio(r.sticking as f64, r.activated as f64)))
             .point("rolling contacts over activated ones", Over(|r| ratio(r.sum("rolling"), r.sum("activated")))),
-        number("contacts", "1").sample("pairs with a contact force", Count(|s| &mut s.contacts)).run("contacts, summed over the samples", CountOf(|r| r.sum(|s| s.contacts))),
-        number("activated", "1").sample("contacts above the critical load", Count(|s| &mut s.activated)).run("contacts above the critical load, summed over the samples", CountOf(|r| r.sum(|s| s.activated))),
-        number("rolling", "1").sample("activated contacts that roll", Count(|s| &mut s.sticking)).run("rolling contacts, summed over the samples", CountOf(|r| r.sum(|s| s.sticking))),
+        number("contacts", "1").sample("pairs with a contact force", Count(|s| &mut s.contacts)).run("contacts, summed over the samples", CountOf(|r| r.contacts)),
+        number("activated", "1").sample("contacts above the critical load", Count(|s| &mut s.activated)).run("contacts above the critical load, summed over the samples", CountOf(|r| r.activated)),
+        number("rolling", "1").sample("activated contacts that roll", Count(|s| &mut s.sticking)).run("rolling contacts, summed over the samples", CountOf(|r| r.sticking)),
         number("slipping", "1").sample("activated contacts that slip", Count(|s| &mut s.slipping)),
         number("minimum_gap", "a").label("smallest gap")
             .sample("smallest gap in the layer", Real(|s| &mut s.minimum_gap))
@@ -177,9 +177,9 @@ pub static NUMBERS: &[Number] = {
         number("overlap", "a").label("largest overlap")
             .point("largest overlap of rough surfaces in any run: roughness height less smallest gap", Over(|r| Some((r.all[0].params.roughness - r.gap()?).max(0.0)))),
         number("normal_velocity", "a rate").sample("mean normal velocity of the contacts, negative for approach", Real(|s| &mut s.normal_velocity)),
-        number("approach", "a rate").run("approach velocities, summed over contacts and samples", Of(|r| Some(r.approach()))),
+        number("approach", "a rate").run("approach velocities, summed over contacts and samples", Of(|r| Some(r.approach))),
         number("mean_approach_velocity", "a rate").label("mean approach velocity")
-            .run("over all contacts of all samples, positive for approach", Of(|r| ratio(r.approach(), r.sum(|s| s.contacts) as f64)))
+            .run("over all contacts of all samples, positive for approach", Of(|r| ratio(r.approach, r.contacts as f64)))
             .point("over all contacts, positive for approach", Over(|r| ratio(r.sum("approach"), r.sum("contacts")))),
         number("stages", "1").sample("contact problems solved", Total(|c| &mut c.stages)).run("contact problems solved", CountOf(|r| r.counters.stages)),
         number("worst_residual", "a rate")
@@ -373,18 +373,15 @@ impl Number {
         match self.run?.1 {
             InTime::Real(of) => of(run).map(Value::Number),
             InTime::Count(of) => Some(Value::Count(of(run))),
-            InTime::Mean => {
-                let values = run
-                    .samples
-                    .iter()
-                    .map(|sample| self.of_sample(sample).number());
-                let mut values: Vec<f64> = values.collect();
-                if self.is_of_network() {
-                    values.retain(|value| !value.is_nan());
-                }
-                mean(&values).map(Value::Number)
-            }
+            InTime::Mean => run.mean(self.name).map(Value::Number),
         }
+    }
+
+    /// Its value in a sample, if results have the mean of it and the sample has it.
+    pub(super) fn averaged_value(&self, sample: &Sample) -> Option<f64> {
+        matches!(self.run, Some((_, InTime::Mean)))
+            .then(|| self.of_sample(sample).number())
+            .filter(|value| !self.is_of_network() || !value.is_nan())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::doubt::Doubt;
 use super::numbers::{Level, Number, columns};
-use super::{Distribution, Steadiness};
+use super::{Distribution, Steadiness, ratio};
 use crate::data::Value;
 use crate::model::case::State;
 use sd_core::simulation::Counters;
@@ -10,12 +10,10 @@ use sd_core::{Params, Sample};
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};
 
-/// What the result of a run is made from.
+/// What the result of a run is made from: its samples are added in their order, and not kept.
 #[derive(Debug)]
-pub(crate) struct RunData<'s> {
-    pub(crate) params: &'s Params,
-    /// The averaged samples: from the discarded strain on.
-    pub(crate) samples: Vec<&'s Sample>,
+pub(crate) struct RunData<'p> {
+    pub(crate) params: &'p Params,
     pub(crate) discard_step: u64,
     pub(crate) steps: u64,
     /// Counters of all steps.
@@ -24,24 +22,33 @@ pub(crate) struct RunData<'s> {
     pub(crate) cpu_time_s: f64,
     pub(crate) resumed: u64,
     pub(crate) finished_at: u64,
-    pub(crate) viscosity: Option<Distribution>,
-    pub(crate) viscosity_stresslet: Option<Distribution>,
-    pub(crate) steadiness: Option<Steadiness>,
+    /// Viscosities of the averaged samples, all of them for quartiles and correlations.
+    pub(crate) viscosities: Vec<f64>,
+    pub(crate) stresslet_viscosities: Vec<f64>,
+    pub(super) contacts: u64,
+    pub(super) activated: u64,
+    pub(super) sticking: u64,
+    /// Approach velocities, summed over the contacts of all samples.
+    pub(super) approach: f64,
+    /// Means in time of the numbers of results.
+    means: Vec<Mean>,
+    pub(super) viscosity: Option<Distribution>,
+    pub(super) viscosity_stresslet: Option<Distribution>,
+    pub(super) steadiness: Option<Steadiness>,
 }
 
-impl<'s> RunData<'s> {
-    /// The samples from step `discard_step` on; the rest is to be filled in.
-    pub(crate) fn of(params: &'s Params, samples: &'s [(u64, Sample)], discard_step: u64) -> Self {
-        let kept = samples.iter().filter(|(step, _)| *step >= discard_step);
-        let samples: Vec<&Sample> = kept.map(|(_, sample)| sample).collect();
-        let viscosity: Vec<f64> = samples.iter().map(|sample| sample.viscosity).collect();
-        let stresslet = samples.iter().map(|sample| sample.viscosity_stresslet);
+/// A mean in progress.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: f64,
+    number: u64,
+}
+
+impl<'p> RunData<'p> {
+    /// Without samples: those before step `discard_step` are left out.
+    pub(crate) fn new(params: &'p Params, discard_step: u64) -> Self {
         Self {
             params,
-            viscosity_stresslet: Distribution::of(stresslet.collect()),
-            steadiness: Steadiness::of(&viscosity),
-            viscosity: Distribution::of(viscosity),
-            samples,
             discard_step,
             steps: 0,
             counters: Counters::default(),
@@ -49,22 +56,64 @@ impl<'s> RunData<'s> {
             cpu_time_s: 0.0,
             resumed: 0,
             finished_at: 0,
+            viscosities: Vec::new(),
+            stresslet_viscosities: Vec::new(),
+            contacts: 0,
+            activated: 0,
+            sticking: 0,
+            approach: 0.0,
+            means: vec![Mean::default(); columns(Level::Runs).count()],
+            viscosity: None,
+            viscosity_stresslet: None,
+            steadiness: None,
         }
     }
 
-    /// The sum of a count over the samples.
-    pub(super) fn sum(&self, count: fn(&Sample) -> u32) -> u64 {
-        self.samples
-            .iter()
-            .map(|sample| u64::from(count(sample)))
-            .sum()
+    /// The samples from step `discard_step` on.
+    pub(crate) fn of(params: &'p Params, samples: &[(u64, Sample)], discard_step: u64) -> Self {
+        let mut run = Self::new(params, discard_step);
+        for (step, sample) in samples {
+            run.add(*step, sample);
+        }
+        run.finish();
+        run
     }
 
-    /// Approach velocities, summed over the contacts of all samples.
-    pub(super) fn approach(&self) -> f64 {
-        let all = self.samples.iter();
-        all.map(|s| -s.normal_velocity * f64::from(s.contacts))
-            .sum()
+    /// Adds a sample.
+    pub(crate) fn add(&mut self, step: u64, sample: &Sample) {
+        if step < self.discard_step {
+            return;
+        }
+        self.viscosities.push(sample.viscosity);
+        self.stresslet_viscosities.push(sample.viscosity_stresslet);
+        self.contacts += u64::from(sample.contacts);
+        self.activated += u64::from(sample.activated);
+        self.sticking += u64::from(sample.sticking);
+        self.approach += -sample.normal_velocity * f64::from(sample.contacts);
+        for (mean, number) in self.means.iter_mut().zip(columns(Level::Runs)) {
+            if let Some(value) = number.averaged_value(sample) {
+                mean.sum += value;
+                mean.number += 1;
+            }
+        }
+    }
+
+    /// Computes what needs all samples.
+    pub(crate) fn finish(&mut self) {
+        self.steadiness = Steadiness::of(&self.viscosities);
+        self.viscosity = Distribution::of(self.viscosities.clone());
+        self.viscosity_stresslet = Distribution::of(self.stresslet_viscosities.clone());
+    }
+
+    /// Number of samples.
+    pub(super) fn samples(&self) -> u64 {
+        self.viscosities.len() as u64
+    }
+
+    /// The mean in time of a number over the samples that have it.
+    pub(super) fn mean(&self, name: &str) -> Option<f64> {
+        let mean = self.means.get(place_of(name)?)?;
+        ratio(mean.sum, mean.number as f64)
     }
 
     /// Strain after some steps.
@@ -167,7 +216,7 @@ mod tests {
         let run = RunData::of(&params, &samples, 4);
         assert_eq!(run.number("samples"), Some(2.0));
         assert!(run.number("viscosity").unwrap() < 100.0);
-        assert_eq!(run.sum(|s| s.contacts), 2 * u64::from(sample(0.0).contacts));
+        assert_eq!(run.contacts, 2 * u64::from(sample(0.0).contacts));
     }
 
     #[test]

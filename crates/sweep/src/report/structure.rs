@@ -17,7 +17,7 @@ use crate::model::spaces::of_either;
 use crate::store::Store;
 use crate::structure::{Band, Curve, Network, RunStructure, Structure};
 use crate::text::choices::choices;
-use crate::text::format::{Uncertain, count};
+use crate::text::format::{Uncertain, count, counted, short};
 use sd_core::Params;
 use std::collections::HashMap;
 
@@ -28,7 +28,13 @@ pub struct StructureReport {
     report: Report,
     /// Structure of the points with frames, by index in the report.
     points: Vec<(usize, Structure)>,
+    /// Keys of the runs that are left out, since they lack frames of the averaged strain; the
+    /// strain of their first one.
+    left_out: Vec<(String, Option<f64>)>,
 }
+
+/// Maximum number of runs left out that are named.
+const NAMED_RUNS: usize = 3;
 
 choices! {
     /// Kind of a figure of structure.
@@ -64,7 +70,8 @@ const MAP_BEYOND: f64 = 0.02;
 type Count = (&'static str, &'static str, fn(&Structure) -> u64);
 
 impl StructureReport {
-    /// Reads the points selected, or a single run by the beginning of its key or its number.
+    /// Reads the points selected, or a single run by the beginning of its key or its number. A run
+    /// without the frames of its whole averaged strain is left out.
     ///
     /// # Errors
     /// An I/O or SQLite error; [`ReportError::Argument`] on a selection that no point meets, and
@@ -82,6 +89,7 @@ impl StructureReport {
         };
         // Points may share runs.
         let mut known: HashMap<&str, Option<RunStructure>> = HashMap::new();
+        let mut left_out = Vec::new();
         let mut of_point: Vec<Vec<RunStructure>> = vec![Vec::new(); report.points.len()];
         for (run, place) in runs.iter().zip(places) {
             let is_meant = match &key {
@@ -96,10 +104,15 @@ impl StructureReport {
                 continue;
             }
             if !known.contains_key(run.key.as_str()) {
-                known.insert(
-                    &run.key,
-                    of_run(store, run, run.discard().unwrap_or(usual))?,
-                );
+                let discard = run.discard().unwrap_or(usual);
+                let structure = match of_run(store, run, discard)? {
+                    Ok(structure) => structure,
+                    Err(from) => {
+                        left_out.push((run.key.clone(), from));
+                        None
+                    }
+                };
+                known.insert(&run.key, structure);
             }
             of_point[place].extend(known[run.key.as_str()].clone());
         }
@@ -114,11 +127,38 @@ impl StructureReport {
                 None => "of a finished run of these points".into(),
             };
             return Err(ReportError::Refused(format!(
-                "no frames {whose} are kept after the discarded strain: `sweep run CAMPAIGN.toml --trajectory` keeps those of the \
-                     runs it computes, and with --store ANOTHER.sqlite it computes them all"
+                "no frames {whose} are kept for the whole averaged strain: `sweep run CAMPAIGN.toml --trajectory` computes \
+                     them, with the same digits"
             )));
         }
-        Ok(Self { report, points })
+        Ok(Self {
+            report,
+            points,
+            left_out,
+        })
+    }
+
+    /// The runs that are left out, and the command that computes their frames.
+    pub fn note(&self) -> Option<String> {
+        let named = self.left_out.iter().take(NAMED_RUNS);
+        let mut named: Vec<String> = named
+            .map(|(key, from)| match from {
+                Some(strain) => format!("{} (frames from strain {})", &key[..8], short(*strain, 6)),
+                None => format!("{} (no frames)", &key[..8]),
+            })
+            .collect();
+        let number = self.left_out.len();
+        if number > named.len() {
+            named.push(format!("{} more", number - named.len()));
+        }
+        (number > 0).then(|| {
+            format!(
+                "{} left out, without frames of the whole averaged strain: {}; `sweep run CAMPAIGN.toml --trajectory` computes them \
+                 again with theirs",
+                counted(number as u64, "finished run"),
+                named.join(", ")
+            )
+        })
     }
 
     fn params(&self) -> impl Iterator<Item = &Params> + Clone {
@@ -292,19 +332,22 @@ impl StructureReport {
     }
 }
 
-/// The structure of a run from its frames after a strain; `None` without any.
+/// The structure of a run from its frames after a strain. The inner error is that some are missing,
+/// with the strain of the first one there.
 fn of_run(
     store: &Store,
     run: &PointRun,
     discard: f64,
-) -> Result<Option<RunStructure>, ReportError> {
-    if store.frame_count(&run.key)? == 0 {
-        return Ok(None);
+) -> Result<Result<Option<RunStructure>, Option<f64>>, ReportError> {
+    let time_step = run.params.time_step;
+    // Strains are sums of steps.
+    let first = count(discard / time_step) as u64;
+    if let Err(from) = store.has_frames(&run.key, first)? {
+        return Ok(Err(from.map(|step| step as f64 * time_step)));
     }
     let mut sums: Option<RunStructure> = None;
     for kept in store.frames(&run.key, 1)? {
-        // Strains are sums of steps.
-        if kept.frame.strain() < discard - 1e-9 {
+        if kept.step < first {
             continue;
         }
         of_either!(&kept.frame, frame => {
@@ -314,7 +357,7 @@ fn of_run(
                 .add(&network);
         });
     }
-    Ok(sums)
+    Ok(Ok(sums))
 }
 
 /// The edges of bins with these centres, which vary slowly.

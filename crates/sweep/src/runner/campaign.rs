@@ -14,6 +14,9 @@ pub struct StartOptions<'b> {
     pub reuse: &'b [PathBuf],
     /// Whether failed runs are computed again.
     pub retry_failed: bool,
+    /// Whether all runs are to keep a frame with each sample: those that lack some are computed
+    /// again.
+    pub trajectory: bool,
     /// The points to compute first.
     pub priority: &'b Priority,
 }
@@ -29,6 +32,8 @@ pub struct StartedCampaign {
     pub taken: Option<Merged>,
     /// Damaged runs of the store, which are computed again.
     pub damaged: Vec<Finding>,
+    /// Number of runs that are computed again for their frames.
+    pub without_frames: u64,
 }
 
 /// Enters a campaign into its store and prepares everything that precedes computing.
@@ -62,11 +67,17 @@ pub fn begin(
     if beginning.retry_failed {
         store.retry_failed()?;
     }
+    let without_frames = if beginning.trajectory {
+        store.request_frames()?
+    } else {
+        0
+    };
     Ok(StartedCampaign {
         store,
         adoption,
         taken,
         damaged,
+        without_frames,
     })
 }
 

@@ -3,17 +3,20 @@
 use super::{Shared, panics};
 use crate::model::case::{Case, State};
 use crate::model::replay::replay;
-use crate::model::spaces::{AnyFrame, AnySimulation, AnySnapshot, of_either};
-use crate::store::{Attempt, Checkpoint, Claim, Finished, StoreError, can_be_kept};
+use crate::model::spaces::{AnySimulation, AnySnapshot, of_either};
+use crate::store::{Attempt, Checkpoint, Claim, Finished, NewRows, StoreError, can_be_kept};
 use crate::structure::{Network, observe};
 use crate::system::clock::{Clock, ElapsedTime};
-use sd_core::Sample;
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
-/// Minimum computing time between checkpoints, as a multiple of the duration of the last one: they
-/// take less than 1 %.
-const CHECKPOINT_SHARE: u32 = 100;
+/// Minimum computing time between checkpoints, as a multiple of the time that the last one took: they
+/// take less than 5 % of a run, however slow the disk.
+const CHECKPOINT_SHARE: u32 = 20;
+/// Maximum number of samples in memory: a checkpoint is stored after these.
+const SAMPLES_IN_MEMORY: usize = 1 << 14;
+/// The same for frames.
+const FRAMES_IN_MEMORY: usize = 1 << 7;
 
 /// Default limit of the computing time of a case, as a multiple of its estimate.
 const WALL_FACTOR: f64 = 50.0;
@@ -30,16 +33,15 @@ struct Run {
     record: Record,
 }
 
-/// Measurements of a run.
+/// What a run measured, and the time that it took.
 #[derive(Default)]
 struct Record {
-    samples: Vec<(u64, Sample)>,
-    /// Seconds computed before this process resumed it.
+    /// What is not in the store yet.
+    rows: NewRows,
+    /// Time spent before this process resumed it.
     before: ElapsedTime,
     /// Number of times it was resumed from a checkpoint.
     resumed: u32,
-    /// Frames not in the store yet. They are written before the checkpoint that follows them.
-    frames: Vec<(u64, AnyFrame)>,
 }
 
 enum End {
@@ -123,7 +125,7 @@ impl Record {
     fn checkpoint(&self, simulation: &AnySimulation, spent: ElapsedTime) -> Vec<u8> {
         let checkpoint = Checkpoint {
             snapshot: simulation.snapshot(),
-            samples: self.samples.clone(),
+            samples_digest: self.rows.samples_digest,
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
             resumed: self.resumed,
@@ -146,12 +148,13 @@ impl Shared<'_> {
         self.options.progress.start_case(worker, claim, run.steps());
         let outcome = panics::catch(|| self.simulate(worker, claim, &mut run, &clock));
         let spent = run.record.before + clock.spent();
-        let frames = std::mem::take(&mut run.record.frames);
-        self.store().keep_frames(claim, &frames)?;
         let steps = run.steps();
         let (state, result) = match outcome {
-            Ok(Ok(End::Done)) => ("done", Ok(Some(self.finished(State::Done, run, spent)))),
-            Ok(Ok(End::Jammed)) => ("jammed", Ok(Some(self.finished(State::Jammed, run, spent)))),
+            Ok(Ok(End::Done)) => ("done", Ok(Some(Self::finished(State::Done, run, spent)))),
+            Ok(Ok(End::Jammed)) => (
+                "jammed",
+                Ok(Some(Self::finished(State::Jammed, run, spent))),
+            ),
             Ok(Ok(End::Stopped)) => ("stopped", self.stopped(claim, &run, spent)),
             Ok(Ok(End::Failed(message, error))) => {
                 ("failed", self.fail(claim, &run, message, error.as_ref()))
@@ -175,9 +178,7 @@ impl Shared<'_> {
     }
 
     /// The result of a completed run.
-    fn finished(&self, state: State, mut run: Run, spent: ElapsedTime) -> Finished {
-        // The store keeps samples one by one.
-        let samples = std::mem::take(&mut run.record.samples);
+    fn finished(state: State, run: Run, spent: ElapsedTime) -> Finished {
         let layer = run.simulation.as_ref();
         let last_state = layer.map(|layer| run.record.checkpoint(layer, spent));
         Finished {
@@ -185,11 +186,10 @@ impl Shared<'_> {
             last_state: last_state.unwrap_or_default(),
             steps: run.steps(),
             counters: layer.map(|layer| *layer.counters()).unwrap_or_default(),
-            protocol: self.protocol.clone(),
             wall_time_s: spent.wall_s,
             cpu_time_s: spent.cpu_s,
             resumed: run.record.resumed,
-            samples,
+            rows: run.record.rows,
         }
     }
 
@@ -232,7 +232,8 @@ impl Shared<'_> {
     ) -> Result<Option<Finished>, StoreError> {
         if let Some(layer) = run.simulation.as_ref().filter(|layer| layer.steps() > 0) {
             let bytes = run.record.checkpoint(layer, spent);
-            self.store().keep(claim, layer.steps(), &bytes)?;
+            self.store()
+                .keep(claim, layer.steps(), &bytes, &run.record.rows)?;
         }
         self.store().release([claim])?;
         Ok(None)
@@ -252,30 +253,10 @@ impl Shared<'_> {
     fn resume(&self, claim: &Claim) -> Result<Run, StoreError> {
         for checkpoint in &claim.checkpoints {
             let refused = match checkpoint {
-                Ok(good) => {
-                    match AnySimulation::from_snapshot(
-                        &claim.case.params,
-                        good.snapshot.clone(),
-                        self.tables,
-                    ) {
-                        Ok(simulation) => {
-                            return Ok(Run {
-                                simulation: Some(simulation),
-                                before: None,
-                                record: Record {
-                                    samples: good.samples.clone(),
-                                    before: ElapsedTime {
-                                        wall_s: good.wall_time_s,
-                                        cpu_s: good.cpu_time_s,
-                                    },
-                                    resumed: good.resumed + 1,
-                                    frames: Vec::new(),
-                                },
-                            });
-                        }
-                        Err(error) => error.to_string(),
-                    }
-                }
+                Ok(good) => match self.resume_from(claim, good)? {
+                    Ok(run) => return Ok(run),
+                    Err(reason) => reason,
+                },
                 Err(damage) => damage.to_string(),
             };
             self.options.progress.note(&format!(
@@ -283,11 +264,44 @@ impl Shared<'_> {
                 claim.case.label()
             ));
         }
-        if !claim.checkpoints.is_empty() {
-            // Remaining old checkpoints could otherwise outrank new ones, which have fewer steps.
-            self.store().drop_checkpoints(claim)?;
-        }
-        Ok(Run::default())
+        let rows = self.store().restart(claim)?;
+        let record = Record {
+            rows,
+            ..Record::default()
+        };
+        Ok(Run {
+            record,
+            ..Run::default()
+        })
+    }
+
+    /// The run of a claimed case from a checkpoint, or the reason why that cannot be used.
+    fn resume_from(
+        &self,
+        claim: &Claim,
+        checkpoint: &Checkpoint,
+    ) -> Result<Result<Run, String>, StoreError> {
+        let snapshot = checkpoint.snapshot.clone();
+        let simulation =
+            match AnySimulation::from_snapshot(&claim.case.params, snapshot, self.tables) {
+                Ok(simulation) => simulation,
+                Err(error) => return Ok(Err(error.to_string())),
+            };
+        let Some(rows) = self.store().resume(claim, checkpoint)? else {
+            return Ok(Err("the samples before it are others".into()));
+        };
+        Ok(Ok(Run {
+            simulation: Some(simulation),
+            before: None,
+            record: Record {
+                rows,
+                before: ElapsedTime {
+                    wall_s: checkpoint.wall_time_s,
+                    cpu_s: checkpoint.cpu_time_s,
+                },
+                resumed: checkpoint.resumed + 1,
+            },
+        }))
     }
 
     /// Makes steps until the run ends.
@@ -325,15 +339,16 @@ impl Shared<'_> {
             run.before = Some(simulation.snapshot());
             let sampled = step.is_multiple_of(case.sample_stride);
             let observes = self.protocol.observes_network;
-            let outcome = if sampled && (self.options.trajectory || observes) {
+            let films = record.rows.frames_from.is_some();
+            let outcome = if sampled && (films || observes) {
                 simulation.step_with_frame().map(|(mut sample, frame)| {
                     if observes {
                         sample.network = of_either!(&frame, frame => {
                             Network::try_from(frame).ok().map(|network| observe(&network))
                         });
                     }
-                    if self.options.trajectory {
-                        record.frames.push((step, frame));
+                    if films {
+                        record.rows.frames.push((step, frame));
                     }
                     sample
                 })
@@ -349,7 +364,7 @@ impl Shared<'_> {
                 return Ok(End::Failed(message, None));
             }
             if sampled {
-                record.samples.push((step, sample));
+                record.rows.add(step, sample);
             }
             self.options
                 .progress
@@ -357,15 +372,18 @@ impl Shared<'_> {
             if record.before.wall_s + clock.wall_s() > limit.seconds {
                 return Ok(End::Failed(limit.message(), None));
             }
-            if simulation.steps().is_multiple_of(checkpoint_stride)
-                && simulation.steps() < case.steps
-                && kept.elapsed() >= cost * CHECKPOINT_SHARE
-            {
+            let is_due = simulation.steps().is_multiple_of(checkpoint_stride)
+                && kept.elapsed() >= cost * CHECKPOINT_SHARE;
+            let rows = &record.rows;
+            let is_full =
+                rows.samples.len() >= SAMPLES_IN_MEMORY || rows.frames.len() >= FRAMES_IN_MEMORY;
+            if simulation.steps() < case.steps && (is_due || is_full) {
                 let writing = Instant::now();
                 let bytes = record.checkpoint(simulation, record.before + clock.spent());
-                let frames = std::mem::take(&mut record.frames);
-                self.store().keep_frames(claim, &frames)?;
-                self.store().keep(claim, simulation.steps(), &bytes)?;
+                self.store()
+                    .keep(claim, simulation.steps(), &bytes, &record.rows)?;
+                record.rows.samples.clear();
+                record.rows.frames.clear();
                 cost = writing.elapsed();
                 kept = Instant::now();
             }
@@ -396,8 +414,8 @@ impl Shared<'_> {
             snapshot: run.last_state().map(|state| replay(params, &state)),
             ..Attempt::default()
         };
-        let samples = &run.record.samples;
-        self.store().fail(claim, failure, samples).map(|()| None)
+        let rows = &run.record.rows;
+        self.store().fail(claim, failure, rows).map(|()| None)
     }
 }
 

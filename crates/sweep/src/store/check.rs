@@ -119,6 +119,9 @@ impl Damage {
         }
         damage.look_at_cases(connection)?;
         damage.look_at_samples(connection)?;
+        for case in frames::incomplete(connection, "true", [])? {
+            damage.add(Part::Run(case), "frames of a run are missing");
+        }
         // Every result has a process that computed it.
         let orphaned: Vec<i64> = connection.values(
             "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
@@ -183,7 +186,7 @@ impl Damage {
             .filter(|(case, written)| digests.remove(case) != Some(*written));
         let cases: Vec<i64> = missed.map(|(case, _)| case).collect();
         for case in cases.into_iter().chain(digests.into_keys()) {
-            self.add(Part::Run(case), "the samples of a run");
+            self.add(Part::Run(case), samples::WORDS);
         }
         Ok(())
     }
@@ -244,14 +247,9 @@ impl Damage {
 }
 
 /// Resets a case to pending, without data.
-fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
-    for table in OF_CASES {
-        connection.execute(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
-    }
-    connection.execute(
-        "UPDATE cases SET samples_digest = NULL WHERE id = ?1",
-        [case],
-    )?;
+pub(super) fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    connection.run("DELETE FROM failures WHERE case_id = ?1", [case])?;
+    states::delete_data(connection, case)?;
     states::reopen(connection, "id = ?2", &[case]).map(|_| ())
 }
 

@@ -11,9 +11,8 @@ pub(super) fn of(
     case: i64,
 ) -> rusqlite::Result<Vec<Result<Checkpoint, Damage>>> {
     connection.all(
-        "SELECT CASE WHEN length(data) <= ?2 THEN data ELSE x'' END FROM checkpoints
-             WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
-        params![case, Checkpoint::SIZE_LIMIT],
+        "SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
+        [case],
         |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
     )
 }
@@ -40,4 +39,10 @@ pub(super) fn drop_all(connection: &Connection, case: i64) -> rusqlite::Result<(
 pub(super) fn drop_until(connection: &Connection, case: i64, steps: u64) -> rusqlite::Result<()> {
     let until = "DELETE FROM checkpoints WHERE case_id = ?1 AND steps <= ?2";
     connection.run(until, params![case, steps])
+}
+
+/// Drops those of a case after a step.
+pub(super) fn drop_after(connection: &Connection, case: i64, steps: u64) -> rusqlite::Result<()> {
+    let after = "DELETE FROM checkpoints WHERE case_id = ?1 AND steps > ?2";
+    connection.run(after, params![case, steps])
 }

@@ -2,10 +2,12 @@
 
 use super::statements::Statements;
 use super::states::{self, SUSPECT};
-use super::{Checkpoint, Damage, Store, StoreError, checkpoints, ends};
+use super::{Checkpoint, Damage, Store, StoreError, checkpoints, ends, frames, samples};
 use crate::model::case::Case;
+use crate::model::spaces::AnyFrame;
 use crate::system::process::now;
 use rusqlite::{Connection, params};
+use sd_core::Sample;
 use std::time::Duration;
 
 /// Maximum number of short cases that are claimed together.
@@ -24,6 +26,48 @@ pub struct Claim {
     /// Its checkpoints, the newest first; then its last state, if it was finished at a shorter
     /// requested length.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
+    /// Whether there is anything of it in the store.
+    has_data: bool,
+    /// Whether it keeps a frame with each sample.
+    keeps_frames: bool,
+}
+
+/// What a run measured since it was last stored.
+#[derive(Debug, Default)]
+pub struct NewRows {
+    /// Samples, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+    /// Digest of all samples of the run so far.
+    pub samples_digest: Option<i64>,
+    /// Frames, with their steps.
+    pub frames: Vec<(u64, AnyFrame)>,
+    /// First step whose frame is kept; `None` if none are.
+    pub frames_from: Option<u64>,
+}
+
+impl NewRows {
+    /// Adds a sample.
+    pub fn add(&mut self, step: u64, sample: Sample) {
+        self.samples_digest = Some(samples::extended(self.samples_digest, step, &sample));
+        self.samples.push((step, sample));
+    }
+
+    /// Appends them to the rows of a case.
+    pub(super) fn append(
+        &self,
+        connection: &Connection,
+        claim: &Claim,
+        steps: u64,
+    ) -> rusqlite::Result<()> {
+        samples::append(connection, claim.id, &self.samples, self.samples_digest)?;
+        match self.frames_from {
+            Some(from) => {
+                let case = (claim.id, claim.key.as_str());
+                frames::append(connection, case, &self.frames, from..steps)
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 impl Store {
@@ -44,19 +88,23 @@ impl Store {
             let mut own = connection.prepare_cached(
                 "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
                      changed_at = ?3
-                 WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done",
+                 WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done,
+                     samples_digest IS NOT NULL, frames_from IS NOT NULL",
             )?;
             let mut point: Option<(i64, sd_core::Params)> = None;
             let mut claims = Vec::with_capacity(ids.len());
             for id in ids {
-                let (key, of_point, seed, steps, sample_stride, steps_done): (
-                    _,
-                    i64,
-                    _,
-                    _,
-                    _,
-                    u64,
-                ) = own.query_row(params![id, me, now()], |row| row.try_into())?;
+                let row = own.query_row(params![id, me, now()], |row| row.try_into())?;
+                let (
+                    key,
+                    of_point,
+                    seed,
+                    steps,
+                    sample_stride,
+                    steps_done,
+                    has_samples,
+                    keeps_frames,
+                ): (_, i64, _, _, _, u64, bool, _) = row;
                 let params = match point.take() {
                     Some((known, params)) if known == of_point => params,
                     _ => {
@@ -81,6 +129,8 @@ impl Store {
                     id,
                     key,
                     case,
+                    has_data: has_samples || !kept.is_empty(),
+                    keeps_frames,
                     checkpoints: kept,
                 });
             }
@@ -88,13 +138,64 @@ impl Store {
         })
     }
 
-    /// Stores a checkpoint of a running case in place of the older of its two.
+    /// Prepares the rows of a case to continue from one of its checkpoints: later ones are deleted.
+    /// `None` if the samples before it are not those that it was written with.
+    ///
+    /// # Errors
+    /// [`StoreError::ClaimLost`], and I/O or SQLite errors.
+    pub(crate) fn resume(
+        &mut self,
+        claim: &Claim,
+        from: &Checkpoint,
+    ) -> Result<Option<NewRows>, StoreError> {
+        let steps = from.snapshot.steps();
+        let digest = self.read(samples::digest_until(&self.connection, claim.id, steps))?;
+        if digest != from.samples_digest {
+            return Ok(None);
+        }
+        self.write_own(claim, |connection| {
+            samples::cut(connection, claim.id, steps, digest)?;
+            checkpoints::drop_after(connection, claim.id, steps)?;
+            Ok(Some(NewRows {
+                samples_digest: digest,
+                frames_from: frames::resume(connection, claim.id, steps)?,
+                ..NewRows::default()
+            }))
+        })
+    }
+
+    /// Deletes all of a case that is computed from its start.
+    ///
+    /// # Errors
+    /// As [`Store::resume`].
+    pub(crate) fn restart(&mut self, claim: &Claim) -> Result<NewRows, StoreError> {
+        let new = || NewRows {
+            frames_from: claim.keeps_frames.then_some(0),
+            ..NewRows::default()
+        };
+        if !claim.has_data {
+            return Ok(new());
+        }
+        self.write_own(claim, |connection| {
+            states::delete_data(connection, claim.id)?;
+            Ok(new())
+        })
+    }
+
+    /// Stores a checkpoint of a running case in place of the older of its two, with what the run
+    /// measured before it.
     ///
     /// Not synced immediately: a killed process loses none, a power cut the last few.
     ///
     /// # Errors
     /// [`StoreError::ClaimLost`], and I/O or SQLite errors.
-    pub fn keep(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
+    pub fn keep(
+        &mut self,
+        claim: &Claim,
+        steps: u64,
+        data: &[u8],
+        rows: &NewRows,
+    ) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write_relaxed(|connection| {
             let changed = connection.change(
@@ -105,6 +206,7 @@ impl Store {
             if changed == 0 {
                 return Ok(false);
             }
+            rows.append(connection, claim, steps)?;
             let newest: Option<i64> = connection.value(
                 "SELECT generation FROM checkpoints WHERE case_id = ?1
                  ORDER BY steps DESC, written_at DESC LIMIT 1",
@@ -117,13 +219,18 @@ impl Store {
         owned.then_some(()).ok_or_else(|| claim.lost())
     }
 
-    /// Deletes the checkpoints of a running case and its last state, which are all unusable.
-    pub(crate) fn drop_checkpoints(&mut self, claim: &Claim) -> Result<(), StoreError> {
-        self.write(|connection| {
-            checkpoints::drop_all(connection, claim.id)?;
-            // Its last state, tried last, is unusable too.
-            ends::drop_state(connection, claim.id)
-        })
+    /// Changes the rows of a running case.
+    fn write_own<T>(
+        &mut self,
+        claim: &Claim,
+        work: impl FnOnce(&Connection) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
+        let me = self.me();
+        let written = self.write(|connection| {
+            let is_own = owns(connection, claim, me)?;
+            is_own.then(|| work(connection)).transpose()
+        })?;
+        written.ok_or_else(|| claim.lost())
     }
 
     /// Whether cases are pending or running, also in other processes, whose cases return here if
@@ -158,6 +265,14 @@ impl Claim {
             key: self.key.clone(),
         }
     }
+}
+
+/// Whether this process still owns a case that it computes.
+pub(super) fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<bool> {
+    connection.has(
+        "SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'",
+        [claim.id, me],
+    )
 }
 
 /// The next cases in the order of work: one, or a batch of short ones.

@@ -4,7 +4,7 @@ use super::failures::{self, Attempt};
 use super::processes::program;
 use super::schema::params;
 use super::statements::Statements;
-use super::{Store, StoreError, checkpoints, ends, results, samples};
+use super::{Store, StoreError, results, samples};
 use crate::measure::doubt::Doubt;
 use rusqlite::Row;
 use sd_core::{Params, Sample};
@@ -112,22 +112,9 @@ impl Store {
         let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
         self.read(results::check(&self.connection, id))?;
         details.failures = self.read(failures::of(&self.connection, id))?;
-        details.samples = self.samples_so_far(id, details.steps)?;
+        details.samples = self.read(samples::of(&self.connection, id, details.steps))?;
         details.frames = self.frame_count(&key)?;
         Ok(details)
-    }
-
-    /// Samples of a case, from its result or else from its newest readable checkpoint.
-    fn samples_so_far(&self, id: i64, requested: u64) -> Result<Vec<(u64, Sample)>, StoreError> {
-        let mut samples = self.read(samples::of(&self.connection, id))?;
-        samples.retain(|(step, _)| *step < requested);
-        let computed = self.read(ends::steps_of(&self.connection, id))?;
-        if computed.is_some_and(|steps| steps >= requested) {
-            return Ok(samples);
-        }
-        let checkpoints = self.read(checkpoints::of(&self.connection, id))?;
-        let newest = checkpoints.into_iter().find_map(Result::ok);
-        Ok(newest.map_or(samples, |checkpoint| checkpoint.samples))
     }
 
     /// Samples of a case so far, with their steps.
@@ -138,7 +125,7 @@ impl Store {
         let case = "SELECT id, steps FROM cases WHERE key = ?1";
         let found = self.connection.find(case, [key], |row| row.try_into());
         match self.read(found)? {
-            Some((id, steps)) => self.samples_so_far(id, steps),
+            Some((id, steps)) => self.read(samples::of(&self.connection, id, steps)),
             None => Ok(Vec::new()),
         }
     }

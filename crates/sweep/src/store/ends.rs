@@ -2,8 +2,7 @@
 
 use super::digest::{Sealed, whole};
 use super::results::{read, stored};
-use super::statements::Statements;
-use super::{Checkpoint, Damage, samples};
+use super::{Checkpoint, Damage};
 use crate::measure::numbers::{self, Level, Number};
 use rusqlite::{Connection, Row};
 use sd_core::Sample;
@@ -48,7 +47,7 @@ pub(super) struct RunEnd {
     pub(super) resumed: u32,
     pub(super) process: i64,
     pub(super) finished_at: i64,
-    /// A checkpoint of the last state, without samples.
+    /// A checkpoint of the last state.
     pub(super) state: Option<Vec<u8>>,
 }
 
@@ -107,40 +106,13 @@ impl RunEnd {
             state: row.get(7)?,
         })
     }
-
-    /// Counters of its first steps: for a cut run those of its last sample.
-    pub(super) fn counters_at(&self, steps: u64, samples: &[(u64, Sample)]) -> Counters {
-        match samples.last() {
-            Some((_, last)) if steps < self.steps => last.counters,
-            _ => self.counters,
-        }
-    }
 }
 
-/// Number of steps of a completed run.
-pub(super) fn steps_of(connection: &Connection, case: i64) -> rusqlite::Result<Option<u64>> {
-    connection.value("SELECT steps FROM ends WHERE case_id = ?1", [case])
-}
-
-/// Deletes the unusable last state of a run.
-pub(super) fn drop_state(connection: &Connection, case: i64) -> rusqlite::Result<()> {
-    connection.run("UPDATE ends SET state = NULL WHERE case_id = ?1", [case])?;
-    sealed().seal(connection, "t.case_id = ?1", [case])
-}
-
-/// The last state of a completed run, with all its samples, from which it can continue.
+/// The last state of a completed run, from which it can continue.
 pub(super) fn resumable_end(
     connection: &Connection,
     case: i64,
 ) -> rusqlite::Result<Option<Result<Checkpoint, Damage>>> {
-    let Some(state) = RunEnd::of(connection, case)?.and_then(|end| end.state) else {
-        return Ok(None);
-    };
-    let mut end = match Checkpoint::decode(&state) {
-        Ok(end) => end,
-        Err(damage) => return Ok(Some(Err(damage))),
-    };
-    end.samples = samples::of(connection, case)?;
-    end.samples.retain(|(step, _)| *step < end.snapshot.steps());
-    Ok(Some(Ok(end)))
+    let state = RunEnd::of(connection, case)?.and_then(|end| end.state);
+    Ok(state.map(|state| Checkpoint::decode(&state)))
 }

@@ -133,7 +133,7 @@ pub enum StoreError {
     /// A run without frames.
     #[error("no frames of case {key} are stored")]
     #[diagnostic(help(
-        "`sweep run CAMPAIGN.toml --trajectory` keeps those of the runs it computes, and with --store ANOTHER.sqlite it computes them all"
+        "`sweep run CAMPAIGN.toml --trajectory` computes runs without frames again, with the same digits"
     ))]
     NoFrames { key: String },
     /// An I/O or `SQLite` error.

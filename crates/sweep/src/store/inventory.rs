@@ -148,7 +148,7 @@ impl Store {
             // Seeds that a precision may still need stay.
             connection.execute(
                 "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0,
-                     samples_digest = NULL
+                     samples_digest = NULL, frames_from = NULL, frames_until = NULL
                  WHERE NOT counts AND state != 'running'",
                 [],
             )?;

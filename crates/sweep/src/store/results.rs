@@ -2,6 +2,7 @@
 
 use super::digest::{self, Digest, DigestMismatch, whole};
 use super::ends::RunEnd;
+use super::samples;
 use super::statements::Statements;
 use crate::data::{self, Kind};
 use crate::measure::RunData;
@@ -71,16 +72,41 @@ pub(super) struct Covered {
 }
 
 /// Writes the result of the first `steps` of the run of a case, some of them discarded, and its
-/// state.
+/// state. Its samples are read from the store unless they are given.
 pub(super) fn put(
     connection: &Connection,
     case: &Covered,
     (state, steps, discard): (State, u64, u64),
     end: &RunEnd,
-    samples: &[(u64, Sample)],
+    samples: Option<&[(u64, Sample)]>,
 ) -> rusqlite::Result<()> {
-    let samples = &samples[..samples.partition_point(|(step, _)| *step < steps)];
-    let values = values(&case.params, (steps, discard), samples, end);
+    let (mut run, mut last) = (RunData::new(&case.params, discard), None);
+    let mut add = |step, sample: &Sample| {
+        if step < steps {
+            last = Some(sample.counters);
+            run.add(step, sample);
+        }
+    };
+    match samples {
+        Some(samples) => samples.iter().for_each(|(step, sample)| add(*step, sample)),
+        None => samples::each(connection, case.id, |step, sample| {
+            add(step, &sample);
+            Ok(())
+        })?,
+    }
+    // Of a run cut short those of its last sample.
+    run.counters = last.filter(|_| steps < end.steps).unwrap_or(end.counters);
+    run.steps = steps;
+    run.wall_time_s = end.wall_time_s;
+    run.cpu_time_s = end.cpu_time_s;
+    run.resumed = end.resumed.into();
+    run.finished_at = u64::try_from(end.finished_at).unwrap_or(0);
+    run.finish();
+    let doubts = Doubt::write(&Doubt::of(&run));
+    let numbers = run.result().map(|value| value.map_or(Value::Null, stored));
+    let values: Vec<Value> = numbers
+        .chain([end.process.into(), Value::Text(doubts)])
+        .collect();
     let covered = [
         Value::Text(case.key.clone()),
         case.point.into(),
@@ -92,29 +118,6 @@ pub(super) fn put(
     let (id, digest) = (case.id.into(), digest.into());
     let row = std::iter::once(&id).chain(&values).chain([&digest]);
     connection.run(&INSERT, params_from_iter(row))
-}
-
-/// The values of a result, in the order of its columns.
-fn values(
-    params: &Params,
-    (steps, discard_step): (u64, u64),
-    samples: &[(u64, Sample)],
-    end: &RunEnd,
-) -> Vec<Value> {
-    let run = RunData {
-        steps,
-        counters: end.counters_at(steps, samples),
-        wall_time_s: end.wall_time_s,
-        cpu_time_s: end.cpu_time_s,
-        resumed: end.resumed.into(),
-        finished_at: u64::try_from(end.finished_at).unwrap_or(0),
-        ..RunData::of(params, samples, discard_step)
-    };
-    let doubts = Doubt::write(&Doubt::of(params, &run.counters, &run.samples));
-    let numbers = run.result().map(|value| value.map_or(Value::Null, stored));
-    numbers
-        .chain([end.process.into(), Value::Text(doubts)])
-        .collect()
 }
 
 /// Checks the digest of the result of a case.

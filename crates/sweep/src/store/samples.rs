@@ -5,10 +5,13 @@ use super::results::{read, stored};
 use super::statements::Statements;
 use crate::measure::numbers::{self, Level, Number};
 use rusqlite::types::Value;
-use rusqlite::{Connection, Row, params, params_from_iter};
+use rusqlite::{Connection, Row, Rows, params, params_from_iter};
 use sd_core::Sample;
 use std::collections::HashMap;
 use std::sync::LazyLock;
+
+/// Description of the samples of a run.
+pub(super) const WORDS: &str = "the samples of a run";
 
 /// The columns of the numbers of a sample.
 fn names() -> String {
@@ -25,53 +28,138 @@ static SELECT: LazyLock<String> = LazyLock::new(|| {
 static INSERT: LazyLock<String> = LazyLock::new(|| {
     let names = names();
     let places = vec!["?"; 2 + names.split(", ").count()].join(", ");
-    format!("INSERT INTO samples (case_id, step, {names}) VALUES ({places})")
+    format!("INSERT OR REPLACE INTO samples (case_id, step, {names}) VALUES ({places})")
 });
 
-/// Replaces the samples of a case, and stores their digest with the case.
-pub(super) fn write(
+/// The digest of samples after one more, from the digest of those before, `None` without any. So it
+/// grows with a run, and each checkpoint has that of the samples before it.
+pub(crate) fn extended(before: Option<i64>, step: u64, sample: &Sample) -> i64 {
+    after(before).with(&values(step, sample)).finish()
+}
+
+/// A digest that continues from another one.
+fn after(before: Option<i64>) -> Digest {
+    Digest::default().with(&[Value::from(before)])
+}
+
+/// Appends samples to those of a case; `digest` is that of all of them.
+pub(super) fn append(
     connection: &Connection,
     case: i64,
     samples: &[(u64, Sample)],
+    digest: Option<i64>,
 ) -> rusqlite::Result<()> {
-    connection.run("DELETE FROM samples WHERE case_id = ?1", [case])?;
     let mut insert = connection.prepare_cached(&INSERT)?;
-    let mut digest = Digest::default();
     let case_id = Value::Integer(case);
     for (step, sample) in samples {
         let values = values(*step, sample);
-        digest = digest.with(&values);
         insert.execute(params_from_iter(std::iter::once(&case_id).chain(&values)))?;
     }
-    let digest = (!samples.is_empty()).then(|| digest.finish());
-    connection.run(
-        "UPDATE cases SET samples_digest = ?2 WHERE id = ?1",
-        params![case, digest],
-    )
+    set_digest(connection, case, digest)
 }
 
-/// The samples of a case, with their steps. Null becomes NaN.
+/// Sets the digest of the samples of a case.
+fn set_digest(connection: &Connection, case: i64, digest: Option<i64>) -> rusqlite::Result<()> {
+    let set = "UPDATE cases SET samples_digest = ?2 WHERE id = ?1";
+    connection.run(set, params![case, digest])
+}
+
+/// Calls `each` with the samples of a case and their steps, in order. Null becomes NaN.
 ///
 /// # Errors
-/// Those of the query, and [`DigestMismatch`] if they were changed.
-pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<(u64, Sample)>> {
+/// Those of the query and of `each`, and at the end [`DigestMismatch`] if the samples were changed.
+pub(super) fn each(
+    connection: &Connection,
+    case: i64,
+    mut each: impl FnMut(u64, Sample) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     let written = "SELECT samples_digest FROM cases WHERE id = ?1";
     let written: Option<i64> = connection.value(written, [case])?.flatten();
+    let found = digested(connection, case, u64::MAX, |row| {
+        let (step, sample) = sample(row)?;
+        each(step, sample)
+    })?;
+    DigestMismatch::unless(found == written, WORDS)
+}
+
+/// The digest of the samples of a case before a step, after a call of `each` with every row.
+fn digested(
+    connection: &Connection,
+    case: i64,
+    until: u64,
+    mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
+) -> rusqlite::Result<Option<i64>> {
     let mut query = connection.prepare_cached(&SELECT)?;
     let columns = query.column_count();
-    let (mut digest, mut samples) = (Digest::default(), Vec::new());
+    let mut digest = None;
     let mut rows = query.query([case])?;
     while let Some(row) = rows.next()? {
-        digest = digest.with_row(row, 0..columns)?;
-        samples.push(sample(row)?);
+        if row.get::<_, u64>(0)? >= until {
+            break;
+        }
+        digest = Some(after(digest).with_row(row, 0..columns)?.finish());
+        each(row)?;
     }
-    if (!samples.is_empty()).then(|| digest.finish()) == written {
-        Ok(samples)
-    } else {
-        Err(DigestMismatch::error(
-            "the samples of a run are not what was written",
-        ))
-    }
+    Ok(digest)
+}
+
+/// The digest of the samples of a case before a step.
+pub(super) fn digest_until(
+    connection: &Connection,
+    case: i64,
+    until: u64,
+) -> rusqlite::Result<Option<i64>> {
+    digested(connection, case, until, |_| Ok(()))
+}
+
+/// The samples of a case before a step, with their steps.
+///
+/// # Errors
+/// As [`each`].
+pub(super) fn of(
+    connection: &Connection,
+    case: i64,
+    until: u64,
+) -> rusqlite::Result<Vec<(u64, Sample)>> {
+    let mut samples = Vec::new();
+    each(connection, case, |step, sample| {
+        if step < until {
+            samples.push((step, sample));
+        }
+        Ok(())
+    })?;
+    Ok(samples)
+}
+
+/// Deletes the samples of a case from a step on; `digest` is that of those before.
+pub(super) fn cut(
+    connection: &Connection,
+    case: i64,
+    from: u64,
+    digest: Option<i64>,
+) -> rusqlite::Result<()> {
+    let rest = "DELETE FROM samples WHERE case_id = ?1 AND step >= ?2";
+    connection.run(rest, params![case, from])?;
+    set_digest(connection, case, digest)
+}
+
+/// Replaces the samples of a case by those of another one, of any store, before a step.
+pub(super) fn copy(
+    (from, there): (&Connection, i64),
+    (to, here): (&Connection, i64),
+    until: u64,
+) -> rusqlite::Result<()> {
+    to.run("DELETE FROM samples WHERE case_id = ?1", [here])?;
+    let mut insert = to.prepare_cached(&INSERT)?;
+    let digest = digested(from, there, until, |row| {
+        let columns = 0..row.as_ref().column_count();
+        let values: Vec<Value> = columns.map(|n| row.get(n)).collect::<Result<_, _>>()?;
+        let case = Value::Integer(here);
+        insert
+            .execute(params_from_iter(std::iter::once(&case).chain(&values)))
+            .map(drop)
+    })?;
+    set_digest(to, here, digest)
 }
 
 /// The digests of the present samples of all cases.
@@ -83,21 +171,43 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
     let case = query.column_count() - 1;
     let mut rows = query.query([])?;
     let mut digests = HashMap::new();
-    let mut current: Option<(i64, Digest)> = None;
     while let Some(row) = rows.next()? {
         let id = row.get(case)?;
-        if current.as_ref().is_some_and(|(known, _)| *known != id) {
-            digests.extend(current.take().map(|(id, digest)| (id, digest.finish())));
-        }
-        let (_, digest) = current.unwrap_or((id, Digest::default()));
-        current = Some((id, digest.with_row(row, 0..case)?));
+        let digest = after(digests.get(&id).copied()).with_row(row, 0..case)?;
+        digests.insert(id, digest.finish());
     }
-    digests.extend(current.map(|(id, digest)| (id, digest.finish())));
     Ok(digests)
 }
 
+/// First difference in any bit between the samples of two cases before a step, if any.
+pub(super) fn difference(
+    (one, a): (&Connection, i64),
+    (two, b): (&Connection, i64),
+    until: u64,
+) -> rusqlite::Result<Option<String>> {
+    let (mut query_a, mut query_b) = (one.prepare_cached(&SELECT)?, two.prepare_cached(&SELECT)?);
+    let (mut rows_a, mut rows_b) = (query_a.query([a])?, query_b.query([b])?);
+    loop {
+        let next = |rows: &mut Rows<'_>| {
+            let found = rows.next()?.map(sample).transpose()?;
+            Ok::<_, rusqlite::Error>(found.filter(|(step, _)| *step < until))
+        };
+        match (next(&mut rows_a)?, next(&mut rows_b)?) {
+            (None, None) => return Ok(None),
+            (Some(a), Some(b)) => {
+                if let Some(what) = difference_of(&a, &b) {
+                    return Ok(Some(format!("at step {}: {what}", a.0)));
+                }
+            }
+            (Some((step, _)), None) | (None, Some((step, _))) => {
+                return Ok(Some(format!("only one has a sample at step {step}")));
+            }
+        }
+    }
+}
+
 /// First difference between two samples in any bit, if any.
-pub(super) fn difference(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
+fn difference_of(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
     let names = names();
     let names = std::iter::once("step").chain(names.split(", "));
     let values = values(one.0, &one.1).into_iter().zip(values(two.0, &two.1));
@@ -139,11 +249,4 @@ fn sample(row: &Row<'_>) -> rusqlite::Result<(u64, Sample)> {
         number.put(&mut sample, read(row, column, number.kind(Level::Samples))?);
     }
     Ok((row.get(0)?, sample))
-}
-
-/// Deletes the samples of a case from a step on.
-pub(super) fn cut(connection: &Connection, case: i64, from: u64) -> rusqlite::Result<()> {
-    let mut samples = of(connection, case)?;
-    samples.retain(|(step, _)| *step < from);
-    write(connection, case, &samples)
 }

@@ -65,7 +65,9 @@ CREATE TABLE cases (
     attempts       INTEGER NOT NULL DEFAULT 0,  -- times it was claimed
     deaths         INTEGER NOT NULL DEFAULT 0,  -- times in a row its process died without a new checkpoint
     changed_at     INTEGER NOT NULL,
-    samples_digest INTEGER,             -- of all its samples; NULL without any
+    samples_digest INTEGER,             -- of its last sample and this digest before it; NULL without any
+    frames_from    INTEGER,             -- it has a frame of each sampled step from this one; NULL if it keeps none
+    frames_until   INTEGER,             -- until this one
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
 CREATE INDEX IF NOT EXISTS queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
@@ -104,7 +106,7 @@ CREATE TABLE ends (
     resumed     INTEGER NOT NULL,       -- times it went on from a checkpoint
     process     INTEGER NOT NULL REFERENCES processes (id),
     finished_at INTEGER NOT NULL,
-    state       BLOB,                   -- a checkpoint without samples; NULL once it proved to be of no use
+    state       BLOB,                   -- a checkpoint
     {ends},                             -- counters of all these steps
     digest      INTEGER NOT NULL        -- with the key of the case
 );

@@ -3,13 +3,13 @@
 //! A run is computed once: its beginning is the run of less strain, and its last state continues to
 //! more.
 
-use super::claims::Claim;
+use super::claims::{Claim, NewRows, owns};
 use super::digest::whole;
 use super::ends::{self, RunEnd};
 use super::failures::{self, Attempt};
 use super::results::{self, Covered};
 use super::statements::Statements;
-use super::{Store, StoreError, checkpoints, rules, samples, states};
+use super::{Store, StoreError, checkpoints, frames, rules, samples, states};
 use crate::measure::mser_5;
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, State};
@@ -19,6 +19,9 @@ use rusqlite::Connection;
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
+
+/// The new end of a run, and its samples if they are all at hand.
+type NewEnd<'r> = (&'r RunEnd, Option<&'r [(u64, Sample)]>);
 
 /// A completed case, and the result requested.
 struct Computed {
@@ -83,13 +86,13 @@ impl Computed {
         }
     }
 
-    /// Sets the state and the result that are requested; `run` is its end and its samples, if
-    /// already loaded.
+    /// Sets the state and the result that are requested; `run` is its new end, and its samples if
+    /// they are all at hand.
     fn settle(
         &self,
         connection: &Connection,
         discard: u64,
-        run: Option<(&RunEnd, &[(u64, Sample)])>,
+        run: Option<NewEnd<'_>>,
     ) -> rusqlite::Result<()> {
         let id = self.case.id;
         let Some((state, steps)) = self.outcome() else {
@@ -110,8 +113,7 @@ impl Computed {
             let Some(end) = RunEnd::of(connection, id)? else {
                 return Ok(());
             };
-            let samples = samples::of(connection, id)?;
-            results::put(connection, &self.case, result, &end, &samples)?;
+            results::put(connection, &self.case, result, &end, None)?;
         }
         states::end(connection, id, state, steps)
     }
@@ -121,24 +123,24 @@ impl Computed {
         &self,
         connection: &Connection,
         protocol: &Protocol,
-        run: Option<(&RunEnd, &[(u64, Sample)])>,
+        run: Option<NewEnd<'_>>,
     ) -> rusqlite::Result<()> {
         let steps = protocol.with_time_step(self.case.params.time_step);
         self.settle(connection, steps.discard_steps().unwrap_or(0), run)
     }
 }
 
-/// Stores a completed run, replacing any other of its case, and sets the state and the result that
-/// the protocol requests. For a discarded strain chosen by point, see [`settle_point_of`].
+/// Stores the end of a run whose samples are in the store, and sets the state and the result that the
+/// protocol requests. The samples are read again unless they are given. For a discarded strain chosen
+/// by point, see [`settle_point_of`].
 pub(super) fn keep(
     connection: &Connection,
     (case, key): (i64, &str),
     end: &RunEnd,
-    samples: &[(u64, Sample)],
+    samples: Option<&[(u64, Sample)]>,
     protocol: &Protocol,
 ) -> rusqlite::Result<()> {
     end.write(connection, case, key)?;
-    samples::write(connection, case, samples)?;
     checkpoints::drop_until(connection, case, end.steps)?;
     Computed::of(connection, "c.id = ?1", [case])?
         .iter()
@@ -151,8 +153,11 @@ pub(super) fn continue_shorter_runs(
     campaign: &Campaign,
 ) -> rusqlite::Result<()> {
     each_shorter_run(connection, campaign, |(id, key), of, end| {
-        let samples = samples::of(connection, of)?;
-        keep(connection, (id, key), end, &samples, &campaign.protocol)?;
+        samples::copy((connection, of), (connection, id), end.steps)?;
+        if let Some(kept) = frames::of(connection, of)? {
+            frames::take(connection, (id, key), kept)?;
+        }
+        keep(connection, (id, key), end, None, &campaign.protocol)?;
         states::reopen(connection, "id = ?2", &[id]).map(drop)
     })
 }
@@ -256,15 +261,19 @@ fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result
         {
             continue;
         }
-        let mut samples = samples::of(connection, case.case.id)?;
-        samples.retain(|(step, _)| *step < end);
-        if steps.is_empty() {
-            steps = samples.iter().map(|(step, _)| *step).collect();
-            total = vec![0.0; steps.len()];
-        }
-        for (total, (_, sample)) in total.iter_mut().zip(&samples) {
-            *total += sample.viscosity;
-        }
+        let is_first = steps.is_empty();
+        let mut place = 0;
+        samples::each(connection, case.case.id, |step, sample| {
+            if is_first && step < end {
+                steps.push(step);
+                total.push(0.0);
+            }
+            if let Some(total) = total.get_mut(place).filter(|_| step < end) {
+                *total += sample.viscosity;
+            }
+            place += 1;
+            Ok(())
+        })?;
     }
     let left_out = mser_5(&total).map_or(0, |(samples, _)| samples);
     let discard = steps.get(left_out).copied().unwrap_or(0);
@@ -305,14 +314,12 @@ impl Store {
 pub struct Finished {
     /// [`State::Done`] or [`State::Jammed`].
     pub state: State,
-    /// Its samples, with their steps.
-    pub samples: Vec<(u64, Sample)>,
+    /// What it measured since its last checkpoint.
+    pub rows: NewRows,
     /// Its counters.
     pub counters: Counters,
     /// Steps done.
     pub steps: u64,
-    /// Its averages.
-    pub protocol: Protocol,
     /// Seconds of computing.
     pub wall_time_s: f64,
     /// Seconds of CPU.
@@ -327,13 +334,13 @@ impl Store {
     /// Stores the results of cases and their last states in one transaction. Returns for each
     /// whether this process still owned it; otherwise nothing is stored.
     pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
-        let me = self.me();
+        let (me, protocol) = (self.me(), self.protocol()?);
         self.write(|connection| {
             runs.iter()
                 .map(|(claim, finished)| {
                     let is_owned = owns(connection, claim, me)?;
                     if is_owned {
-                        finish(connection, claim, finished, me)?;
+                        finish(connection, claim, finished, &protocol, me)?;
                     }
                     Ok(is_owned)
                 })
@@ -341,23 +348,19 @@ impl Store {
         })
     }
 
-    /// Stores the failure of a case, with its samples so far.
+    /// Stores the failure of a case, with what it measured since its last checkpoint.
     pub(crate) fn fail(
         &mut self,
         claim: &Claim,
         failure: Attempt,
-        samples: &[(u64, Sample)],
+        rows: &NewRows,
     ) -> Result<(), StoreError> {
         let me = self.me();
         let owned = self.write(|connection| {
             if !owns(connection, claim, me)? {
                 return Ok(false);
             }
-            // The samples of a previously longer run belong to its result.
-            let computed = ends::steps_of(connection, claim.id)?;
-            if computed.is_none_or(|steps| steps <= failure.step) {
-                samples::write(connection, claim.id, samples)?;
-            }
+            rows.append(connection, claim, failure.step)?;
             fail(connection, claim.id, failure.by(me))?;
             Ok(true)
         })?;
@@ -367,15 +370,6 @@ impl Store {
     /// Resets all failed cases of the grid to pending. Returns their number.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
         self.write(|connection| {
-            let failed: Vec<(i64, u64)> = connection.all(
-                "SELECT c.id, coalesce(e.steps, 0) FROM cases c LEFT JOIN ends e ON e.case_id = c.id
-                 WHERE c.state = 'failed' AND c.counts",
-                [],
-                |row| row.try_into(),
-            )?;
-            for (case, steps) in failed {
-                samples::cut(connection, case, steps)?;
-            }
             let reopened = states::reopen(connection, "state = 'failed' AND counts", &[])?;
             rules::apply_all(connection)?;
             Ok(reopened)
@@ -391,21 +385,16 @@ pub(super) fn fail(connection: &Connection, case: i64, failed: Attempt) -> rusql
     rules::apply_to_case(connection, case)
 }
 
-/// Whether this process still owns a case that it computes.
-fn owns(connection: &Connection, claim: &Claim, me: i64) -> rusqlite::Result<bool> {
-    connection.has(
-        "SELECT 1 FROM cases WHERE id = ?1 AND owner = ?2 AND state = 'running'",
-        [claim.id, me],
-    )
-}
-
 /// Stores a completed run. It may be longer than requested if its last checkpoint was beyond that.
 fn finish(
     connection: &Connection,
     claim: &Claim,
     finished: &Finished,
+    protocol: &Protocol,
     me: i64,
 ) -> rusqlite::Result<()> {
+    let rows = &finished.rows;
+    rows.append(connection, claim, finished.steps)?;
     let end = RunEnd {
         steps: finished.steps,
         jammed: finished.state == State::Jammed,
@@ -418,14 +407,10 @@ fn finish(
         state: Some(finished.last_state.clone()),
     };
     let case = (claim.id, claim.key.as_str());
-    keep(
-        connection,
-        case,
-        &end,
-        &finished.samples,
-        &finished.protocol,
-    )?;
-    if finished.protocol.discard == Discard::Auto {
+    let begins = rows.samples.first().is_some_and(|(step, _)| *step == 0);
+    let samples = begins.then_some(rows.samples.as_slice());
+    keep(connection, case, &end, samples, protocol)?;
+    if protocol.discard == Discard::Auto {
         settle_point_of(connection, claim.id)?;
     }
     rules::apply_to_case(connection, claim.id)

@@ -66,6 +66,19 @@ pub(super) fn reopen(
     free_where(connection, condition, parameters)
 }
 
+/// Deletes all of a case but its failures, to be computed again from its start; it keeps frames if it
+/// did before.
+pub(super) fn delete_data(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    for table in ["samples", "frames", "checkpoints", "results", "ends"] {
+        connection.run(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
+    }
+    connection.run(
+        "UPDATE cases SET steps_done = 0, samples_digest = NULL,
+             frames_from = frames_from * 0, frames_until = frames_until * 0 WHERE id = ?1",
+        [case],
+    )
+}
+
 /// The rank of a case by its steps done, as SQL: before the others if it was started, after them if
 /// it kills its processes.
 pub(super) fn turn(steps_done: &str) -> String {

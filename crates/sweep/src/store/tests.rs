@@ -2,7 +2,7 @@ use super::*;
 use crate::model::campaign::Campaign;
 use crate::model::case::State;
 use crate::model::order::Order;
-use crate::test_support::{counters, sample, snapshot};
+use crate::test_support::{counters, frame, sample, snapshot};
 use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
 use std::time::Duration;
@@ -54,6 +54,11 @@ impl Store {
         claims.pop()
     }
 
+    /// Stores a checkpoint without samples.
+    fn keep_state(&mut self, claim: &Claim, steps: u64, data: &[u8]) -> Result<(), StoreError> {
+        self.keep(claim, steps, data, &NewRows::default())
+    }
+
     fn end(&mut self, claim: &Claim, finished: &Finished) -> Result<(), StoreError> {
         let owned = self.finish(&[(claim, finished)])?;
         if owned == [true] {
@@ -70,9 +75,14 @@ impl Store {
 }
 
 fn checkpoint(steps: u64) -> Vec<u8> {
+    checkpoint_after(steps, &[])
+}
+
+/// A checkpoint of a run with these samples.
+fn checkpoint_after(steps: u64, samples: &[(u64, sd_core::Sample)]) -> Vec<u8> {
     Checkpoint {
         snapshot: snapshot(steps),
-        samples: vec![(0, sample(0.0))],
+        samples_digest: rows(samples.to_vec()).samples_digest,
         wall_time_s: 1.0,
         cpu_time_s: 0.9,
         resumed: 0,
@@ -81,18 +91,27 @@ fn checkpoint(steps: u64) -> Vec<u8> {
     .unwrap()
 }
 
+/// New rows of a run that has no others.
+fn rows(samples: Vec<(u64, sd_core::Sample)>) -> NewRows {
+    let mut rows = NewRows::default();
+    for (step, sample) in samples {
+        rows.add(step, sample);
+    }
+    rows
+}
+
 fn finished(state: State) -> Finished {
     Finished {
         state,
-        samples: first_samples(50),
+        rows: NewRows::default(),
         counters: counters(),
         steps: 200,
-        protocol: campaign(CAMPAIGN).protocol,
         wall_time_s: 2.0,
         cpu_time_s: 1.8,
         resumed: 0,
-        last_state: checkpoint(200),
+        last_state: Vec::new(),
     }
+    .with(|samples| *samples = first_samples(50))
 }
 
 /// The first samples of a run.
@@ -100,6 +119,27 @@ fn first_samples(number: u64) -> Vec<(u64, sd_core::Sample)> {
     (0..number)
         .map(|n| (4 * n, sample(n as f64 * 0.02)))
         .collect()
+}
+
+impl Finished {
+    /// With other samples.
+    fn with(self, change: impl FnOnce(&mut Vec<(u64, sd_core::Sample)>)) -> Self {
+        let mut samples = self.rows.samples;
+        change(&mut samples);
+        Self {
+            last_state: checkpoint_after(self.steps, &samples),
+            rows: rows(samples),
+            ..self
+        }
+    }
+
+    /// With frames of all its samples.
+    fn filmed(mut self) -> Self {
+        let steps = self.rows.samples.iter().map(|(step, _)| *step);
+        self.rows.frames = steps.map(|step| (step, frame())).collect();
+        self.rows.frames_from = Some(0);
+        self
+    }
 }
 
 /// A failed attempt that ended at a step.
@@ -117,11 +157,11 @@ fn failure(step: u64) -> Attempt {
 
 /// A finished run with samples at the steps of the case.
 fn finished_as(claim: &Claim, state: State) -> Finished {
-    let mut run = finished(state);
-    for (number, (step, _)) in (0_u64..).zip(&mut run.samples) {
-        *step = number * claim.case.sample_stride;
-    }
-    run
+    finished(state).with(|samples| {
+        for (number, (step, _)) in (0_u64..).zip(samples) {
+            *step = number * claim.case.sample_stride;
+        }
+    })
 }
 
 /// Makes the owner of all running cases look like a dead process.
@@ -158,7 +198,7 @@ fn result_is_kept_and_averaged() {
     let mut store = open(directory.path());
     store.register(2).unwrap();
     let claim = store.next().unwrap();
-    store.keep(&claim, 20, &checkpoint(20)).unwrap();
+    store.keep_state(&claim, 20, &checkpoint(20)).unwrap();
     store.end(&claim, &finished(State::Done)).unwrap();
     let counts = store.counts().unwrap();
     assert_eq!((counts.done, counts.pending, counts.running), (1, 3, 0));
@@ -167,8 +207,8 @@ fn result_is_kept_and_averaged() {
     assert_eq!(run.number("samples"), Some(25.0));
     assert_eq!(run.number("stages"), Some(40.0));
     assert_eq!(
-        samples::of(&store.connection, claim.id).unwrap(),
-        finished(State::Done).samples
+        samples::of(&store.connection, claim.id, u64::MAX).unwrap(),
+        first_samples(50)
     );
     let left: i64 = store
         .connection
@@ -184,7 +224,7 @@ fn dead_owner_loses_its_case_and_the_next_resumes_from_its_checkpoint() {
     dead.register(1).unwrap();
     let claim = dead.next().unwrap();
     for steps in [20, 40, 60] {
-        dead.keep(&claim, steps, &checkpoint(steps)).unwrap();
+        dead.keep_state(&claim, steps, &checkpoint(steps)).unwrap();
     }
     heir.register(1).unwrap();
     assert_eq!(heir.release_dead().unwrap(), 0, "it lives");
@@ -202,7 +242,7 @@ fn dead_owner_loses_its_case_and_the_next_resumes_from_its_checkpoint() {
     assert_eq!(steps, [60, 40], "two generations, the newest first");
     // Later writes of the old owner are discarded.
     assert!(matches!(
-        dead.keep(&claim, 80, &checkpoint(80)),
+        dead.keep_state(&claim, 80, &checkpoint(80)),
         Err(StoreError::ClaimLost { .. })
     ));
     assert!(matches!(
@@ -222,9 +262,11 @@ fn torn_checkpoint_falls_back_to_the_one_before() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    store.keep(&claim, 20, &checkpoint(20)).unwrap();
+    store.keep_state(&claim, 20, &checkpoint(20)).unwrap();
     let torn = checkpoint(40);
-    store.keep(&claim, 40, &torn[..torn.len() - 3]).unwrap();
+    store
+        .keep_state(&claim, 40, &torn[..torn.len() - 3])
+        .unwrap();
     store.release([&claim]).unwrap();
     let again = store.next().unwrap();
     assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
@@ -277,7 +319,9 @@ fn failure_is_kept_and_retried() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, failure(37), &first_samples(1)).unwrap();
+    store
+        .fail(&claim, failure(37), &rows(first_samples(1)))
+        .unwrap();
     let line = store.failures(10).unwrap().remove(0);
     assert_eq!((line.failed.step, line.key), (37, claim.key));
     assert!((line.failed.strain - 0.185).abs() < 1e-12);
@@ -352,11 +396,12 @@ fn infinite_and_missing_numbers_survive_the_store() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    let mut run = finished(State::Done);
-    run.samples[30].1.minimum_gap = f64::INFINITY;
-    run.samples[31].1.viscosity = f64::NAN;
+    let run = finished(State::Done).with(|samples| {
+        samples[30].1.minimum_gap = f64::INFINITY;
+        samples[31].1.viscosity = f64::NAN;
+    });
     store.end(&claim, &run).unwrap();
-    let back = samples::of(&store.connection, claim.id).unwrap();
+    let back = samples::of(&store.connection, claim.id, u64::MAX).unwrap();
     assert!(back[30].1.minimum_gap.is_infinite());
     assert!(back[31].1.viscosity.is_nan());
 }

@@ -184,12 +184,64 @@ fn without_frames_the_command_that_keeps_them_is_named() {
         "{error}"
     );
     assert!(refused(at, &["structure", "structure.toml", "77"]).contains("no case"));
-    // Finished runs are not computed again for their frames, which is said.
     let notes = words(&run(at, &["run", "structure.toml", "--trajectory"]).stderr);
-    assert!(
-        notes.contains("finished runs without frames: with --store ANOTHER.sqlite"),
-        "{notes}"
+    assert!(notes.contains("4 begun or finished runs"), "{notes}");
+    let filmed = COMPUTED.folder();
+    let wanted = json(filmed.path(), &["structure", "s.sqlite"]);
+    assert_eq!(json(at, &["structure", "structure.toml"]), wanted);
+}
+
+#[test]
+fn structure_averages_only_runs_with_all_their_frames_however_they_were_computed() {
+    let wanted = COMPUTED.folder();
+    let wanted = json(wanted.path(), &["structure", "s.sqlite"]);
+    // A longer run of a kept one has all frames, though it is not asked for them again.
+    let short = CAMPAIGN.replace("strain = 0.6", "strain = 0.4");
+    let longer = folder("short.toml", &short);
+    let at = longer.path();
+    let store = ["--store", "s.sqlite", "--quiet"];
+    sweep(
+        at,
+        &[&["run", "short.toml", "--trajectory"], &store[..]].concat(),
     );
+    std::fs::write(at.join("long.toml"), CAMPAIGN).unwrap();
+    sweep(at, &[&["run", "long.toml"], &store[..]].concat());
+    assert_eq!(json(at, &["structure", "s.sqlite"]), wanted);
+    // Runs without the frames of their beginning are computed again for them.
+    let later = folder("short.toml", &short);
+    let at = later.path();
+    sweep(at, &[&["run", "short.toml"], &store[..]].concat());
+    std::fs::write(at.join("long.toml"), CAMPAIGN).unwrap();
+    sweep(
+        at,
+        &[&["run", "long.toml", "--trajectory"], &store[..]].concat(),
+    );
+    assert_eq!(json(at, &["structure", "s.sqlite"]), wanted);
+    // Other runs are left out, and named.
+    let fewer = CAMPAIGN.replace("seeds = 2", "seeds = 1");
+    let more = folder("fewer.toml", &fewer);
+    let at = more.path();
+    sweep(
+        at,
+        &[&["run", "fewer.toml", "--trajectory"], &store[..]].concat(),
+    );
+    std::fs::write(at.join("long.toml"), CAMPAIGN).unwrap();
+    sweep(at, &[&["run", "long.toml"], &store[..]].concat());
+    let output = run(at, &["structure", "s.sqlite", "--json"]);
+    let note = words(&output.stderr);
+    assert!(
+        note.contains("2 finished runs left out, without frames of the whole averaged strain")
+            && note.contains("(no frames)")
+            && note.contains("`sweep run CAMPAIGN.toml --trajectory`"),
+        "{note}"
+    );
+    let points: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(points["points"][0]["runs"], 1);
+    sweep(
+        at,
+        &[&["run", "long.toml", "--trajectory"], &store[..]].concat(),
+    );
+    assert_eq!(json(at, &["structure", "s.sqlite"]), wanted);
 }
 
 #[test]

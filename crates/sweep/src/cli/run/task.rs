@@ -1,6 +1,6 @@
 //! One task of a campaign, in a store of its own that is published as a shard.
 
-use super::{Arguments, ClusterArguments, compute, style};
+use super::{Arguments, compute, style};
 use crate::cli::Output;
 use crate::cluster::shard;
 use crate::cluster::task::{Part, Task, TaskOptions, restrict};
@@ -21,7 +21,7 @@ pub(super) fn run(
 ) -> Result<u8, Error> {
     let stop = Stop::for_a_task()?;
     let plan = restrict(arguments.cluster.slices.as_deref(), part, &mut campaign)?;
-    let options = options(&arguments.cluster, &campaign, arguments.retry_failed);
+    let options = options(arguments, &campaign);
     let note = |text: &str| output.note(text);
     let (mut store, task) = Task::begin(&options, part.task, &plan, &campaign, &note)?;
     let style = style(arguments, output);
@@ -50,7 +50,8 @@ pub(super) fn run(
 }
 
 /// Folders of the task.
-fn options(arguments: &ClusterArguments, campaign: &Campaign, retry_failed: bool) -> TaskOptions {
+fn options(all: &Arguments, campaign: &Campaign) -> TaskOptions {
+    let arguments = &all.cluster;
     let usual = || shard::folder_of(&campaign.default_store());
     let folder = arguments.shards.clone().unwrap_or_else(usual);
     let scratch = arguments.scratch.clone();
@@ -60,7 +61,8 @@ fn options(arguments: &ClusterArguments, campaign: &Campaign, retry_failed: bool
         folder,
         publish_every: arguments.publish_every,
         mixed: arguments.allow_mixed_versions,
-        retry_failed,
+        retry_failed: all.retry_failed,
+        trajectory: all.trajectory,
     }
 }
 

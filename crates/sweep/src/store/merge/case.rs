@@ -13,7 +13,6 @@ use crate::store::{
 };
 use crate::system::process::now;
 use rusqlite::{Connection, params};
-use sd_core::Sample;
 use std::collections::HashMap;
 
 /// The merge of one shard in progress.
@@ -51,12 +50,6 @@ struct Ours {
 /// A checkpoint: generation, steps, process, data.
 type Kept = (i64, u64, i64, Vec<u8>);
 
-/// A complete run.
-struct Run {
-    end: RunEnd,
-    samples: Vec<(u64, Sample)>,
-}
-
 impl Merging<'_> {
     /// Copies the data of a case.
     pub(super) fn case(&mut self, id: i64) -> rusqlite::Result<()> {
@@ -70,7 +63,7 @@ impl Merging<'_> {
         };
         match theirs.run(self.other) {
             Ok(None) => {}
-            Ok(Some(run)) => self.run(&ours, &theirs, &run)?,
+            Ok(Some(end)) => self.run(&ours, &theirs, &end)?,
             Err(_) => self.merged.unreadable += 1,
         }
         // The copied data may have ended it.
@@ -136,26 +129,24 @@ impl Merging<'_> {
 
     /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree,
     /// the later attempt.
-    fn run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
-        let Some((end, process)) = ours.end else {
-            // A case that a process of this store continues is skipped.
-            if ours.state != State::Running || run.end.jammed || run.end.steps >= ours.requested {
-                self.take_run(ours, theirs, run)?;
-                self.merged.results += 1;
-            }
+    fn run(&mut self, ours: &Ours, theirs: &Theirs, end: &RunEnd) -> rusqlite::Result<()> {
+        if ours.state == State::Running && !end.jammed && end.steps < ours.requested {
+            // A process of this store continues it.
             return Ok(());
+        }
+        let Some((own, process)) = ours.end else {
+            return self.take_run(ours, theirs, end);
         };
-        let Some(what) = self.difference(ours.id, end, run)? else {
-            if run.end.steps > end.0 {
-                self.take_run(ours, theirs, run)?;
-                self.merged.results += 1;
+        let Some(what) = self.difference(ours.id, own, theirs, end)? else {
+            if end.steps > own.0 {
+                self.take_run(ours, theirs, end)?;
             } else {
                 self.take_frames(ours, theirs)?;
                 self.merged.duplicates += 1;
             }
             return Ok(());
         };
-        let other = self.take_process(run.end.process)?;
+        let other = self.take_process(end.process)?;
         if other == process {
             // Merged before, and kept as the later attempt.
             return Ok(());
@@ -167,7 +158,7 @@ impl Merging<'_> {
             (process, other)
         };
         if is_later {
-            self.take_run(ours, theirs, run)?;
+            self.take_run(ours, theirs, end)?;
         }
         self.connection.run(
             "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at)
@@ -182,9 +173,10 @@ impl Merging<'_> {
         &self,
         case: i64,
         ours: (u64, bool),
-        run: &Run,
+        of: &Theirs,
+        end: &RunEnd,
     ) -> rusqlite::Result<Option<String>> {
-        let theirs = (run.end.steps, run.end.jammed);
+        let theirs = (end.steps, end.jammed);
         let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
         if jammed_early(theirs, ours.0)
             || jammed_early(ours, theirs.0)
@@ -200,37 +192,40 @@ impl Merging<'_> {
             )));
         }
         let common = theirs.0.min(ours.0);
-        let kept = samples::of(self.connection, case)?;
-        let first = |samples: &[(u64, Sample)]| samples.partition_point(|(step, _)| *step < common);
-        let (a, b) = (&run.samples[..first(&run.samples)], &kept[..first(&kept)]);
-        if a.len() != b.len() {
-            return Ok(Some(format!("{} samples, and {}", a.len(), b.len())));
-        }
-        let different = a.iter().zip(b).find_map(|(one, two)| {
-            samples::difference(one, two).map(|what| format!("at step {}: {what}", one.0))
-        });
+        let different = samples::difference((self.other, of.id), (self.connection, case), common)?;
         if different.is_some() || theirs.0 != ours.0 {
             return Ok(different);
         }
         let counters = RunEnd::of(self.connection, case)?.map(|end| format!("{:?}", end.counters));
-        let found = format!("{:?}", run.end.counters);
+        let found = format!("{:?}", end.counters);
         Ok(counters
             .filter(|counters| *counters != found)
             .map(|counters| format!("counters are {found}, and {counters}")))
     }
 
-    /// Copies a complete run.
-    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, run: &Run) -> rusqlite::Result<()> {
-        let end = RunEnd {
-            process: self.take_process(run.end.process)?,
-            ..run.end.clone()
+    /// Copies a complete run; one with damaged frames is to be computed again, with its frames.
+    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, end: &RunEnd) -> rusqlite::Result<()> {
+        let Ok(kept) = frames::of(self.other, theirs.id) else {
+            self.merged.unreadable += 1;
+            return frames::request(self.connection, ours.id);
         };
+        let end = RunEnd {
+            process: self.take_process(end.process)?,
+            ..end.clone()
+        };
+        self.take_samples(ours, theirs, end.steps)?;
         let case = (ours.id, theirs.key.as_str());
-        settle::keep(self.connection, case, &end, &run.samples, self.protocol)?;
+        settle::keep(self.connection, case, &end, None, self.protocol)?;
         // It may be shorter than requested.
         let reopened = "id = ?2 AND state IN ('pending', 'failed')";
         states::reopen(self.connection, reopened, &[ours.id])?;
-        self.take_frames(ours, theirs)
+        self.merged.results += 1;
+        kept.map_or(Ok(()), |kept| frames::take(self.connection, case, kept))
+    }
+
+    /// Replaces the samples of a case by theirs before a step.
+    fn take_samples(&self, ours: &Ours, theirs: &Theirs, until: u64) -> rusqlite::Result<()> {
+        samples::copy((self.other, theirs.id), (self.connection, ours.id), until)
     }
 
     /// Whether the attempt of a process is later than that of another. Processes of the store
@@ -245,14 +240,9 @@ impl Merging<'_> {
 
     /// Copies failures that the store does not have.
     fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
-        let read = || {
-            Ok((
-                failures::of(self.other, theirs.id)?,
-                samples::of(self.other, theirs.id)?,
-            ))
-        };
-        let read: rusqlite::Result<_> = read();
-        let Ok((found, samples)) = read else {
+        let found = failures::of(self.other, theirs.id)
+            .and_then(|found| samples::each(self.other, theirs.id, |_, _| Ok(())).map(|()| found));
+        let Ok(found) = found else {
             self.merged.unreadable += 1;
             return Ok(());
         };
@@ -275,7 +265,7 @@ impl Merging<'_> {
         }
         self.merged.failures += 1;
         if ours.end.is_none() {
-            samples::write(self.connection, ours.id, &samples)?;
+            self.take_samples(ours, theirs, u64::MAX)?;
         }
         self.take_frames(ours, theirs)?;
         if ours.state == State::Pending {
@@ -296,6 +286,7 @@ impl Merging<'_> {
             return Ok(());
         }
         checkpoints::drop_all(self.connection, ours.id)?;
+        self.take_samples(ours, theirs, steps)?;
         for (generation, steps, process, data) in whole {
             let kept = (generation, steps, self.take_process(process)?, &data[..]);
             checkpoints::put(self.connection, ours.id, kept)?;
@@ -305,16 +296,12 @@ impl Merging<'_> {
         self.take_frames(ours, theirs)
     }
 
-    /// Copies frames. Frames of one step are identical in all processes.
+    /// Copies frames. Those of one step are identical in all processes.
     fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
-        let Ok(frames) = frames::of(self.other, theirs.id) else {
-            self.merged.unreadable += 1;
-            return Ok(());
-        };
-        for (step, strain, data) in frames {
-            if crate::trajectory::decode(&data).is_some() {
-                frames::put(self.connection, (ours.id, &theirs.key), step, strain, data)?;
-            }
+        match frames::of(self.other, theirs.id) {
+            Ok(None) => {}
+            Ok(Some(kept)) => frames::take(self.connection, (ours.id, &theirs.key), kept)?,
+            Err(_) => self.merged.unreadable += 1,
         }
         Ok(())
     }
@@ -364,8 +351,9 @@ impl Theirs {
         }
     }
 
-    /// Its run, if complete: with the samples of all its steps, and a matching last state.
-    fn run(&self, other: &Connection) -> rusqlite::Result<Option<Run>> {
+    /// The end of its run, if complete: with the samples of all its steps, and a matching last
+    /// state.
+    fn run(&self, other: &Connection) -> rusqlite::Result<Option<RunEnd>> {
         let is_finished = matches!(self.state, State::Done | State::Jammed);
         let untrusted = || rusqlite::Error::QueryReturnedNoRows;
         let Some(mut end) = RunEnd::of(other, self.id)? else {
@@ -376,22 +364,25 @@ impl Theirs {
             };
         };
         let stride = self.case.sample_stride;
-        let mut samples = samples::of(other, self.id)?;
-        // A run that failed after a continuation has more samples.
-        samples.retain(|(step, _)| *step < end.steps);
-        let in_order = (0..)
-            .zip(&samples)
-            .all(|(number, (step, _))| *step == number * stride);
-        let last = end.state.as_deref().map(Checkpoint::decode);
-        match last {
-            Some(Ok(last)) if last.snapshot.steps() == end.steps => {}
-            // The run cannot be continued from it, but its result is valid.
-            _ => end.state = None,
-        }
-        if !in_order || samples.len() as u64 != end.steps.div_ceil(stride) {
+        let (mut number, mut in_order) = (0, true);
+        samples::each(other, self.id, |step, _| {
+            // A run that failed after a continuation has more samples.
+            if step < end.steps {
+                in_order &= step == number * stride;
+                number += 1;
+            }
+            Ok(())
+        })?;
+        if !in_order || number != end.steps.div_ceil(stride) {
             return Err(untrusted());
         }
-        Ok(Some(Run { end, samples }))
+        let last = end.state.as_deref().map(Checkpoint::decode);
+        let is_last = |last: &Checkpoint| last.snapshot.steps() == end.steps;
+        if !matches!(last, Some(Ok(last)) if is_last(&last)) {
+            // The run cannot be continued from it, but its result is valid.
+            end.state = None;
+        }
+        Ok(Some(end))
     }
 
     /// Its intact checkpoints.
@@ -402,8 +393,10 @@ impl Theirs {
             |row| Ok(row.try_into()),
         )?;
         let whole = |mut kept: Kept| {
-            kept.1 = Checkpoint::decode(&kept.3).ok()?.snapshot.steps();
-            matches!(kept.0, 0 | 1).then_some(kept)
+            let checkpoint = Checkpoint::decode(&kept.3).ok()?;
+            kept.1 = checkpoint.snapshot.steps();
+            let samples = samples::digest_until(other, self.id, kept.1).ok()?;
+            (matches!(kept.0, 0 | 1) && samples == checkpoint.samples_digest).then_some(kept)
         };
         Ok(found.into_iter().flatten().filter_map(whole).collect())
     }

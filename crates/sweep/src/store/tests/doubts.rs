@@ -12,7 +12,7 @@ fn half_doubtful(directory: &Path) -> Store {
         let claim = store.next().unwrap();
         let mut run = finished(State::Done);
         if number % 2 == 1 {
-            run.samples[40].1.viscosity = 1e6;
+            run = run.with(|samples| samples[40].1.viscosity = 1e6);
             run.counters.unconverged_stages = 39;
         }
         store.end(&claim, &run).unwrap();

@@ -43,9 +43,10 @@ fn finished_run_continues_from_its_last_state_to_a_larger_strain() {
         panic!("{:?}", claim.checkpoints);
     };
     assert_eq!(from.snapshot.steps(), 200);
-    assert_eq!(from.samples, finished(State::Done).samples);
+    let samples = rows(first_samples(50)).samples_digest;
+    assert_eq!(from.samples_digest, samples);
     // The continuation is interrupted, and resumes from its checkpoint.
-    store.keep(&claim, 240, &checkpoint(240)).unwrap();
+    store.keep_state(&claim, 240, &checkpoint(240)).unwrap();
     store.release([&claim]).unwrap();
     let claim = store.next().unwrap();
     let steps = claim.checkpoints.iter().flatten();
@@ -64,7 +65,7 @@ fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
         (cut.state, cut.number("samples")),
         (State::Done, Some(15.0))
     );
-    let kept = &finished(State::Done).samples[25..40];
+    let kept = &first_samples(50)[25..40];
     let mean = kept.iter().map(|(_, s)| s.viscosity).sum::<f64>() / 15.0;
     assert!((cut.number("viscosity").unwrap() - mean).abs() < 1e-12);
     let details = store.details(&key).unwrap();
@@ -94,7 +95,9 @@ fn runs_that_failed_beyond_the_requested_strain_are_retried() {
     let mut store = open(directory.path());
     store.register(1).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, failure(170), &first_samples(0)).unwrap();
+    store
+        .fail(&claim, failure(170), &rows(first_samples(0)))
+        .unwrap();
     store.take_in(&of_strain("0.9")).unwrap();
     assert_eq!(store.counts().unwrap().failed, 1);
     store.take_in(&of_strain("0.8")).unwrap();
@@ -105,11 +108,10 @@ fn runs_that_failed_beyond_the_requested_strain_are_retried() {
 fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     let directory = tempfile::tempdir().unwrap();
     let longer = Finished {
-        samples: first_samples(100),
         steps: 400,
-        last_state: checkpoint(400),
         ..finished(State::Done)
-    };
+    }
+    .with(|samples| *samples = first_samples(100));
     let path = directory.path().join("shard.sqlite");
     let mut shard = Store::at(&path, &of_strain("2.0"));
     shard.register(1).unwrap();
@@ -143,19 +145,23 @@ fn a_run_that_fails_in_a_continuation_keeps_its_beginning() {
     let (mut store, key) = store_with_a_run(directory.path());
     let whole = format!("{:?}", run(&store, &key));
     store.take_in(&of_strain("2.0")).unwrap();
-    // Once as a continuation, and once from the start, as if its last state were unusable.
-    for (step, samples) in [(240, 60), (8, 2)] {
+    let resumed = |store: &mut Store| {
         let claim = store.next().unwrap();
-        assert_eq!(claim.key, key);
-        store
-            .fail(&claim, failure(step), &first_samples(samples))
-            .unwrap();
-        assert_eq!(store.counts().unwrap().failed, 1);
-        assert_eq!(store.retry_failed().unwrap(), 1);
+        let from = claim.checkpoints[0].as_ref().unwrap();
+        assert_eq!((&claim.key, from.snapshot.steps()), (&key, 200));
+        let rows = store.resume(&claim, from).unwrap().unwrap();
+        assert_eq!(store.samples(&key).unwrap().len(), 50);
+        (claim, rows)
+    };
+    let (claim, mut rows) = resumed(&mut store);
+    for (step, sample) in &first_samples(60)[50..] {
+        rows.add(*step, *sample);
     }
-    let claim = store.next().unwrap();
-    let from = claim.checkpoints[0].as_ref().unwrap();
-    assert_eq!((from.snapshot.steps(), from.samples.len()), (200, 50));
+    store.fail(&claim, failure(240), &rows).unwrap();
+    assert_eq!(store.samples(&key).unwrap().len(), 60);
+    assert_eq!(store.counts().unwrap().failed, 1);
+    assert_eq!(store.retry_failed().unwrap(), 1);
+    let (claim, _) = resumed(&mut store);
     store.release([&claim]).unwrap();
     store.take_in(&campaign(CAMPAIGN)).unwrap();
     assert_eq!(format!("{:?}", run(&store, &key)), whole);
@@ -194,7 +200,7 @@ fn an_added_segment_continues_from_the_finished_run() {
         panic!("{:?}", claim.checkpoints);
     };
     assert_eq!(from.snapshot.steps(), 200);
-    assert_eq!(from.samples, finished(State::Done).samples);
+    assert_eq!(from.samples_digest, rows(first_samples(50)).samples_digest);
     store.release([&claim]).unwrap();
     // The run without it keeps its result.
     store.take_in(&campaign(CAMPAIGN)).unwrap();

@@ -26,7 +26,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
 /// Claims the next case and stores a checkpoint of it.
 fn begin(store: &mut Store, steps: u64) -> Claim {
     let claim = store.next().unwrap();
-    store.keep(&claim, steps, &checkpoint(steps)).unwrap();
+    store.keep_state(&claim, steps, &checkpoint(steps)).unwrap();
     claim
 }
 
@@ -79,7 +79,8 @@ fn shards_merge_in_any_order_and_repeatedly() {
     let (mut a, path_a) = shard(at, "a", 0);
     begin(&mut a, 40);
     let claim = a.next().unwrap();
-    a.fail(&claim, failure_of("no"), &[]).unwrap();
+    a.fail(&claim, failure_of("no"), &NewRows::default())
+        .unwrap();
     begin(&mut a, 100);
     let (mut b, path_b) = shard(at, "b", 1);
     begin(&mut b, 80);
@@ -136,8 +137,8 @@ fn merged_checkpoint_is_gone_on_from() {
     let (mut a, path) = shard(directory.path(), "a", 0);
     begin(&mut a, 40);
     let claim = a.next().unwrap();
-    a.keep(&claim, 8, &checkpoint(8)).unwrap();
-    a.keep(&claim, 16, &checkpoint(16)).unwrap();
+    a.keep_state(&claim, 8, &checkpoint(8)).unwrap();
+    a.keep_state(&claim, 16, &checkpoint(16)).unwrap();
     let mut store = open(directory.path());
     store.merge(&[path], false).unwrap();
     store.register(1).unwrap();
@@ -165,8 +166,7 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
         (&mut c, 7.0),
     ] {
         let claim = store.next().unwrap();
-        let mut result = finished(State::Done);
-        result.samples[30].1.viscosity = viscosity;
+        let result = finished(State::Done).with(|samples| samples[30].1.viscosity = viscosity);
         store.end(&claim, &result).unwrap();
     }
     drop((a, b, c));
@@ -271,10 +271,10 @@ fn case_running_here_is_unchanged_by_a_partial_copy_and_ended_by_a_complete_one(
     let (mut a, path) = shard(at, "a", 0);
     let theirs = begin(&mut a, 100);
     store.merge(std::slice::from_ref(&path), false).unwrap();
-    store.keep(&claim, 12, &checkpoint(12)).unwrap();
+    store.keep_state(&claim, 12, &checkpoint(12)).unwrap();
     a.end(&theirs, &finished(State::Jammed)).unwrap();
     store.merge(&[path], false).unwrap();
-    let lost = store.keep(&claim, 16, &checkpoint(16));
+    let lost = store.keep_state(&claim, 16, &checkpoint(16));
     assert!(matches!(lost, Err(StoreError::ClaimLost { .. })));
     assert_eq!(store.counts().unwrap().jammed, 1);
 }
@@ -285,7 +285,8 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
     let at = directory.path();
     let (mut a, failed) = shard(at, "a", 0);
     let claim = a.next().unwrap();
-    a.fail(&claim, failure_of("took too long"), &[]).unwrap();
+    a.fail(&claim, failure_of("took too long"), &NewRows::default())
+        .unwrap();
     let (mut b, done) = shard(at, "b", 1);
     let claim = b.next().unwrap();
     b.end(&claim, &finished(State::Done)).unwrap();

@@ -11,10 +11,12 @@ fn mixed(directory: &Path) -> Store {
     let whole = finished_as(&claim, State::Done);
     store.end(&claim, &whole).unwrap();
     let claim = store.next().unwrap();
-    store.fail(&claim, failure(37), &first_samples(0)).unwrap();
+    store
+        .fail(&claim, failure(37), &rows(first_samples(0)))
+        .unwrap();
     let claim = store.next().unwrap();
     for steps in [20, 40] {
-        store.keep(&claim, steps, &checkpoint(steps)).unwrap();
+        store.keep_state(&claim, steps, &checkpoint(steps)).unwrap();
     }
     store.release([&claim]).unwrap();
     store
@@ -74,7 +76,7 @@ fn case_that_kills_its_process_again_and_again_ends_as_failed() {
         dead.register(1).unwrap();
         let claim = dead.next().unwrap();
         if death == 1 {
-            dead.keep(&claim, 20, &checkpoint(20)).unwrap();
+            dead.keep_state(&claim, 20, &checkpoint(20)).unwrap();
         }
         mark_owners_dead(&dead);
         heir.connection
@@ -118,7 +120,7 @@ fn deaths_between_which_there_was_a_checkpoint_or_a_power_cut_are_no_fault_of_th
         let mut dead = again(directory.path(), &text);
         dead.register(1).unwrap();
         let claim = dead.next().unwrap();
-        dead.keep(&claim, 20 * round, &checkpoint(20 * round))
+        dead.keep_state(&claim, 20 * round, &checkpoint(20 * round))
             .unwrap();
         dead.connection
             .execute(

@@ -25,11 +25,11 @@ fn precise(directory: &Path) -> Store {
 
 /// A run with a constant viscosity.
 fn run_of(viscosity: f64) -> Finished {
-    let mut run = finished(State::Done);
-    for (_, sample) in &mut run.samples {
-        sample.viscosity = viscosity;
-    }
-    run
+    finished(State::Done).with(|samples| {
+        for (_, sample) in samples {
+            sample.viscosity = viscosity;
+        }
+    })
 }
 
 /// The viscosity of a run in these tests: equal at the lower area fraction, scattered at the higher
@@ -183,7 +183,9 @@ fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
     let mut store = precise(directory.path());
     while let Some(claim) = store.next() {
         if claim.case.seed == 2 {
-            store.fail(&claim, failure(3), &first_samples(0)).unwrap();
+            store
+                .fail(&claim, failure(3), &rows(first_samples(0)))
+                .unwrap();
         } else {
             store.end(&claim, &run_of(10.0)).unwrap();
         }
@@ -210,18 +212,18 @@ fn discarded_strain_is_picked_for_each_point_and_recorded() {
     let mut store = Store::at(&directory.path().join("small.sqlite"), &campaign(&text));
     store.register(1).unwrap();
     while let Some(claim) = store.next() {
-        let mut run = run_of(10.0);
-        run.protocol = campaign(&text).protocol;
         // The first ten samples of the denser point are the initial transient; the steady part
         // alternates slightly.
-        for (n, (_, sample)) in run.samples.iter_mut().enumerate() {
-            let start = claim.case.params.area_fraction > 0.62 && n < 10;
-            sample.viscosity = if start {
-                30.0
-            } else {
-                10.0 + 0.01 * (n % 2) as f64
-            };
-        }
+        let run = run_of(10.0).with(|samples| {
+            for (n, (_, sample)) in samples.iter_mut().enumerate() {
+                let start = claim.case.params.area_fraction > 0.62 && n < 10;
+                sample.viscosity = if start {
+                    30.0
+                } else {
+                    10.0 + 0.01 * (n % 2) as f64
+                };
+            }
+        });
         store.end(&claim, &run).unwrap();
     }
     let runs = store.point_runs().unwrap();
