@@ -68,8 +68,8 @@ impl Doubt {
             Self::Overlap => format!(
                 "a gap fell below {HELD} of the roughness height under rigid contacts"
             ),
-            Self::BelowOne => "the mean viscosity is below 1, the stresslet viscosity below 0, or a viscosity below 0 came up \
-                 under contacts that store no energy"
+            Self::BelowOne => "the mean viscosity is below 1, the stresslet viscosity below 0, or a viscosity was negative \
+                 although the contacts store no energy"
                 .into(),
             Self::OneSample => format!(
                 "one sample contributes more than {} % of the mean viscosity",

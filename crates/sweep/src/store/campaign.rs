@@ -5,17 +5,16 @@ use super::inventory::Adoption;
 use super::place;
 use super::processes::{self, ActiveProcess};
 use super::request::Request;
-use super::schema::{self, axis_cells, axis_columns};
+use super::schema;
 use super::statements::Statements;
 use super::{Store, StoreError, rules, settle, states};
-use crate::model::axes::AXES;
 use crate::model::campaign::Campaign;
 use crate::model::order::{self, Order};
 use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
 use rusqlite::types::Value;
-use rusqlite::{Connection, Row, params, params_from_iter};
+use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -376,11 +375,12 @@ impl Points {
         if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
             return Ok(*place);
         }
-        let row = point_row(params)?;
-        let digest = digest::of(&row);
+        let text = serde_json::to_string(params)
+            .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
+        let digest = digest::of(&[Value::Text(text.clone())]);
         let place = match self.known.get(&digest) {
             Some(place) => *place,
-            None => number_of(connection, &row, digest)?,
+            None => number_of(connection, (text, digest), params)?,
         };
         self.known.insert(digest, place);
         self.last = Some((params.clone(), place));
@@ -388,26 +388,22 @@ impl Points {
     }
 }
 
-/// The number of a point, which is entered if missing.
-fn number_of(connection: &Connection, row: &[Value], digest: i64) -> rusqlite::Result<i64> {
+/// The number of a point by its text and digest, which is entered if missing.
+fn number_of(
+    connection: &Connection,
+    (text, digest): (String, i64),
+    params: &Params,
+) -> rusqlite::Result<i64> {
     let known = "SELECT id FROM points WHERE digest = ?1";
+    let axes = schema::axes_of(params);
     if let Some(place) = connection.value(known, [digest])? {
+        let update = "UPDATE points SET axes = ?2 WHERE id = ?1 AND axes != ?2";
+        connection.run(update, (place, axes))?;
         return Ok(place);
     }
-    let places = vec!["?"; 2 + AXES.len()].join(", ");
-    let axes = axis_columns("");
     connection.run(
-        &format!("INSERT INTO points (params, {axes}, digest) VALUES ({places})"),
-        params_from_iter(row.iter().chain([&digest.into()])),
+        "INSERT INTO points (params, axes, digest) VALUES (?1, ?2, ?3)",
+        (text, axes, digest),
     )?;
     Ok(connection.last_insert_rowid())
-}
-
-/// The row of a point, without its number and its digest.
-fn point_row(params: &Params) -> rusqlite::Result<Vec<Value>> {
-    let text = serde_json::to_string(params)
-        .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-    Ok(std::iter::once(Value::Text(text))
-        .chain(axis_cells(params))
-        .collect())
 }

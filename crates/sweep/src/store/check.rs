@@ -3,7 +3,6 @@
 
 use super::campaign;
 use super::digest::{DigestMismatch, altered, reseal};
-use super::schema::axis_columns;
 use super::statements::Statements;
 use super::{
     Store, StoreError, ends, failures, frames, points, processes, results, rules, samples, states,
@@ -40,8 +39,7 @@ fn kinds() -> Vec<(&'static str, &'static str, String)> {
         failures::SEALED,
         frames::SEALED,
     ];
-    let axes = axis_columns("");
-    let of_points = format!("SELECT params, {axes}, digest, rowid FROM points");
+    let of_points = "SELECT params, digest, rowid FROM points".to_owned();
     sealed
         .into_iter()
         .map(|kind| (kind.table, kind.words, kind.select()))

@@ -10,7 +10,8 @@ use sd_core::simulation::Counters;
 use std::sync::LazyLock;
 
 /// The columns before the counters.
-const BEFORE: &str = "steps, jammed, wall_time_s, cpu_time_s, resumed, process, finished_at, state";
+pub(super) const BEFORE: &str =
+    "steps, jammed, wall_time_s, cpu_time_s, resumed, process, finished_at, state";
 
 /// The ends of runs.
 pub(super) fn sealed() -> Sealed {

@@ -5,7 +5,7 @@ use super::lock::{WAITS, WAITS_BETWEEN_NOTES, is_stopping, wait_for_lock};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
 use super::request::Request;
-use super::schema;
+use super::schema::{self, Lack};
 use super::statements::Statements;
 use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
@@ -54,6 +54,7 @@ impl Store {
             .map_err(failed)?;
         let mut store = Self::on(connection, path)?;
         store.use_write_ahead_log()?;
+        store.complete()?;
         store.read(store.connection.pragma_update(None, "synchronous", "FULL"))?;
         // The file at the path must be the one that was opened.
         store.files = Some(Files::of(path, file));
@@ -91,6 +92,30 @@ impl Store {
             request: None,
             last_run_with: None,
             waiting: Arc::default(),
+        })
+    }
+
+    /// Gives a store of an earlier program the columns and views of this one.
+    fn complete(&self) -> Result<(), StoreError> {
+        let lack = self.read(Lack::of(&self.connection, true))?;
+        self.refuse_later(lack.unknown)?;
+        if lack.statements.is_empty() {
+            return Ok(());
+        }
+        // Another process may do the same.
+        self.read(self.begin().and_then(|transaction| {
+            Lack::of(&transaction, true)?.supply(&transaction)?;
+            transaction.commit()
+        }))
+    }
+
+    /// Refuses a store with a column that this program does not know.
+    pub(super) fn refuse_later(&self, unknown: Option<String>) -> Result<(), StoreError> {
+        unknown.map_or(Ok(()), |column| {
+            Err(StoreError::Later {
+                path: self.path.clone(),
+                column,
+            })
         })
     }
 

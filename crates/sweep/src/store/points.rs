@@ -2,7 +2,7 @@
 
 use super::digest::{Digest, DigestMismatch};
 use super::results::{self, COVERED};
-use super::schema::{axis_cells, params, state};
+use super::schema::{are_axes_of, params, state};
 use super::statements::Statements;
 use super::{Store, StoreError, campaign, request, rules};
 use crate::data::Kind;
@@ -11,7 +11,7 @@ use crate::measure::doubt::Doubt;
 use crate::measure::numbers::{self, Level};
 use crate::model::case::{CaseKey, State};
 use crate::model::protocol::Protocol;
-use rusqlite::types::{Value, ValueRef};
+use rusqlite::types::ValueRef;
 use rusqlite::{Connection, Row};
 use sd_core::Params;
 use std::collections::HashMap;
@@ -62,7 +62,7 @@ pub(super) fn look(
     let protocol: Protocol =
         serde_json::from_str(&protocol).map_err(|_| DigestMismatch::error("the campaign"))?;
     let points: HashMap<i64, rusqlite::Result<KnownPoint>> =
-        connection.all("SELECT * FROM points", [], |row| {
+        connection.all("SELECT id, params, axes, digest FROM points", [], |row| {
             Ok((row.get(0)?, KnownPoint::read(row, &protocol)))
         })?;
     let mut query = connection.prepare(&format!(
@@ -98,7 +98,7 @@ pub(super) fn look(
         return Ok(());
     }
     Err(DigestMismatch::error(
-        "the grid is not what was written: a case is missing",
+        "the grid of the campaign is incomplete: a case is missing",
     ))
 }
 
@@ -116,15 +116,11 @@ impl KnownPoint {
     /// # Errors
     /// [`DigestMismatch`] if it was changed.
     fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
-        let last = row.as_ref().column_count() - 1;
         let mut params = params(row, 1)?;
-        let digest = Digest::default().with_row(row, 1..last)?.finish();
-        let cells: Vec<Value> = (2..last)
-            .map(|column| row.get(column))
-            .collect::<Result<_, _>>()?;
-        if digest != row.get::<_, i64>(last)? || !axis_cells(&params).eq(cells) {
+        let digest = Digest::default().with_row(row, 1..2)?.finish();
+        if digest != row.get::<_, i64>(3)? || !are_axes_of(row.get_ref(2)?.as_str()?, &params) {
             return Err(DigestMismatch::error(
-                "the parameters of a point are not what was written",
+                "checksum mismatch in the parameters of a point",
             ));
         }
         // The store may be shown up to one of its segments.
@@ -162,7 +158,7 @@ impl KnownPoint {
         };
         if !fits || (is_in_grid && steps != self.steps) {
             return Err(DigestMismatch::error(format!(
-                "the state of case {written} is not what was written"
+                "the state of case {written} contradicts its result or its length"
             )));
         }
         Ok(key)

@@ -2,6 +2,7 @@
 
 use super::lock::wait_for_lock;
 use super::place::{self, address, refuse_other_than_files};
+use super::schema::Lack;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
@@ -63,8 +64,10 @@ impl Store {
     fn read_only(path: &Path, options: Option<&str>) -> Result<Self, StoreError> {
         let store = Self::on(Self::connect(path, options)?, path)?;
         // One transaction for all reads, so that they see one consistent state.
-        let begun = store.connection.execute_batch("BEGIN");
-        begun.map_err(|error| StoreError::sqlite(path, error, false))?;
+        store.read(store.connection.execute_batch("BEGIN"))?;
+        let lack = store.read(Lack::of(&store.connection, false))?;
+        store.read(lack.supply(&store.connection))?;
+        store.refuse_later(lack.unknown)?;
         Ok(store)
     }
 

@@ -7,13 +7,14 @@ use crate::data::{Kind, Value as AxisValue};
 use crate::measure::numbers::{self, Level, Number};
 use crate::model::axes::AXES;
 use crate::model::case::State;
-use rusqlite::types::{Type, Value, ValueRef};
+use rusqlite::types::{Type, ValueRef};
 use rusqlite::{Connection, Row};
 use sd_core::Params;
 
 /// Application id of the file: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
-/// Version of the schema. Stores of other versions are refused.
+/// Version of the schema. Stores of other versions are refused; new numbers and axes need no other
+/// one, see [`Lack`].
 pub(super) const VERSION: i32 = 2;
 /// The statements, with placeholders for columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
@@ -33,43 +34,156 @@ pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>>
     Ok(None)
 }
 
-/// The statements that create the tables.
-fn statements() -> String {
-    let axes = AXES.iter().map(|axis| match axis.kind() {
-        Kind::Word => format!("{} TEXT", axis.key),
-        Kind::Count => format!("{} INTEGER", axis.key),
-        Kind::Number => format!("{} REAL", axis.key),
-    });
-    let ends: Vec<String> = ends::counters()
-        .map(|number| typed(number, Level::Samples))
-        .collect();
-    STATEMENTS
-        .replace("{axes}", &axes.collect::<Vec<_>>().join(", "))
-        .replace("{axes_of_points}", &axis_columns("p."))
-        .replace(
-            "{samples}",
-            &numbers::kept()
-                .map(|n| typed(n, Level::Samples))
-                .collect::<Vec<_>>()
-                .join(",\n    "),
-        )
-        .replace("{ends}", &ends.join(",\n    "))
-        .replace(
-            "{results}",
-            &numbers::columns(Level::Runs)
-                .map(|n| typed(n, Level::Runs))
-                .collect::<Vec<_>>()
-                .join(",\n    "),
-        )
+/// Names and types of columns.
+type Typed = Vec<(&'static str, &'static str)>;
+
+/// Tables with a column for each number of a level, these columns, and the others.
+fn of_numbers() -> [(&'static str, Typed, String); 3] {
+    fn typed(numbers: impl Iterator<Item = &'static Number>, level: Level) -> Typed {
+        let typed = numbers.map(|number| match number.kind(level) {
+            Kind::Count => (number.name, "INTEGER"),
+            _ => (number.name, "REAL"),
+        });
+        typed.collect()
+    }
+    [
+        (
+            "samples",
+            typed(numbers::kept(), Level::Samples),
+            "case_id, step".into(),
+        ),
+        (
+            "ends",
+            typed(ends::counters(), Level::Samples),
+            format!("case_id, {}, digest", ends::BEFORE),
+        ),
+        (
+            "results",
+            typed(numbers::columns(Level::Runs), Level::Runs),
+            "case_id, process, doubts, digest".into(),
+        ),
+    ]
 }
 
-/// The declaration of the column of a number.
-fn typed(number: &Number, level: Level) -> String {
-    let kind = match number.kind(level) {
-        Kind::Count => "INTEGER",
-        _ => "REAL",
+/// The statements that create the tables.
+fn statements() -> String {
+    let mut statements = STATEMENTS.to_owned();
+    for (table, columns, _) in of_numbers() {
+        let columns = columns.iter().map(|(name, kind)| format!("{name} {kind}"));
+        let columns = columns.collect::<Vec<_>>().join(",\n    ");
+        statements = statements.replace(&format!("{{{table}}}"), &columns);
+    }
+    statements
+}
+
+/// The views, each with its name: the axes of each point, and the runs that count.
+fn views() -> [(&'static str, String); 2] {
+    let listed = |column: &dyn Fn(&str) -> String| {
+        let columns: Vec<String> = AXES.iter().map(|axis| column(axis.key)).collect();
+        columns.join(", ")
     };
-    format!("{} {kind}", number.name)
+    let axes = listed(&|key| format!("json_extract(axes, '$.{key}') AS {key}"));
+    let of_runs = listed(&|key| format!("a.{key}"));
+    [
+        (
+            "axes",
+            format!("CREATE VIEW axes AS SELECT id, {axes} FROM points"),
+        ),
+        (
+            "runs",
+            format!(
+                "CREATE VIEW runs AS SELECT c.key, c.state, {of_runs}, c.seed, r.*
+                 FROM cases c JOIN axes a ON a.id = c.point
+                 LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+                 WHERE c.counts ORDER BY c.position"
+            ),
+        ),
+    ]
+}
+
+/// What a store of another program lacks.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Lack {
+    /// A column that this program does not know: a later program wrote it.
+    pub(super) unknown: Option<String>,
+    /// Statements that make the store one of this program: numbers that it lacks become empty
+    /// columns, and the views get the axes that they lack. For a reader such columns are in
+    /// temporary views.
+    pub(super) statements: Vec<String>,
+    /// Whether its points lack axes.
+    has_other_axes: bool,
+}
+
+impl Lack {
+    /// What this program finds missing in a store.
+    pub(super) fn of(connection: &Connection, may_change: bool) -> rusqlite::Result<Self> {
+        let mut lack = Self::default();
+        for (table, columns, others) in of_numbers() {
+            let there = columns_of(connection, "main", table)?;
+            let is_known = |name: &String| {
+                others.split(", ").any(|other| other == name)
+                    || columns.iter().any(|(known, _)| known == name)
+            };
+            let unknown = there.iter().find(|name| !is_known(name));
+            lack.unknown = lack
+                .unknown
+                .or(unknown.map(|name| format!("{table}.{name}")));
+            let missing: Vec<_> = columns
+                .iter()
+                .filter(|(name, _)| !there.is_empty() && there.iter().all(|known| known != name))
+                .collect();
+            if may_change {
+                lack.statements.extend(missing.iter().map(|(name, kind)| {
+                    format!("ALTER TABLE main.{table} ADD COLUMN {name} {kind}")
+                }));
+            } else if !missing.is_empty() {
+                let row = if table == "samples" {
+                    ""
+                } else {
+                    "t.rowid AS rowid, "
+                };
+                let empty = missing.iter().map(|(name, _)| format!(", NULL AS {name}"));
+                let empty: String = empty.collect();
+                lack.statements.push(format!(
+                    "CREATE TEMP VIEW {table} AS SELECT {row}t.*{empty} FROM main.{table} t"
+                ));
+            }
+        }
+        for (name, view) in views().into_iter().filter(|_| may_change) {
+            let there = "SELECT sql FROM main.sqlite_schema WHERE type = 'view' AND name = ?1";
+            let there: Option<String> = connection.value(there, [name])?;
+            if there.is_none_or(|there| there != view) {
+                lack.has_other_axes = true;
+                lack.statements
+                    .push(format!("DROP VIEW IF EXISTS main.{name}; {view}"));
+            }
+        }
+        Ok(lack)
+    }
+
+    /// Supplies it.
+    pub(super) fn supply(&self, connection: &Connection) -> rusqlite::Result<()> {
+        let mut statements = self.statements.iter();
+        statements.try_for_each(|statement| connection.execute_batch(statement))?;
+        if self.has_other_axes {
+            let points = "SELECT id, params FROM points";
+            let points: Vec<(i64, Params)> =
+                connection.all(points, [], |row| Ok((row.get(0)?, params(row, 1)?)))?;
+            for (id, params) in points {
+                let update = "UPDATE points SET axes = ?2 WHERE id = ?1";
+                connection.run(update, (id, axes_of(&params)))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names of the columns of a table.
+fn columns_of(connection: &Connection, schema: &str, table: &str) -> rusqlite::Result<Vec<String>> {
+    connection.values(
+        "SELECT name FROM pragma_table_info(?1, ?2)",
+        [table, schema],
+    )
 }
 
 /// Creates the tables, without indices.
@@ -80,6 +194,9 @@ pub(super) fn create(connection: &Connection) -> rusqlite::Result<()> {
         .filter(|line| !line.starts_with(INDEX))
         .collect();
     connection.execute_batch(&tables.join("\n"))?;
+    for (_, view) in views() {
+        connection.execute_batch(&view)?;
+    }
     connection.pragma_update(None, "application_id", APPLICATION_ID)?;
     connection.pragma_update(None, "user_version", VERSION)
 }
@@ -97,6 +214,7 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
 /// connection can change.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     for table in SHADOWED {
+        connection.execute_batch(&format!("DROP VIEW IF EXISTS temp.{table}"))?;
         let statements: Vec<String> = connection.values(
             "SELECT sql FROM main.sqlite_schema WHERE tbl_name = ?1 AND sql IS NOT NULL
              ORDER BY type DESC",
@@ -112,27 +230,50 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
             "INSERT INTO temp.{table} SELECT * FROM main.{table}"
         ))?;
     }
+    for (table, columns, _) in of_numbers() {
+        let there = columns_of(connection, "temp", table)?;
+        for (name, kind) in columns {
+            if !there.is_empty() && there.iter().all(|known| known != name) {
+                connection.execute_batch(&format!(
+                    "ALTER TABLE temp.{table} ADD COLUMN {name} {kind}"
+                ))?;
+            }
+        }
+    }
     Ok(())
 }
 
-/// Names of the columns of the axes, each with a prefix.
-pub(super) fn axis_columns(before: &str) -> String {
-    let names: Vec<String> = AXES
-        .iter()
-        .map(|axis| format!("{before}{}", axis.key))
+/// The values of some parameters on all axes as JSON, for the views. Infinity is a number too large
+/// for `SQLite`.
+pub(super) fn axes_of(params: &Params) -> String {
+    let fragments: Vec<String> = axis_fragments(params)
+        .map(|(_, fragment)| fragment)
         .collect();
-    names.join(", ")
+    format!("{{{}}}", fragments.join(","))
 }
 
-/// Values of these columns.
-pub(super) fn axis_cells(params: &Params) -> impl Iterator<Item = Value> {
-    AXES.iter().map(|axis| match axis.value(params) {
-        // Rate and stress are alternatives, and so are area fraction and volume fraction.
-        _ if axis.is_alternative() && !axis.means_something(params) => Value::Null,
-        AxisValue::Word(word) => Value::Text(word.into()),
-        AxisValue::Count(count) => super::digest::whole(count),
-        AxisValue::Number(number) => Value::Real(number),
+/// Each axis with its part of this JSON.
+fn axis_fragments(params: &Params) -> impl Iterator<Item = (&'static str, String)> {
+    AXES.iter().map(|axis| {
+        let value = match axis.value(params) {
+            // Rate and stress are alternatives, and so are area fraction and volume fraction.
+            _ if axis.is_alternative() && !axis.means_something(params) => "null".into(),
+            AxisValue::Word(word) => format!("\"{word}\""),
+            AxisValue::Count(count) => count.to_string(),
+            AxisValue::Number(number) if number == f64::INFINITY => "9e999".into(),
+            AxisValue::Number(number) if number == f64::NEG_INFINITY => "-9e999".into(),
+            AxisValue::Number(number) => format!("{number:?}"),
+        };
+        (axis.key, format!("\"{}\":{value}", axis.key))
     })
+}
+
+/// Whether this is such JSON of these parameters, possibly of a program that knew fewer axes.
+pub(super) fn are_axes_of(text: &str, params: &Params) -> bool {
+    text == axes_of(params)
+        || axis_fragments(params).all(|(key, fragment)| {
+            text.contains(&fragment) || !text.contains(&format!("\"{key}\""))
+        })
 }
 
 /// The parameters in a column of JSON.

@@ -37,12 +37,12 @@ CREATE TABLE processes (
     request         TEXT                -- and what that requests
 );
 
--- The parameters of runs that differ only in their seed: as JSON, which is what the program reads, and axis by axis.
+-- The parameters of runs that differ only in their seed: as the program reads them, and axis by axis for the view `axes`.
 CREATE TABLE points (
     id     INTEGER PRIMARY KEY,
-    params TEXT NOT NULL,
-    {axes},
-    digest INTEGER NOT NULL UNIQUE
+    params TEXT NOT NULL,           -- JSON
+    axes   TEXT NOT NULL,           -- JSON
+    digest INTEGER NOT NULL UNIQUE  -- of params
 );
 
 CREATE TABLE cases (
@@ -200,9 +200,3 @@ CREATE TABLE disagreements (
     found_at INTEGER NOT NULL,
     PRIMARY KEY (case_id, kept, other)
 ) WITHOUT ROWID;
-
--- All runs that count: what each is and what came out of it.
-CREATE VIEW runs AS
-SELECT c.key, c.state, {axes_of_points}, c.seed, r.*
-FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-WHERE c.counts ORDER BY c.position;

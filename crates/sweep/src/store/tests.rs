@@ -11,6 +11,7 @@ mod damage;
 mod doubts;
 mod length;
 mod merge;
+mod older;
 mod recovery;
 mod rules;
 mod runs;

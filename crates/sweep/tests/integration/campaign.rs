@@ -214,7 +214,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     let worst: f64 = store
         .query_row(
             "SELECT max(abs(s.viscosity * s.shear_rate / (6 * 3.141592653589793 * p.shear_stress) - 1))
-             FROM samples s JOIN cases c ON c.id = s.case_id JOIN points p ON p.id = c.point",
+             FROM samples s JOIN cases c ON c.id = s.case_id JOIN axes p ON p.id = c.point",
             [],
             |row| row.get(0),
         )

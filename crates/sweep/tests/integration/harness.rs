@@ -240,7 +240,7 @@ pub(crate) fn fail(at: &Path, which: &str) {
     spoil(
         at,
         &format!(
-            "CREATE TEMP TABLE chosen AS SELECT c.id FROM cases c JOIN points p ON p.id = c.point WHERE {which};
+            "CREATE TEMP TABLE chosen AS SELECT c.id FROM cases c JOIN axes p ON p.id = c.point WHERE {which};
              UPDATE cases SET state = 'failed' WHERE id IN chosen;
              DELETE FROM results WHERE case_id IN chosen;
              DELETE FROM ends WHERE case_id IN chosen;

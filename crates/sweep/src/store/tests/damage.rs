@@ -63,7 +63,7 @@ fn no_altered_value_of_what_is_shown_gets_into_a_table_and_a_run_computes_it_aga
         "UPDATE cases SET steps = 150",
         "DELETE FROM cases WHERE state = 'failed'",
         "UPDATE points SET params = replace(params, '0.3', '0.4')",
-        "UPDATE points SET friction = 0.7, spheres = 99",
+        "UPDATE points SET axes = json_set(axes, '$.friction', 0.7, '$.spheres', 99)",
         "UPDATE cases SET seed = seed + 1",
         "UPDATE failures SET error = 'nothing'",
         "DELETE FROM failures",

@@ -49,7 +49,7 @@ fn the_phase_map_marks_what_jammed_and_what_failed() {
     spoil(
         at,
         "UPDATE cases SET state = 'jammed' WHERE seed = 1
-             AND point IN (SELECT id FROM points WHERE friction > 0.2 AND shear_rate < 2);
+             AND point IN (SELECT id FROM axes WHERE friction > 0.2 AND shear_rate < 2);
          UPDATE results SET jammed_strain = 0.01 WHERE case_id IN (SELECT id FROM cases WHERE state = 'jammed')",
     );
     let report = json(at, &["report", "s.sqlite"]);

@@ -106,8 +106,8 @@ fn time_steps_and_sizes_set_curves_apart() {
     let at = folder.path();
     spoil(
         at,
-        "UPDATE points SET time_step = 0.01, params = json_set(params, '$.time_step', 0.01) WHERE friction > 0.2;
-         UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM points WHERE friction > 0.2)",
+        "UPDATE points SET axes = json_set(axes, '$.time_step', 0.01), params = json_set(params, '$.time_step', 0.01) WHERE axes ->> 'friction' > 0.2;
+         UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM axes WHERE friction > 0.2)",
     );
     with_new_keys(at);
     let text = sweep(at, &["report", "s.sqlite"]);

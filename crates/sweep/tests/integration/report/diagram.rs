@@ -100,7 +100,7 @@ fn lines_are_drawn_where_the_slope_passes_a_limit() {
     // of 0.75 after one of 0.
     edit(
         &at.join("s.sqlite"),
-        "UPDATE results SET viscosity = CASE (SELECT p.shear_rate > 5 FROM cases c JOIN points p ON p.id = c.point
+        "UPDATE results SET viscosity = CASE (SELECT p.shear_rate > 5 FROM cases c JOIN axes p ON p.id = c.point
              WHERE c.id = case_id) WHEN 1 THEN 5000.0 ELSE 5.0 END",
     );
     let steep = with(at, &one);

@@ -190,7 +190,7 @@ fn columns_have_names_in_print_and_axes_few_digits() {
     assert!(report(&chosen).contains("n1: first normal stress difference N₁"));
     spoil(
         at,
-        "UPDATE points SET shear_rate = 18.84955592153876, params = json_set(params, '$.shear_rate', 18.84955592153876) WHERE shear_rate = 1",
+        r#"UPDATE points SET axes = replace(axes, '"shear_rate":1.0', '"shear_rate":18.84955592153876'), params = json_set(params, '$.shear_rate', 18.84955592153876) WHERE axes ->> 'shear_rate' = 1"#,
     );
     with_new_keys(at);
     let text = report(&[]);

@@ -1,0 +1,107 @@
+//! Stores of earlier programs, which knew fewer numbers and axes.
+
+use super::*;
+
+/// Takes a number from samples and results, and an axis from the points and the views, as in a
+/// store of a program that did not know them.
+fn forget(path: &Path) {
+    let connection = rusqlite::Connection::open(path).unwrap();
+    let views = "DROP VIEW runs; DROP VIEW axes;
+         CREATE VIEW axes AS SELECT id, json_extract(axes, '$.friction') AS friction FROM points;
+         CREATE VIEW runs AS SELECT c.key, c.state, a.friction, c.seed FROM cases c JOIN axes a ON a.id = c.point";
+    let forgotten = "ALTER TABLE samples DROP COLUMN core_fraction;
+         ALTER TABLE results DROP COLUMN core_fraction;
+         UPDATE points SET axes = json_remove(axes, '$.direction')";
+    connection.execute_batch(views).unwrap();
+    connection.execute_batch(forgotten).unwrap();
+}
+
+/// A store of four runs with one result, of an earlier program.
+fn older(folder: &Path) -> std::path::PathBuf {
+    let mut store = open(folder);
+    store.register(1).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
+    let path = store.path().to_owned();
+    drop(store);
+    forget(&path);
+    path
+}
+
+/// Number of results.
+fn results(store: &Store) -> usize {
+    let runs = store.point_runs().unwrap();
+    runs.iter()
+        .filter(|run| run.number("viscosity").is_some())
+        .count()
+}
+
+#[test]
+fn an_older_store_is_read_with_empty_numbers_and_not_changed() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = older(directory.path());
+    let before = std::fs::read(&path).unwrap();
+    let store = Store::open_read_only(&path).unwrap();
+    let runs = store.point_runs().unwrap();
+    let done = runs.iter().find(|run| run.state == State::Done).unwrap();
+    assert!(done.number("viscosity").is_some());
+    assert_eq!(done.number("core_fraction"), None);
+    assert_eq!(
+        store.samples(&done.key).unwrap(),
+        finished(State::Done).rows.samples
+    );
+    assert!(check(&path).unwrap().findings.is_empty());
+    let report = crate::report::Report::of(&store, &crate::report::Selection::default()).unwrap();
+    assert_eq!(
+        report.points.iter().map(|point| point.seeds).sum::<u64>(),
+        1
+    );
+    // Another version of its campaign is shown too.
+    let fewer = campaign(&CAMPAIGN.replace("seeds = 2", "seeds = 1"));
+    let shown = crate::store::StoreSource::new(path.clone(), Some(fewer))
+        .open()
+        .unwrap();
+    assert_eq!(results(&shown), 1);
+    drop((store, shown));
+    assert!(std::fs::read(&path).unwrap() == before);
+}
+
+#[test]
+fn an_older_store_is_continued() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = older(directory.path());
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.next().unwrap();
+    store.end(&claim, &finished(State::Done)).unwrap();
+    assert_eq!(results(&store), 2);
+    assert!(store.forget_damaged().unwrap().is_empty());
+    drop(store);
+    let found: (f64, f64) = rusqlite::Connection::open(&path)
+        .unwrap()
+        .query_row(
+            "SELECT direction, viscosity FROM runs WHERE state = 'done' AND core_fraction IS NULL AND key = ?1",
+            [&claim.key],
+            |row| row.try_into(),
+        )
+        .unwrap();
+    assert!(found.0 == 1.0 || found.0.is_nan(), "{found:?}");
+}
+
+#[test]
+fn a_store_with_numbers_of_a_later_program_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = open(directory.path()).path().to_owned();
+    let connection = rusqlite::Connection::open(&path).unwrap();
+    connection
+        .execute_batch("ALTER TABLE results ADD COLUMN smell REAL")
+        .unwrap();
+    drop(connection);
+    for refused in [Store::open(&path), Store::open_read_only(&path)] {
+        let error = refused.err().unwrap();
+        assert!(
+            matches!(&error, StoreError::Later { column, .. } if column == "results.smell"),
+            "{error}"
+        );
+    }
+}
