@@ -73,6 +73,8 @@
 //! | read positions, stresslets and contacts of a sample | [`Simulation::step_with_frame`] |
 //! | store a run and resume it with the same bits | [`Simulation::snapshot`] |
 //! | solve the velocities at given positions | [`instant::solve`] |
+//! | apply forces and torques to the spheres of a run, without shear too | [`Simulation::use_forces`], [`Params::at_rest`] |
+//! | follow spheres through the cell, read their velocities | [`Simulation::unwrapped`], [`Simulation::velocities`] |
 //! | multiply by the mobility or the resistance at many positions | [`products`] |
 //! | move two spheres past each other | [`pair::pass`] |
 //! | look up two-sphere resistance functions | [`two_sphere::scalars`] |
@@ -80,7 +82,7 @@
 //! | compute more coarsely or more exactly | [`model::SolverSettings`] |
 //!
 //! `cargo run --release -p sd-core --example layer` shears a layer, `suspension` a suspension,
-//! `cone` a layer under a law of its own, `pair` two spheres. Parameter sweeps with error bars are
+//! `cone` a layer under a law of its own, `pair` two spheres, `sedimentation` sinks a suspension. Parameter sweeps with error bars are
 //! the task of the program `sweep`, which is built on this crate.
 //!
 //! # The physics

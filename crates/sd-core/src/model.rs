@@ -102,7 +102,7 @@ pub struct Params {
     pub hydrodynamics: Hydrodynamics,
     /// Contact scheme.
     pub contact: ContactScheme,
-    /// Time step in strain.
+    /// Time step, in strain or [at rest](Params::at_rest) in the unit of time.
     pub time_step: f64,
     /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -110,6 +110,11 @@ pub struct Params {
     /// Sense of the shear: 1, or −1 for the opposite direction.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub direction: f64,
+    /// Whether no shear is imposed, and the fluid is at rest but for the spheres. The unit of time
+    /// is then free: with forces in units of F0 it is mu·a²/F0. Lengths are in a, the time step is in
+    /// that unit and F_crit = 6π/Γ in mu·a² over it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub at_rest: bool,
     /// The start layer; `None` for the one made from the seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Box<StartLayer>>,
@@ -165,6 +170,7 @@ impl Params {
         time_step: f64::NAN,
         shear_stress: None,
         direction: 1.0,
+        at_rest: false,
         start: None,
         segments: Vec::new(),
     };

@@ -3,8 +3,9 @@
 //! ```text
 //! Σ = (Σ_i S_i + Σ_k S^C_k)/V,              S^C = −r f n n + (r/2) F_t (n t + t n)
 //! η = 1 + Σ:E/(2 E:E),    N1 = Σ_xx − Σ_yy,    N2 = Σ_yy − Σ_zz,    Π = −(1/3) trace Σ
-//! V (η − 1) rate² = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
+//! V (η − 1) rate² + Σ F v = v'Rv − Σ f v_n + Σ F_t u_t + Σ F_r u_r     (exact: an identity of the solution)
 //! ```
+//! with F the forces and torques applied to the spheres, whose first moment is no part of Σ.
 //!
 //! E is the rate of strain of the imposed flow, and rate = √(2 E:E); in simple shear
 //! η = 1 + Σ_xy/rate. Under cross shear at the rate γ̇_z the left-hand side has the additional term
@@ -95,6 +96,8 @@ pub struct Stress {
     pub components: StressComponents,
     /// v'Rv/(V rate), in mu·rate; that of a cross shear is included.
     pub dissipation: f64,
+    /// V, in a³.
+    pub volume: f64,
 }
 
 /// Workspace for stresslets and their forces.
@@ -161,6 +164,7 @@ impl<S: Fluid> StressWork<S> {
             viscosity_stresslet: 1.0 + components.shear.hydrodynamic,
             components,
             dissipation: power / volume,
+            volume,
         }
     }
 }

@@ -58,6 +58,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         sticking: 15,
         slipping: 15,
         normal_velocity: -1e-4,
+        applied_power: 0.0,
         minimum_gap: 0.0099,
         counters: counters(),
         network: None,

@@ -149,6 +149,12 @@ impl ParamsBuilder {
         self.with(["time_step"], |p| p.time_step = strain)
     }
 
+    /// No shear: see [`Params::at_rest`]. Spheres then move under forces, see
+    /// [`crate::Simulation::use_forces`].
+    pub fn at_rest(self) -> Self {
+        self.with([], |p| p.at_rest = true)
+    }
+
     /// Sense of the shear: 1 (the default), or −1 for the opposite direction.
     pub fn direction(self, direction: f64) -> Self {
         self.with(["direction"], |p| p.direction = direction)

@@ -114,6 +114,15 @@ impl Parameter {
 /// Checks every value and their consistency.
 pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     if !params.segments.is_empty() {
+        if params.at_rest {
+            return Err(Refusal {
+                key: "segments",
+                value: format!("{} segments", params.segments.len()),
+                problem: "are imposed on fluid at rest".into(),
+                allowed: "none there".into(),
+                because: Some("at_rest"),
+            });
+        }
         segments::check(params)?;
         return params.flows().into_iter().try_for_each(|mut flow| {
             // A value may have a meaning in one segment and none in another.
@@ -261,6 +270,15 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             because: Some(because),
         })
     };
+    if params.at_rest && params.shear_stress.is_some() {
+        return refuse(
+            "shear_stress",
+            params.shear_stress.unwrap_or_default().to_string(),
+            "is imposed on fluid at rest",
+            "none there".into(),
+            "at_rest",
+        );
+    }
     if params.direction.abs() != 1.0 {
         return refuse(
             "direction",

@@ -69,7 +69,7 @@ pub struct CrossStrain {
 pub struct Imposed {
     /// Number of the segment, from 0.
     pub segment: usize,
-    /// Sense of the shear, 1 or −1.
+    /// Sense of the shear, 1 or −1; 0 in fluid at rest.
     pub direction: f64,
     /// Step of the run at which shear in this sense started, in this segment.
     pub since: u64,
@@ -265,7 +265,7 @@ impl Params {
     pub fn imposed(&self, step: u64) -> Imposed {
         let steady = Imposed {
             segment: 0,
-            direction: self.direction,
+            direction: if self.at_rest { 0.0 } else { self.direction },
             since: 0,
             net_steps: 0,
             rate_share: 1.0,

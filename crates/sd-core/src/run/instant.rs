@@ -6,6 +6,7 @@ use crate::contact::memory::PairForces;
 use crate::contact::springs::{GAMMA, Springs};
 use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
+use crate::hydrodynamics::applied_forces::check_net_force;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, SolverSettings};
@@ -30,7 +31,8 @@ pub struct Configuration<S: Space = Layer> {
     /// Imposed flow.
     pub background: S::Background,
     /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of
-    /// spheres and fluid is zero.
+    /// spheres and fluid is zero. On a periodic layer in full Stokesian Dynamics they must sum to
+    /// zero.
     pub forces: Vec<S::Vector>,
     /// External torques, in mu·a³·rate; one per centre.
     pub torques: Vec<S::Spin>,
@@ -257,7 +259,8 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &InstantConta
 /// Solves one instant.
 ///
 /// # Errors
-/// Bad lengths, radii, overlaps, a cell too small, pairs out of range, an indefinite matrix.
+/// Bad lengths, radii, a net force on a layer, overlaps, a cell too small, pairs out of range, an
+/// indefinite matrix.
 ///
 /// ```
 /// use sd_core::cell::Cell;
@@ -310,6 +313,7 @@ pub(super) fn solve_with<S: Fluid>(
         .zip(&configuration.torques)
         .flat_map(|(f, t)| S::join(f, t).as_ref().to_vec())
         .collect();
+    check_net_force::<S>(*hydrodynamics, cell, &external, S::MODES)?;
     let mut stage = method.solver(
         *hydrodynamics,
         cell,

@@ -1,6 +1,7 @@
 //! One run: a layer or a suspension sheared step by step.
 
 mod evaluation;
+mod forces;
 mod frame;
 mod sample;
 mod sampling;
@@ -9,6 +10,7 @@ mod snapshot;
 mod step;
 
 pub use crate::stress::JAM_VISCOSITY;
+pub use forces::Instant;
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, NetworkSample, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
@@ -30,6 +32,7 @@ use crate::space::pair::PairKey;
 use crate::space::{ImposedFlow as _, Layer, Space};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
+use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
 
@@ -71,6 +74,8 @@ pub struct Simulation<S: Started = Layer> {
     /// Velocities `[3N]` of the stage solved last, background included; empty before the first.
     motion: Vec<f64>,
     shear_control: ShearControl,
+    /// Forces and torques of the user.
+    forces: AppliedForces<S>,
     /// The background flow.
     background: S::Background,
     /// Offset of the cell at strain 0, in a.
@@ -245,6 +250,7 @@ impl<S: Started> Simulation<S> {
             first: Vec::with_capacity(S::MODES * params.spheres),
             motion: Vec::with_capacity(S::MODES * params.spheres),
             shear_control,
+            forces: AppliedForces::default(),
             background: S::Background::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
             offset: S::offset(&params),
@@ -311,13 +317,23 @@ impl<S: Started> Simulation<S> {
         self.steps
     }
 
-    /// Strain reached.
+    /// Strain reached, in either direction: the time, and 0 in fluid at rest.
     pub fn strain(&self) -> f64 {
-        self.strain_of(self.steps)
+        if self.params.at_rest {
+            0.0
+        } else {
+            self.time()
+        }
     }
 
-    /// Strain after that many steps.
-    fn strain_of(&self, steps: u64) -> f64 {
+    /// Time reached, in the unit of [`Params::time_step`]: inverse rates, and in fluid at rest the
+    /// unit that the forces are given in.
+    pub fn time(&self) -> f64 {
+        self.time_of(self.steps)
+    }
+
+    /// Time after that many steps.
+    fn time_of(&self, steps: u64) -> f64 {
         steps as f64 * self.params.time_step
     }
 
@@ -352,7 +368,7 @@ impl<S: Started> Simulation<S> {
     /// # Ok::<(), sd_core::Error>(())
     /// ```
     pub fn unwrapped(&self) -> impl Iterator<Item = S::Vector> {
-        self.unwrapped_at(self.strain(), &self.state.centres)
+        self.unwrapped_at(self.time(), &self.state.centres)
     }
 
     /// Centres at a strain of the current step, each moved to the image that was followed.
@@ -379,7 +395,7 @@ impl<S: Started> Simulation<S> {
     /// Moves all spheres into the cell of the strain reached, and counts the cells moved by.
     fn wrap(&mut self, cell: &Cell<S>) {
         // Whole sides by which the shifts of the cell's images differ from those travelled.
-        let sides = self.travelled_at(self.strain()).map(|shift| {
+        let sides = self.travelled_at(self.time()).map(|shift| {
             #[expect(clippy::cast_possible_truncation, reason = "strains are below 2^31")]
             let sides = (shift / self.side + 0.5).floor() as i32;
             sides

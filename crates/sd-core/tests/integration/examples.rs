@@ -9,6 +9,9 @@ mod hard;
 mod layer;
 #[path = "../../examples/pair.rs"]
 mod pair;
+#[path = "../../examples/sedimentation.rs"]
+#[expect(dead_code, reason = "its `main` reads the command line")]
+mod sedimentation;
 
 use clap::Parser as _;
 
@@ -25,6 +28,17 @@ fn layer_is_sheared() {
 #[test]
 fn spheres_pass() {
     pair::main().expect("the example of a pair");
+}
+
+#[test]
+fn suspension_sinks_slower_than_a_sphere_alone() {
+    // Not as slow as a cubic lattice, 1 − 1.76 φ^(1/3) + φ.
+    let rows = sedimentation::sink(27, 0.1, 0.2, 1).expect("the example of forces");
+    assert_eq!(rows.len(), 4);
+    for [_, velocity, fluctuation] in rows {
+        assert!(velocity > 0.283 && velocity < 1.0, "{velocity}");
+        assert!(fluctuation > 0.01 && fluctuation < 0.4, "{fluctuation}");
+    }
 }
 
 /// The tables of the hard runs with these options.

@@ -20,6 +20,7 @@ mod pairwise;
 mod products;
 mod recorded_laws;
 mod reference;
+mod sedimentation;
 mod segments;
 mod sizes;
 mod soft_spheres;

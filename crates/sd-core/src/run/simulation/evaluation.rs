@@ -2,7 +2,7 @@
 //! of the shear.
 
 use super::shear_control::ShearControl;
-use super::{SchemeMemory, Simulation};
+use super::{Instant, SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Quality, SolvePass};
 use crate::error::Error;
@@ -65,8 +65,16 @@ impl<S: Started> Simulation<S> {
             pass = SolvePass::First;
         }
         if pass == SolvePass::First {
+            let instant = Instant {
+                time: stage.time,
+                cell,
+                centres,
+            };
+            let hydrodynamics = self.params.hydrodynamics;
+            self.forces.update(hydrodynamics, &instant)?;
             solver.assemble(cell, centres)?;
         }
+        let external = self.forces.values();
         match &mut self.memory {
             SchemeMemory::Laws(memory) => {
                 let span = Span {
@@ -75,7 +83,7 @@ impl<S: Started> Simulation<S> {
                     first: &self.first,
                 };
                 let contact = StageContacts::Laws { laws, span, memory };
-                let quality = solver.solve(&background, &[], contact, pass)?;
+                let quality = solver.solve(&background, external, contact, pass)?;
                 if stage.number == 0 {
                     // Input of a later stage of the step.
                     self.first.clear();
@@ -111,7 +119,7 @@ impl<S: Started> Simulation<S> {
                     surface,
                     contact_list,
                 };
-                solver.solve(&background, &[], contact, pass)
+                solver.solve(&background, external, contact, pass)
             }
         }
     }

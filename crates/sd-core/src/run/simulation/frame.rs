@@ -12,7 +12,8 @@ use crate::space::{ImposedFlow as _, Layer, Space};
 /// The spheres at one instant of a run.
 #[derive(Default, Debug, Clone, PartialEq)]
 pub struct Frame<S: Space = Layer> {
-    /// Strain of the sampled stage, at the start or the middle of the step.
+    /// Strain of the sampled stage, at the start or the middle of the step; in fluid at rest the
+    /// time.
     pub strain: f64,
     /// Side of the square or cubic cell, in a.
     pub side: f64,
@@ -164,7 +165,7 @@ impl<S: Started> Simulation<S> {
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
         let cell = self.cell_at(stage.time).unwrap_or(Cell::Unbounded);
         // Rotated from the start of the step by the first stage.
-        let ahead = stage.time - self.strain();
+        let ahead = stage.time - self.time();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
             if stage.kind == StageKind::Midpoint {
                 let spin = S::rotation(&S::by_sphere(&self.first)[sphere]);

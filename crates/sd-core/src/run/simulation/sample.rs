@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 /// forces are their mean over the step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
-    /// Strain at which the step begins.
+    /// Strain at which the step begins; in fluid at rest the time.
     pub strain: f64,
-    /// Relative viscosity in full: stresslets and contact stress.
+    /// Relative viscosity in full: stresslets and contact stress. NaN in fluid at rest.
     pub viscosity: f64,
     /// Relative viscosity from the stresslets alone, as in eq. (20) of the paper.
     pub viscosity_stresslet: f64,
@@ -21,6 +21,10 @@ pub struct Sample {
     pub shear_rate: f64,
     /// v'Rv / (V rate), in mu·rate.
     pub dissipation: f64,
+    /// Power of the forces and torques of the user, `Σ (F (U − u∞) + T (Ω − Ω∞)) / (V rate)`, in
+    /// mu·rate: see [`crate::Simulation::use_forces`].
+    #[serde(default)]
+    pub applied_power: f64,
     /// Pairs with a normal contact force.
     pub contacts: u32,
     /// Of these, pairs whose force exceeds the critical load.

@@ -59,7 +59,11 @@ impl<S: Started> Simulation<S> {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
         let primary = S::Background::simple_shear(self.params.direction);
         let flow = &self.background;
-        self.stress.stress(&self.solver, flow, &primary, content)
+        let mut stress = self.stress.stress(&self.solver, flow, &primary, content);
+        if self.params.at_rest {
+            (stress.viscosity, stress.viscosity_stresslet) = (f64::NAN, f64::NAN);
+        }
+        stress
     }
 
     /// Records a stage of the current step before its sample: at the first stage the smallest gap.
@@ -96,6 +100,7 @@ impl<S: Started> Simulation<S> {
             stress: stress.components,
             shear_rate: self.shear_control.shear_rate(&self.params),
             dissipation: stress.dissipation,
+            applied_power: self.forces.power(self.solver.velocities()) / stress.volume,
             contacts: counts.contacts,
             activated: counts.activated,
             sticking: counts.sticking,

@@ -94,7 +94,7 @@ impl<S: Started> Simulation<S> {
     /// [`Simulation::step`], inlined into its caller.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         self.save();
-        let (step, strain) = (self.steps, self.strain());
+        let (step, strain) = (self.steps, self.time());
         self.try_step().map_err(|source| {
             self.restore();
             Error::Step {
@@ -133,7 +133,7 @@ impl<S: Started> Simulation<S> {
     /// [`Simulation::advance`], which leaves the state of a step that fails anywhere.
     fn try_step(&mut self) -> Result<Sample, Error> {
         self.impose(self.steps);
-        let (time, dt) = (self.strain(), self.params.time_step);
+        let (time, dt) = (self.time(), self.params.time_step);
         let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
@@ -160,7 +160,7 @@ impl<S: Started> Simulation<S> {
         self.stepper = stepper;
         self.state = state;
         let advance = result?;
-        let end = self.cell_at(self.strain_of(self.steps + 1))?;
+        let end = self.cell_at(self.time_of(self.steps + 1))?;
         let sample = self.count_step(&record);
         if advance == Advance::Blocked {
             self.state.copy_from(&self.before.state);
@@ -235,7 +235,7 @@ impl<S: Started> Simulation<S> {
         state: &mut State<S>,
         record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (time, dt) = (self.strain(), self.params.time_step);
+        let (time, dt) = (self.time(), self.params.time_step);
         let (empty, counters) = (*record, self.counters);
         let (mut halvings, mut jammed) = (0, false);
         loop {
