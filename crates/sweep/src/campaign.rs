@@ -236,6 +236,10 @@ fn lay_out(
     let mut total = 0_u64;
     let mut grids = Vec::with_capacity(tables.len());
     for (span, entries) in tables {
+        // Many faults are one mistake, and only the first are shown.
+        if problems.len() > 2 * error::MAX_SHOWN {
+            return LaidOut::default();
+        }
         let grid = Grid::read(entries, span.clone(), protocol, Some(folder), problems);
         total = total.saturating_add(grid.len());
         // Checked before the next grid is read: a short count of seeds in the file can take much

@@ -289,7 +289,9 @@ fn answer_in<S: Written + Kept>(
     } else {
         NearFields::default()
     };
-    Ok(Answer::of(&solve(configuration, contact, &tables)?))
+    let answer = Answer::of(&solve(configuration, contact, &tables)?);
+    answer.check_finite()?;
+    Ok(answer)
 }
 
 /// The result in JSON; its keys are a stable interface.
@@ -358,6 +360,57 @@ pub(crate) struct Pair {
 }
 
 impl Answer {
+    /// Refuses numbers that are not finite, which JSON cannot hold: forces near the end of the
+    /// range of floats overflow in products.
+    fn check_finite(&self) -> Result<(), sd_core::Error> {
+        let sphere_of = |list: &[f64]| list.iter().position(|number| !number.is_finite());
+        let layers = [&self.stresslet_xx, &self.stresslet_yy, &self.stresslet_xy];
+        let lists = layers
+            .into_iter()
+            .chain(&self.stresslet_xz)
+            .chain(&self.stresslet_yz);
+        for list in lists {
+            if let Some(sphere) = sphere_of(list) {
+                let quantity = "the stresslet";
+                return Err(sd_core::Error::NotFinite { quantity, sphere });
+            }
+        }
+        let turned = self
+            .angular_velocity_disturbance
+            .iter()
+            .map(Amount::numbers);
+        let moved = self.velocity_disturbance.iter().map(Vec::as_slice);
+        for (sphere, numbers) in moved.enumerate().chain(turned.enumerate()) {
+            if sphere_of(numbers).is_some() {
+                let quantity = "the velocity";
+                return Err(sd_core::Error::NotFinite { quantity, sphere });
+            }
+        }
+        let whole = [self.viscosity, self.viscosity_stresslet, self.dissipation];
+        let stresses = [self.n1, self.n2, self.particle_pressure];
+        let numbers: Vec<f64> = whole.into_iter().chain(stresses).flatten().collect();
+        if sphere_of(&numbers).is_some() {
+            let (quantity, sphere) = ("the stress of the cell with the forces", 0);
+            return Err(sd_core::Error::NotFinite { quantity, sphere });
+        }
+        for pair in &self.contacts {
+            let forces = [pair.normal_force, pair.normal_velocity];
+            let numbers = [
+                &forces,
+                pair.tangential_force.numbers(),
+                pair.slip_velocity.numbers(),
+            ];
+            if numbers
+                .into_iter()
+                .any(|numbers| sphere_of(numbers).is_some())
+            {
+                let (quantity, sphere) = ("a contact force or velocity", pair.i);
+                return Err(sd_core::Error::NotFinite { quantity, sphere });
+            }
+        }
+        Ok(())
+    }
+
     fn of<S: Written + Kept>(instant: &SolvedConfiguration<S>) -> Self {
         let stresslets: Vec<S::Tensor> = instant.stresslets.iter().map(S::tensor).collect();
         let column = |place: usize| -> Vec<f64> { stresslets.iter().map(|s| s[place]).collect() };

@@ -12,7 +12,7 @@ use crate::stage::{StageContacts, StageSolver};
 use serde::Serialize;
 
 /// Maximum number of steps for the spheres to pass.
-const MAX_STEPS: u64 = 10_000_000;
+const MAX_STEPS: u64 = 1_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
 /// load 0.
@@ -261,6 +261,12 @@ fn check(scenario: &PairScenario) -> Result<(), Error> {
     }
     if !(time_step > 0.0 && time_step.is_finite()) {
         return refuse("time_step", time_step, "positive and finite");
+    }
+    // Alone, a sphere of radius r moves by 1/(6π r) in a unit of time, together they are slower.
+    let speed = (1.0 + 1.0 / size_ratio) / (6.0 * std::f64::consts::PI);
+    if 4.0 * start / (speed * time_step) > MAX_STEPS as f64 {
+        let allowed = "so large that the spheres pass within 1,000,000 steps";
+        return refuse("time_step", time_step, allowed);
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ const LONGEST_LINE: usize = 240;
 const FARTHEST: usize = 15;
 
 /// Most faults of one file that are shown.
-const MAX_SHOWN: usize = 20;
+pub(super) const MAX_SHOWN: usize = 20;
 /// Longest message about a fault, in characters: values in it may have any length.
 const LONGEST_SENTENCE: usize = 1000;
 

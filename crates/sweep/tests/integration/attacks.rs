@@ -531,3 +531,37 @@ fn no_output_replaces_a_store_a_campaign_or_the_log_of_a_store() {
     let parts = parts.filter(|entry| entry.file_name().to_string_lossy().starts_with('.'));
     assert_eq!(parts.count(), 0);
 }
+
+#[test]
+fn endless_passages_overflows_and_thousands_of_faults_are_refused_at_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let said = refused_immediately(at, &["pair", "--time-step", "1e-300"]);
+    assert!(
+        said.contains("time_step") && said.contains("steps"),
+        "{said}"
+    );
+    let far = r#"{"centres": [[0, 0], [2.1, 0]], "hydrodynamics": "ball-melrose", "forces": [[1e300, 0], [-1e300, 0]]}"#;
+    let near = far.replace("\"hydro", "\"cell\": [12.5, 12.5], \"hydro");
+    for text in [far.to_owned(), near] {
+        std::fs::write(at.join("far.json"), text).unwrap();
+        let output = ends(at, &["solve", "far.json", "--json"]);
+        let said = printed(&output);
+        assert!(
+            !said.contains("null") || said.contains("\"viscosity\":null"),
+            "{said}"
+        );
+        assert!(
+            output.status.code() == Some(1) || !said.contains("[null"),
+            "{said}"
+        );
+    }
+    let faults = "[[grid]]\nfoo = 1\nfriction = -1\n".repeat(34_000);
+    std::fs::write(at.join("faults.toml"), format!("name = \"f\"\n{faults}")).unwrap();
+    let begun = std::time::Instant::now();
+    let said = refused_immediately(at, &["plan", "faults.toml"]);
+    assert!(
+        said.contains("faults.toml") && begun.elapsed() < Duration::from_secs(10),
+        "{said}"
+    );
+}
