@@ -1,6 +1,5 @@
 //! Tables as whole columns, for programs.
 
-pub(crate) mod csv_rows;
 mod parquet;
 mod value;
 
@@ -153,20 +152,93 @@ pub(crate) fn write_parquet(
 /// Writes a table as comma-separated values: a header row of names, then the rows; missing values
 /// are empty.
 pub(crate) fn write_csv(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
-    csv_rows::write(
-        table.iter().map(|column| column.name.as_ref()),
-        rows(table),
-        out,
-    )
+    write_csv_header(table, out)?;
+    write_csv_rows(table, out)
 }
 
-/// The same without the header row, for tables that come in parts.
+/// Writes the header row of a table that comes in parts.
+pub(crate) fn write_csv_header(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+    let names = table.iter().map(|column| column.name.as_ref());
+    write_records(std::iter::once(names), out)
+}
+
+/// Writes the rows of a table.
 pub(crate) fn write_csv_rows(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
-    csv_rows::write_rows(rows(table), out)
+    let number = table.first().map_or(0, |column| column.cells.len());
+    let row = |row| table.iter().map(move |column| column.cells.text(row));
+    write_records((0..number).map(row), out)
 }
 
-/// The rows of a table as text.
-fn rows(table: &[DataColumn]) -> impl Iterator<Item = impl Iterator<Item = String>> {
-    let number = table.first().map_or(0, |column| column.cells.len());
-    (0..number).map(move |row| table.iter().map(move |column| column.cells.text(row)))
+/// Writes name, unit and meaning of each column of a table.
+pub(crate) fn write_units(table: &[DataColumn], out: &mut dyn Write) -> io::Result<()> {
+    let about = |column: &DataColumn| {
+        [
+            column.name.to_string(),
+            column.unit.into(),
+            column.meaning.into(),
+        ]
+    };
+    let header = ["column", "unit", "meaning"].map(str::to_owned);
+    write_records(std::iter::once(header).chain(table.iter().map(about)), out)
+}
+
+/// Writes rows with equal numbers of cells.
+fn write_records<R, C>(rows: impl IntoIterator<Item = R>, out: &mut dyn Write) -> io::Result<()>
+where
+    R: IntoIterator<Item = C>,
+    C: AsRef<[u8]>,
+{
+    let mut records = csv::Writer::from_writer(out);
+    for row in rows {
+        records.write_record(row).map_err(csv_error)?;
+    }
+    records.flush()
+}
+
+/// The system error. The conversion of the `csv` crate would hide its kind.
+fn csv_error(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Output with a closed reader.
+    struct Closed;
+
+    impl Write for Closed {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn cells_are_quoted_where_they_must_be() {
+        let mut bytes = Vec::new();
+        write_records([["a", "b"], ["1", "x, y"], ["", "\"z\""]], &mut bytes).unwrap();
+        assert_eq!(bytes, b"a,b\n1,\"x, y\"\n,\"\"\"z\"\"\"\n");
+    }
+
+    #[test]
+    fn a_closed_reader_is_detected_for_tables_of_any_length() {
+        for rows in [1, 100_000] {
+            let table = std::iter::repeat_n(["1.5"], rows);
+            let error = write_records(table, &mut Closed).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::BrokenPipe, "{rows}");
+        }
+    }
+
+    #[test]
+    fn rows_of_another_length_are_refused() {
+        let rows = [vec!["a", "b"], vec!["1"]];
+        assert!(write_records(rows, &mut Vec::new()).is_err());
+    }
 }

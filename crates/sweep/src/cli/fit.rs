@@ -3,7 +3,7 @@
 use super::Output;
 use super::output_file::{check_outputs, check_picture, save};
 use super::place::StoreArguments;
-use crate::data::csv_rows;
+use crate::data::write_csv;
 use crate::error::Error;
 use crate::report::{FitReport, Selection, table};
 use crate::system::exit;
@@ -50,18 +50,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save(path, &report.draw()?, output)?;
     }
     if let Some(path) = &arguments.csv {
-        let heads = [
-            report.fraction()[0],
-            "shear_stress",
-            "viscosity",
-            "fitted",
-            "residual",
-        ];
-        let rows = report
-            .rows()
-            .map(|row| row.map(|number| number.to_string()));
         let mut bytes = Vec::new();
-        csv_rows::write(heads, rows, &mut bytes)?;
+        write_csv(&report.table(), &mut bytes)?;
         save(path, &bytes, output)?;
     }
     if output.json {

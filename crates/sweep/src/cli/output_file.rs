@@ -4,7 +4,7 @@
 use super::Output;
 use crate::data::{self, DataColumn, write_parquet};
 use crate::error::Error;
-use crate::report::{ReportError, about};
+use crate::report::ReportError;
 use crate::system::files::write_whole;
 use std::io::{self, BufWriter, Read as _, Write};
 use std::os::unix::fs::MetadataExt as _;
@@ -162,7 +162,7 @@ pub(crate) fn save_table(
     save(path, &bytes, output)?;
     if !is_parquet && path.as_os_str() != "-" {
         bytes.clear();
-        about(table, &mut bytes)?;
+        data::write_units(table, &mut bytes)?;
         save(&path.with_extension("units.csv"), &bytes, output)?;
     }
     Ok(())

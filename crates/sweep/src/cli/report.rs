@@ -4,14 +4,13 @@ pub(crate) mod figure;
 mod one_by_one;
 
 use super::Output;
-use super::output_file::{check_outputs, save};
+use super::output_file::{check_outputs, save, save_table};
 use super::place::StoreArguments;
 use super::tables::TableArguments;
-use crate::data::write_parquet;
 use crate::error::Error;
 use crate::report::{
     Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
-    write_csv, write_json, write_latex, write_markdown, write_text, write_units,
+    write_json, write_latex, write_markdown, write_text,
 };
 use crate::store::Store;
 use crate::system::exit;
@@ -161,12 +160,23 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         files = true;
     }
     let shape = arguments.tables.shape();
-    let tables: [(&Option<PathBuf>, Writer<'_>); 4] = [
-        (&arguments.files.csv, &|bytes| write_csv(&report, bytes)),
-        (&arguments.files.parquet, &|bytes| {
-            let table = point_table(&report);
-            Ok(write_parquet(&table, "points", &report.campaign, bytes)?)
-        }),
+    let campaign = report.campaign.as_str();
+    for (path, is_parquet) in [
+        (&arguments.files.csv, false),
+        (&arguments.files.parquet, true),
+    ] {
+        if let Some(path) = path {
+            save_table(
+                &point_table(&report),
+                ["points", campaign],
+                path,
+                is_parquet,
+                output,
+            )?;
+            files = true;
+        }
+    }
+    let tables: [(&Option<PathBuf>, Writer<'_>); 2] = [
         (&arguments.files.markdown, &|bytes| {
             write_markdown(&report, bytes)
         }),
@@ -181,16 +191,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             save(path, &bytes, output)?;
             files = true;
         }
-    }
-    if let Some(path) = arguments
-        .files
-        .csv
-        .as_ref()
-        .filter(|path| path.as_os_str() != "-")
-    {
-        let mut bytes = Vec::new();
-        write_units(&report, &mut bytes)?;
-        save(&path.with_extension("units.csv"), &bytes, output)?;
     }
     let excerpt = Excerpt {
         store: &store,

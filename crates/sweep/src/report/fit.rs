@@ -5,7 +5,7 @@ use super::figure::{FitCurve, Origin, draw_fit};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::data::Tag;
-use crate::data::Value;
+use crate::data::{DataColumn, Kind, Value};
 use crate::measure::wyart_cates::{Datum, Fit, NAMES, PARAMETERS, fit};
 use crate::model::axes::{AXES, identity};
 use crate::store::Store;
@@ -126,6 +126,18 @@ impl FitReport {
                 let fitted = self.fit.viscosity(datum.fraction, datum.stress);
                 [datum.fraction, datum.stress, mean, fitted, *residual]
             })
+    }
+
+    /// The points as a table, with their viscosity, that of the fit, and the residual.
+    pub(crate) fn table(&self) -> Vec<DataColumn> {
+        let names = ["shear_stress", "viscosity", "fitted", "residual"];
+        let columns = std::iter::once(self.fraction()[0]).chain(names).enumerate();
+        columns
+            .map(|(index, name)| {
+                let cells = self.rows().map(|row| Some(Value::Number(row[index])));
+                DataColumn::of(name, Kind::Number, "", cells)
+            })
+            .collect()
     }
 
     /// The object for programs.

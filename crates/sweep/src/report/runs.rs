@@ -4,8 +4,7 @@ use super::error::ReportError;
 use super::points::selected_runs;
 use super::selection::Excerpt;
 use super::units::{At, Units};
-use crate::data::csv_rows;
-use crate::data::{Cells, DataColumn, ParquetFile, write_csv_rows};
+use crate::data::{Cells, DataColumn, ParquetFile, write_csv_header, write_csv_rows, write_units};
 use crate::measure::{PointRun, axis_column, key_column, run_table, sample_table, seed_column};
 use crate::model::axes::{AXES, Axis};
 use sd_core::Sample;
@@ -78,13 +77,16 @@ impl Excerpt<'_> {
 
     /// Writes name, unit and meaning of each column of the runs.
     pub(crate) fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
-        about(&self.runs()?, out)
+        Ok(write_units(&self.runs()?, out)?)
     }
 
     /// Writes name, unit and meaning of each column of the samples.
     pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
-        about(&table_of(None, &axes_of_samples(&runs), self.units), out)
+        Ok(write_units(
+            &table_of(None, &axes_of_samples(&runs), self.units),
+            out,
+        )?)
     }
 }
 
@@ -141,8 +143,7 @@ impl<'w> TableFile<'w> {
             let about = [("campaign", campaign.as_str())];
             return Ok(Self::Parquet(ParquetFile::begin(out, name, like, &about)?));
         }
-        let names = like.iter().map(|column| column.name.as_ref());
-        csv_rows::write(names, std::iter::empty::<[&str; 0]>(), out)?;
+        write_csv_header(like, out)?;
         Ok(Self::Csv(out))
     }
 
@@ -188,14 +189,6 @@ fn table_of(
         });
     }
     table
-}
-
-/// Writes name, unit and meaning of each column.
-pub(crate) fn about(table: &[DataColumn], out: &mut dyn Write) -> Result<(), ReportError> {
-    let rows = table
-        .iter()
-        .map(|column| [column.name.as_ref(), column.unit, column.meaning]);
-    Ok(csv_rows::write(["column", "unit", "meaning"], rows, out)?)
 }
 
 /// The axes that distinguish runs, without sampled quantities.

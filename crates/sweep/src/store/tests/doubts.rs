@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::measure::doubt::Doubt;
-use crate::report::{Report, Selection, write_csv, write_json, write_markdown, write_text};
+use crate::report::{Report, Selection, point_table, write_json, write_markdown, write_text};
 
 /// A store with a sound and a doubtful run of each point.
 fn half_doubtful(directory: &Path) -> Store {
@@ -55,7 +55,7 @@ fn doubtful_runs_are_counted_and_averaged_only_on_request() {
         );
         assert!(text.contains(word), "{text}");
         let mut csv = Vec::new();
-        write_csv(report, &mut csv).unwrap();
+        crate::data::write_csv(&point_table(report), &mut csv).unwrap();
         assert!(String::from_utf8(csv).unwrap().contains(",doubtful,"));
         let mut json = Vec::new();
         write_json(report, &mut json).unwrap();

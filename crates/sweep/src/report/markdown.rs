@@ -1,39 +1,12 @@
-//! Tidy tables as text: one row per point, one column per quantity, for pandas, R, `DuckDB` and
-//! papers.
-//!
-//! Units and meanings are in a sidecar, so that the table itself has one header row of plain names.
+//! The points as a Markdown table.
 
-use super::columns::{Column, point_table};
+use super::columns::Column;
 use super::error::ReportError;
 use super::points::Report;
-use super::runs::about;
 use crate::data::Value;
-use crate::data::csv_rows;
 use crate::model::axes::Axis;
 use crate::text::format::short;
 use std::io::Write;
-
-/// Writes the points as comma-separated values: a header row of names, numbers in full, missing
-/// values empty.
-pub(crate) fn write_csv(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    let columns = report.columns.all();
-    let rows = report.points.iter().map(|point| {
-        columns
-            .iter()
-            .map(|column| match column.shown(report, point) {
-                Some(Value::Number(number)) => format!("{number:?}"),
-                Some(value) => value.to_string(),
-                None => String::new(),
-            })
-    });
-    let names = columns.iter().map(|column| column.name.as_ref());
-    Ok(csv_rows::write(names, rows, out)?)
-}
-
-/// Writes the sidecar: name, unit and meaning of each column.
-pub(crate) fn write_units(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
-    about(&point_table(report), out)
-}
 
 /// Writes the points as a Markdown table with units in its head, without empty columns.
 pub(crate) fn write_markdown(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
