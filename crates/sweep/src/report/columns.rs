@@ -18,7 +18,6 @@ pub(super) struct Column {
     pub(super) name: Word,
     /// Unit; `1` for pure numbers, empty for text.
     pub(super) unit: &'static str,
-    /// Meaning.
     pub(super) meaning: &'static str,
     /// Label on the page; empty for columns without curves.
     pub(super) label: &'static str,
@@ -209,7 +208,6 @@ impl Column {
         }
     }
 
-    /// Its unit in a report.
     pub(super) fn unit_in(&self, report: &Report) -> &'static str {
         match self.content {
             Content::Axis(axis) => report.units.of_axis(axis).unwrap_or(self.unit),

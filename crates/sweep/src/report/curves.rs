@@ -15,7 +15,6 @@ use std::cmp::Ordering;
 pub(super) struct Curve<'r> {
     /// Its label, from what distinguishes it; empty for a single curve.
     pub(super) label: Label,
-    /// Its points.
     pub(super) points: Vec<&'r Point>,
 }
 
@@ -55,7 +54,6 @@ impl Shared<'_> {
             .is_some_and(|along| axis.key == along.key || axis.is_of_shear() && along.is_of_shear())
     }
 
-    /// Whether it is the axis of the panels.
     fn is_of_panels(self, axis: &Axis) -> bool {
         self.panels.is_some_and(|panels| panels.key == axis.key)
     }

@@ -313,7 +313,6 @@ impl SegmentReport {
         json!({ "campaign": self.report.campaign, "points": points })
     }
 
-    /// One segment of a point.
     fn object(&self, number: usize, of: &PointSegment) -> Map<String, Json> {
         let segment = &self.segments[number];
         let imposed = &segment.imposed;

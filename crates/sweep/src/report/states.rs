@@ -31,7 +31,6 @@ impl Flow {
         Self::Failed,
     ];
 
-    /// Its name.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Continuous => "continuous",
@@ -55,7 +54,6 @@ impl<'p> FlowCurve<'p> {
         Self { points }
     }
 
-    /// Its points.
     pub(super) fn points(&self) -> &[&'p Point] {
         &self.points
     }

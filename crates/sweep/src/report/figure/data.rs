@@ -57,7 +57,6 @@ pub(super) struct Series {
     /// Its index among the curves of the figure, which selects colour and marker.
     pub(super) index: usize,
     pub(super) kind: SeriesKind,
-    /// Its panel.
     pub(super) panel: usize,
     /// Strain discarded, of a run in time.
     pub(super) discard: Option<f64>,
@@ -119,7 +118,6 @@ pub(super) struct Measured {
     label: &'static str,
     /// Its column.
     name: &'static str,
-    /// Its unit.
     unit: &'static str,
 }
 
@@ -537,7 +535,6 @@ impl<'r> FigureSource<'r> {
         }
     }
 
-    /// The axis without empty plateaus.
     fn without_empty_plateaus(&self, log: LogAxis, series: &[Series]) -> LogAxis {
         let spots = || series.iter().flat_map(|line| &line.points);
         let rests = || self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);

@@ -9,7 +9,6 @@ pub(super) struct Scale {
     /// Its ends, in the units of the points.
     pub(super) low: f64,
     pub(super) high: f64,
-    /// Whether it is logarithmic.
     pub(super) logarithmic: bool,
     /// Positions of ticks and their labels.
     pub(super) ticks: Vec<(f64, String)>,
@@ -264,7 +263,6 @@ impl LogAxis {
         }
     }
 
-    /// Place of a value.
     pub(super) fn place(self, value: f64) -> f64 {
         if value <= 0.0 {
             self.low - 1.0

@@ -90,7 +90,6 @@ impl SvgWriter {
         self.path(&path(corners, true), fill, Some(stroke));
     }
 
-    /// A disc.
     pub(super) fn disc(
         &mut self,
         [x, y]: Position,

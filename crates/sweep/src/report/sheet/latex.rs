@@ -45,7 +45,6 @@ fn head(column: &SheetColumn) -> String {
     symbols(&escaped(&text))
 }
 
-/// A cell.
 fn cell(cell: Option<&Uncertain>, format: NumberFormat) -> String {
     let Some(cell) = cell else {
         return "--".into();

@@ -123,7 +123,6 @@ fn with_unit(head: Head, own: &'static str, shown: &'static str) -> Head {
     }
 }
 
-/// The column of an axis.
 fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> Option<SheetColumn> {
     let column = Column::named(axis.key)?;
     let words = report.words_of(axis);

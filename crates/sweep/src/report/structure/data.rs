@@ -124,7 +124,6 @@ fn numbers(structure: &Structure) -> Vec<Number> {
     all
 }
 
-/// The curves of a structure.
 fn curves(structure: &Structure) -> [NamedCurve<'_>; 6] {
     [
         ("g_r", "r", "g", &structure.radial),
