@@ -411,7 +411,7 @@ impl Run {
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let checkpoint = Checkpoint {
             snapshot: py.detach(|| self.run().snapshot()),
-            samples: Vec::new(),
+            samples_digest: None,
             wall_time_s: 0.0,
             cpu_time_s: 0.0,
             resumed: 0,

@@ -415,7 +415,7 @@ impl Store {
             None => self.read(py, draw)?,
             Some(number) => py
                 .detach(|| {
-                    Ok(sweep::campaign::open_segment(&source, number)?.map(|store| draw(&store)))
+                    Ok(sweep::campaign::open_segment(source, number)?.map(|store| draw(&store)))
                 })
                 .map_err(|error: sweep::Error| raise(error))?
                 .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
