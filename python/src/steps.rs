@@ -3,7 +3,7 @@
 use crate::arrays::Records;
 use crate::instant::Arrays;
 use sd_core::simulation::{Flow, Frame};
-use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot, Started};
+use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot, RunSpace};
 use sweep::model::spaces::{AnySnapshot, InSpace};
 
 /// A run in either space.
@@ -31,7 +31,7 @@ pub(crate) trait Steps: Send {
 }
 
 /// A space in which runs are stepped.
-pub(crate) trait Stepped: Started + Arrays {
+pub(crate) trait Stepped: RunSpace + Arrays {
     /// The numbers of an orientation.
     fn angles(orientation: &Self::Orientation) -> &[f64];
 

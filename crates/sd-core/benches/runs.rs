@@ -20,7 +20,7 @@ mod clock;
 use clock::Moment;
 use sd_core::model::{ContactLaws, TangentialLaw};
 use sd_core::{
-    Bulk, ContactScheme, Flow, Hydrodynamics, Layer, NearFields, Params, Simulation, Started,
+    Bulk, ContactScheme, Flow, Hydrodynamics, Layer, NearFields, Params, RunSpace, Simulation,
 };
 
 /// Roughness height, in radii.
@@ -241,7 +241,7 @@ fn most_memory() -> Option<f64> {
 
 /// Right-hand sides in sequence, without samples. One row; the memory is that of the process, so
 /// that each row is a process of its own.
-fn sequence<S: Started>(params: &Params, hydrodynamics: Hydrodynamics, contacts: &str) {
+fn sequence<S: RunSpace>(params: &Params, hydrodynamics: Hydrodynamics, contacts: &str) {
     let tables = NearFields::default();
     let (strain, factor) = LEAD_IN;
     let time_step = f64::from(factor) * TIME_STEP;

@@ -24,6 +24,7 @@ pub(crate) mod contact_pair;
 pub(crate) mod contact_solver;
 pub(crate) mod laws;
 pub(crate) mod memory;
+pub(crate) mod pair_forces;
 pub(crate) mod problem;
 pub(crate) mod repulsive_pairs;
 mod row;
@@ -34,7 +35,7 @@ pub use contact_pair::{Contact, ContactState};
 pub(crate) use contact_solver::{ContactSolver, SolvePass};
 pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
-pub use memory::PairForces;
+pub use pair_forces::PairForces;
 
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.

@@ -180,13 +180,21 @@ pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
     StiffnessUnit, TangentialLaw,
 };
+pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::started::Started;
-pub use run::{instant, pair, products, simulation, start, verify};
+pub use run::{pair, products, simulation, start, verify};
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
 pub use stage::{Method, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts};
+
+/// One instant of one configuration: velocities, stresslets, contact forces.
+pub mod instant {
+    pub use crate::run::compiled::solve;
+    pub use crate::run::instant::{
+        Configuration, InstantContacts, SolvedConfiguration, look_ahead, method,
+    };
+}
 
 /// What the tests and benchmarks of this crate measure one by one. No part of the interface: it may
 /// change in any version.

@@ -1,11 +1,12 @@
 //! Runs: start layers, time stepping, simulation; single instants and pairs.
 
 mod balance;
-pub mod instant;
+pub(crate) mod compiled;
+pub(crate) mod instant;
 pub mod pair;
 pub mod products;
 pub mod simulation;
+pub(crate) mod spaces;
 pub mod start;
-pub(crate) mod started;
 pub(crate) mod steppers;
 pub mod verify;

@@ -6,7 +6,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use sd_core::Started;
+use sd_core::RunSpace;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, Layer, LeadingOrder,
     NearFields, NormalLaw, Params, Simulation, StiffnessUnit, TangentialLaw, memory_bytes,
@@ -133,7 +133,7 @@ fn other_laws_allocate_nothing() {
 
 /// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where
 /// it makes a new pattern of near pairs, or has more pairs or contacts than any before.
-fn check_pairwise<S: Started>(params: &Params) {
+fn check_pairwise<S: RunSpace>(params: &Params) {
     let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < 60 {
         simulation.step().unwrap();

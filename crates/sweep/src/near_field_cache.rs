@@ -4,12 +4,11 @@
 //! The cache only saves time: a missing, damaged or unwritable file is no error, and a table read
 //! back has the same bits as the computed one.
 
-use crate::model::spaces::radii_and_side;
 use crate::system::files::{cache_folder, folder_of, read_whole, write_whole};
 use crate::text::format::counted;
 use sd_core::model::Sizes;
 use sd_core::two_sphere::{NEAR_FIELD_VERSION, NearField};
-use sd_core::{Error, NearFields, Params};
+use sd_core::{Error, NearFields, Params, start};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +32,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
         if !seen.insert(kind) {
             continue;
         }
-        for ratio in NearFields::ratios(&radii_and_side(p)?.0) {
+        for ratio in NearFields::ratios(&start::radii_and_side(p)?.0) {
             // Equal up to rounding, as in the solver.
             if !all
                 .iter()

@@ -8,11 +8,11 @@ use self::entries::refine;
 use super::contact_pair::Contact;
 use super::laws::{Laws, Overlap, Span};
 use super::memory::ContactMemory;
+use super::problem::ProblemSolver;
 use super::problem::dense_system::DenseSystem;
 use super::problem::newton::FrictionActivation;
 use super::problem::sparse_system::{SparseSystem, SparseSystemView};
 use super::problem::statement::{Forces, Problem};
-use super::problem::{Outcome, ProblemSolver};
 use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -143,8 +143,32 @@ impl<S: Fluid> ContactSolver<S> {
         loop {
             self.set_up_problem(input, memory, pass);
             let holds_bounds = pass == SolvePass::FixedBounds;
-            let how = (activation, holds_bounds);
-            let outcome = self.solve_problem(input, applied, how, velocities)?;
+            self.held_loads.clear();
+            if holds_bounds {
+                self.held_loads
+                    .extend(self.list.iter().map(|contact| contact.held_load));
+            }
+            let loads = holds_bounds.then_some(&self.held_loads[..]);
+            let (problem, solver) = (&mut self.problem, &mut self.solver);
+            let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
+            let refine = |problem: &mut Problem<S>, forces: &Forces| {
+                refine(input, problem, overlaps, forces, tolerance)
+            };
+            let outcome = match &mut self.backend {
+                Backend::Dense(system) => {
+                    system.set_up(input.resistance, problem, applied.all);
+                    let solved = solver.solve(problem, &mut **system, activation, loads, refine);
+                    system.finish(input.resistance, &solver.forces, velocities);
+                    solved
+                }
+                Backend::Sparse(system) => {
+                    let mut view =
+                        SparseSystemView::begin(input.resistance, system, problem, applied)?;
+                    let solved = solver.solve(problem, &mut view, activation, loads, refine);
+                    view.finish(velocities);
+                    solved
+                }
+            };
             systems += outcome.systems;
             self.store_forces(laws);
             if !holds_bounds {
@@ -188,41 +212,5 @@ impl<S: Fluid> ContactSolver<S> {
                     .record(list, kind, |c| c.rolling_force);
             }
         }
-    }
-
-    /// Solves the current problem for the forces and the motion, with friction bounds that follow
-    /// the loads or are held.
-    fn solve_problem(
-        &mut self,
-        input: &StageInput<'_, S>,
-        applied: AppliedForces<'_>,
-        (activation, holds_bounds): (FrictionActivation, bool),
-        velocities: &mut [f64],
-    ) -> Result<Outcome, Error> {
-        self.held_loads.clear();
-        if holds_bounds {
-            self.held_loads
-                .extend(self.list.iter().map(|contact| contact.held_load));
-        }
-        let loads = holds_bounds.then_some(&self.held_loads[..]);
-        let (problem, solver) = (&mut self.problem, &mut self.solver);
-        let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
-        let refine = |problem: &mut Problem<S>, forces: &Forces| {
-            refine(input, problem, overlaps, forces, tolerance)
-        };
-        Ok(match &mut self.backend {
-            Backend::Dense(system) => {
-                system.set_up(input.resistance, problem, applied.all);
-                let solved = solver.solve(problem, &mut **system, activation, loads, refine);
-                system.finish(input.resistance, &solver.forces, velocities);
-                solved
-            }
-            Backend::Sparse(system) => {
-                let mut view = SparseSystemView::begin(input.resistance, system, problem, applied)?;
-                let solved = solver.solve(problem, &mut view, activation, loads, refine);
-                velocities.copy_from_slice(system.velocities()[0]);
-                solved
-            }
-        })
     }
 }

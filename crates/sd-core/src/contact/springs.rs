@@ -6,7 +6,7 @@
 
 use super::contact_pair::Contact;
 use super::laws::StageKind;
-use super::memory::PairForces;
+use super::pair_forces::PairForces;
 use crate::law::tangential::stick_slide::TangentialSpring;
 use crate::space::pair::PairKey;
 use crate::space::{Layer, Space};

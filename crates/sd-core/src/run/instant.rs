@@ -1,8 +1,7 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
-use super::started::Started;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::memory::PairForces;
+use crate::contact::pair_forces::PairForces;
 use crate::contact::springs::{GAMMA, Springs};
 use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
@@ -254,41 +253,6 @@ pub fn method<S: Space>(configuration: &Configuration<S>, request: &InstantConta
         ..
     } = configuration;
     Method::of_instant(*hydrodynamics, cell, radii, is_soft)
-}
-
-/// Solves one instant.
-///
-/// # Errors
-/// Bad lengths, radii, a net force on a layer, overlaps, a cell too small, pairs out of range, an
-/// indefinite matrix.
-///
-/// ```
-/// use sd_core::cell::Cell;
-/// use sd_core::instant::{Configuration, InstantContacts, solve};
-/// use sd_core::modes::{Background, Vec2};
-/// use sd_core::{Hydrodynamics, Layer, NearFields};
-///
-/// // The stresslet of one sphere in shear, (20/3)π E.
-/// let alone = Configuration::<Layer> {
-///     centres: vec![Vec2::new(0.0, 0.0)],
-///     radii: vec![1.0],
-///     cell: Cell::Unbounded,
-///     hydrodynamics: Hydrodynamics::StokesianDynamics,
-///     background: Background::SHEAR,
-///     forces: vec![Vec2::new(0.0, 0.0)],
-///     torques: vec![0.0],
-/// };
-/// let solved = solve(&alone, &InstantContacts::None, &NearFields::default())?;
-/// let (_, _, xy) = solved.stresslet(0);
-/// assert!((xy - 10.0 / 3.0 * std::f64::consts::PI).abs() < 1e-12);
-/// # Ok::<(), sd_core::Error>(())
-/// ```
-pub fn solve<S: Started>(
-    configuration: &Configuration<S>,
-    request: &InstantContacts<S>,
-    tables: &NearFields,
-) -> Result<SolvedConfiguration<S>, Error> {
-    S::solve(configuration, request, tables)
 }
 
 /// Solves one instant by a given method.

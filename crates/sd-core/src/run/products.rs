@@ -28,12 +28,11 @@
 //! translation common to all spheres meets no resistance. Without a far field (Ball-Melrose and lubrication) every sphere has a drag of
 //! its own against the fluid at rest, and net forces are allowed.
 
-use super::started::Started;
 use crate::contact::SolvePass;
 use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
 use crate::hydrodynamics::inverse_mobility::InverseMobility;
-use crate::hydrodynamics::resistance::{FarProduct as _, NearFields, NearTerm as _};
+use crate::hydrodynamics::resistance::{FarProduct as _, Fluid, NearFields, NearTerm as _};
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
@@ -64,7 +63,7 @@ use crate::stage::{Method, StageContacts, StageSolver};
 /// assert!(velocities[0] < slower);
 /// # Ok::<(), sd_core::Error>(())
 /// ```
-pub struct Mobility<S: Started = Layer> {
+pub struct Mobility<S: Fluid = Layer> {
     operator: S::Operator,
     inverse: InverseMobility<S>,
     radii: Vec<f64>,
@@ -75,7 +74,7 @@ pub struct Mobility<S: Started = Layer> {
     modes: [Vec<f64>; 2],
 }
 
-impl<S: Started> Mobility<S> {
+impl<S: Fluid> Mobility<S> {
     /// Plans for cells of the sides of this one and for these spheres, at their first positions.
     ///
     /// # Arguments
@@ -205,7 +204,7 @@ impl<S: Started> Mobility<S> {
 /// assert!((forces[2] + 1.0).abs() < 1e-12);
 /// # Ok::<(), sd_core::Error>(())
 /// ```
-pub struct Resistance<S: Started = Layer> {
+pub struct Resistance<S: Fluid = Layer> {
     stage: StageSolver<S>,
     inverse: InverseMobility<S>,
     hydrodynamics: Hydrodynamics,
@@ -220,7 +219,7 @@ pub struct Resistance<S: Started = Layer> {
     forces: Vec<f64>,
 }
 
-impl<S: Started> Resistance<S> {
+impl<S: Fluid> Resistance<S> {
     /// Plans for cells of the sides of this one and for these spheres, at their first positions.
     ///
     /// # Arguments

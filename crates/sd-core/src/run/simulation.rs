@@ -24,7 +24,7 @@ use crate::model::{
     ContactScheme, DEEPEST_OVERLAP, Imposed, Params, Refusal, SolverSettings, Words as _,
 };
 use crate::procedure::ContactList;
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;
@@ -49,7 +49,7 @@ pub enum Flow {
 }
 
 /// A layer or a suspension under shear.
-pub struct Simulation<S: Started = Layer> {
+pub struct Simulation<S: Starts = Layer> {
     /// Parameters of the current step, or of the last one.
     params: Params,
     settings: SolverSettings,
@@ -100,77 +100,20 @@ struct Before<S: Space> {
     counters: Counters,
 }
 
-impl<S: Started> Simulation<S> {
-    /// Starts a run from the layer or suspension of a seed.
-    ///
-    /// # Errors
-    /// Parameters out of range, a cell too small, an area fraction that cannot be packed.
-    pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
-        Self::from_snapshot(params, Snapshot::start(params, seed)?, tables)
-    }
-
-    /// Continues a run from a snapshot made with the same parameters.
-    ///
-    /// # Errors
-    /// [`Error::Snapshot`] if it does not fit the parameters.
-    pub fn from_snapshot(
-        params: &Params,
-        snapshot: Snapshot<S>,
-        tables: &NearFields,
-    ) -> Result<Self, Error> {
-        Self::with_settings(params, snapshot, tables, &SolverSettings::default())
-    }
-
-    /// Continues a run from a snapshot with other than the default settings. A run begins with
-    /// [`Snapshot::start`].
-    ///
-    /// ```
-    /// use sd_core::model::SolverSettings;
-    /// use sd_core::{Layer, NearFields, Params, Simulation, Snapshot};
-    ///
-    /// let params = Params::builder()
-    ///     .spheres(30)
-    ///     .area_fraction(0.4)
-    ///     .roughness(0.01)
-    ///     .friction(0.0)
-    ///     .shear_rate(0.0)
-    ///     .build()?;
-    /// let mut settings = SolverSettings::default();
-    /// settings.far_field_tolerance = Some(1e-5);
-    /// let start = Snapshot::<Layer>::start(&params, 1)?;
-    /// let tables = NearFields::default();
-    /// let mut coarse = Simulation::with_settings(&params, start, &tables, &settings)?;
-    /// let exact = Simulation::<Layer>::new(&params, 1, &tables)?.step()?.viscosity;
-    /// let error = coarse.step()?.viscosity / exact - 1.0;
-    /// assert!(error != 0.0 && error.abs() < 1e-5);
-    /// # Ok::<(), sd_core::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// Those of [`Simulation::from_snapshot`] and [`SolverSettings::validate`].
-    pub fn with_settings(
-        params: &Params,
-        snapshot: Snapshot<S>,
-        tables: &NearFields,
-        settings: &SolverSettings,
-    ) -> Result<Self, Error> {
-        settings.validate()?;
-        S::continue_run(params, snapshot, tables, settings)
-    }
-
-    /// Puts a law of the normal force in place of the contact_list spring law of the parameters. It is no
-    /// part of a snapshot: a run that is resumed needs it again.
+impl<S: Starts> Simulation<S> {
+    /// Puts a law of the normal force in place of the spring law of the parameters. It is no part of
+    /// a snapshot: a run that is resumed needs it again.
     ///
     /// `examples/cone.rs` shears a layer with one.
     ///
     /// # Errors
     /// [`Error::Refused`] if the contacts of the parameters are no springs.
     pub fn use_normal_law(&mut self, law: &'static dyn CustomNormalLaw) -> Result<(), Error> {
-        let contact_list = self.params.contact.laws().normal;
-        if !contact_list.is_spring() {
+        let replaced = self.params.contact.laws().normal;
+        if !replaced.is_spring() {
             return Err(Refusal {
                 key: "contact",
-                value: format!("{:?}", contact_list.word()),
+                value: format!("{:?}", replaced.word()),
                 problem: "is no spring that another law could replace".into(),
                 allowed: "\"linear-spring\" with the stiffness of that law".into(),
                 because: None,
@@ -182,7 +125,7 @@ impl<S: Started> Simulation<S> {
         Ok(())
     }
 
-    /// [`Simulation::from_snapshot`], inlined into its caller.
+    /// Continues a run from a snapshot, with valid settings.
     pub(super) fn continued(
         params: &Params,
         mut snapshot: Snapshot<S>,

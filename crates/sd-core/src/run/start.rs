@@ -7,6 +7,7 @@ pub mod suspension;
 
 pub use given::fit;
 
+use self::suspension::Mixture;
 use crate::error::Error;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::space::cell::Cell;
@@ -169,6 +170,9 @@ fn number_of_large(params: &Params) -> usize {
 /// # Errors
 /// [`Error::CellTooSmall`].
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
+    if params.volume_fraction.is_some() {
+        return Mixture::of(params).radii_and_side();
+    }
     let radii = match params.sizes {
         Some(sizes) => sizes.radii(params.spheres).to_vec(),
         None => radii(params.spheres, params.size_ratio, number_of_large(params)),

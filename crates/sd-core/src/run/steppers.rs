@@ -7,7 +7,7 @@ mod runge_kutta;
 mod state;
 
 use crate::space::Space;
-pub(crate) use midpoint::Midpoint;
+pub(crate) use midpoint::{Midpoint, Stages};
 use rosenbrock::Rosenbrock;
 pub use runge_kutta::RungeKutta;
 pub(crate) use state::Stage;
@@ -47,7 +47,7 @@ impl<S: Space> Stepper<S> {
             Self::RungeKutta(method) => {
                 method.step(state, time, dt, |stage, x, u| rhs(stage, x, u).map(|_| ()))
             }
-            Self::Midpoint(method) => method.step(state, time, dt, rhs),
+            Self::Midpoint(method) => method.step(state, [time, dt], Stages::Both, rhs),
             Self::Rosenbrock(method) => {
                 method.step(state, time, dt, |stage, x, u| rhs(stage, x, u).map(|_| ()))
             }

@@ -2,7 +2,7 @@
 //! law, have the bits of uninterrupted ones.
 
 use crate::common::schemes::{rigid, schemes, spring};
-use sd_core::Started;
+use sd_core::RunSpace;
 use sd_core::internals::{ContactList, ContactMemory};
 use sd_core::simulation::{Counters, SchemeMemory};
 use sd_core::{
@@ -60,7 +60,7 @@ fn suspension(contact: ContactScheme, hydrodynamics: Hydrodynamics) -> Params {
 
 /// A start for runs with these parameters: sheared until spheres touch, under springs and
 /// lubrication, which is cheapest.
-fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
+fn sheared<S: RunSpace>(params: &Params) -> Snapshot<S> {
     let springs = ContactLaws {
         stiffness_unit: StiffnessUnit::Flow,
         ..*spring(1e4, TangentialLaw::Coulomb).laws()
@@ -86,7 +86,11 @@ fn sheared<S: Started>(params: &Params) -> Snapshot<S> {
 }
 
 /// A run resumed from the text form of its snapshot.
-fn resumed<S: Started>(params: &Params, run: &Simulation<S>, tables: &NearFields) -> Simulation<S> {
+fn resumed<S: RunSpace>(
+    params: &Params,
+    run: &Simulation<S>,
+    tables: &NearFields,
+) -> Simulation<S> {
     let snapshot: Snapshot<S> = serde_json::from_str(&text(&run.snapshot())).unwrap();
     Simulation::from_snapshot(params, snapshot, tables).unwrap()
 }
@@ -97,7 +101,7 @@ fn text(what: &impl serde::Serialize) -> String {
 }
 
 /// Runs from a start, once uninterrupted and once interrupted twice.
-fn check<S: Started>(params: &Params, start: &Snapshot<S>, tables: &NearFields) {
+fn check<S: RunSpace>(params: &Params, start: &Snapshot<S>, tables: &NearFields) {
     let what = format!("{:?}, {:?}", params.hydrodynamics, params.contact);
     let mut start = start.clone();
     if params.contact == ContactScheme::Procedure {
@@ -146,7 +150,7 @@ fn check_memory<S: Space>(memory: &ContactMemory<S>, laws: &ContactLaws, what: &
 }
 
 /// Checks all laws.
-fn check_all<S: Started>(
+fn check_all<S: RunSpace>(
     schemes: Vec<ContactScheme>,
     hydrodynamics: &[Hydrodynamics],
     make: impl Fn(ContactScheme, Hydrodynamics) -> Params,
@@ -157,7 +161,7 @@ fn check_all<S: Started>(
     for contact in schemes {
         for &hydrodynamics in hydrodynamics {
             let params = make(contact, hydrodynamics);
-            let (_, side) = S::radii_and_side(&params).unwrap();
+            let (_, side) = sd_core::start::radii_and_side(&params).unwrap();
             let known = starts.iter().position(|start| start.side == side);
             let number = known.unwrap_or_else(|| {
                 starts.push(sheared(&params));

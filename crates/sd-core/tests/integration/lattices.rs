@@ -7,7 +7,7 @@ use sd_core::bulk::{self, TracelessTensor};
 use sd_core::cell::{Cell, Lattice};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Surface;
-use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space, Started, modes};
+use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space, RunSpace, modes};
 use serde_json::Value;
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
@@ -42,7 +42,7 @@ fn recorded(instant: &Value, hydrodynamics: Hydrodynamics) -> Configuration<Bulk
     }
 }
 
-fn solved<S: Started>(
+fn solved<S: RunSpace>(
     configuration: &Configuration<S>,
     request: &InstantContacts<S>,
 ) -> SolvedConfiguration<S> {
@@ -207,7 +207,7 @@ fn hydrodynamics() -> [Hydrodynamics; 3] {
 
 /// Compares a configuration in its sheared cell, in the lattice of the cell's vectors and in
 /// others of the same lattice. Contacts touch the same pairs, at images of the vectors given.
-fn check_bases<S: Started>(
+fn check_bases<S: RunSpace>(
     configuration: &Configuration<S>,
     bases: &[Vec<S::Vector>; 2],
     tolerance: f64,

@@ -3,8 +3,8 @@
 use sd_core::cell::Cell;
 use sd_core::model::{CrossShear, Segment};
 use sd_core::{
-    Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, Simulation, Snapshot, Space,
-    Started,
+    Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace, Simulation, Snapshot,
+    Space,
 };
 
 const STEP: f64 = 0.01;
@@ -46,7 +46,7 @@ fn are_images<S: Space>(cell: &Cell<S>, x: S::Vector, y: S::Vector) -> bool {
     length::<S>(cell.nearest(x - y).0) < 1e-9
 }
 
-fn spheres_are_followed_through_the_edges_of_the_cell<S: Started>(
+fn spheres_are_followed_through_the_edges_of_the_cell<S: RunSpace>(
     segments: Vec<Segment>,
     steps: usize,
     rates: impl Fn(f64) -> [f64; 2],

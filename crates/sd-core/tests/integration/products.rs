@@ -6,7 +6,7 @@ use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::model::SolverSettings;
 use sd_core::products::{Mobility, Resistance};
 use sd_core::{
-    Bulk, Error, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Space, Started,
+    Bulk, Error, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, RunSpace, Space,
 };
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
@@ -67,7 +67,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
     pairs.fold(0.0, f64::max) / largest
 }
 
-fn resistance<S: Started>(hydrodynamics: Hydrodynamics, spheres: &Spheres<S>) -> Resistance<S> {
+fn resistance<S: RunSpace>(hydrodynamics: Hydrodynamics, spheres: &Spheres<S>) -> Resistance<S> {
     Resistance::new(
         hydrodynamics,
         &spheres.cell,
@@ -79,13 +79,13 @@ fn resistance<S: Started>(hydrodynamics: Hydrodynamics, spheres: &Spheres<S>) ->
     .unwrap()
 }
 
-fn mobility<S: Started>(spheres: &Spheres<S>) -> Mobility<S> {
+fn mobility<S: RunSpace>(spheres: &Spheres<S>) -> Mobility<S> {
     Mobility::new(&spheres.cell, &spheres.radii, &spheres.centres, 1e-8).unwrap()
 }
 
 /// All hydrodynamics in few and in many spheres, whose methods differ: closer than the far field's
 /// near pairs, and in reach of lubrication.
-fn cases<S: Started>() -> Vec<(Hydrodynamics, Spheres<S>, f64)> {
+fn cases<S: RunSpace>() -> Vec<(Hydrodynamics, Spheres<S>, f64)> {
     let [few, many] = if S::DIMENSIONS == 2 { [6, 12] } else { [4, 5] };
     let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     vec![
@@ -97,7 +97,7 @@ fn cases<S: Started>() -> Vec<(Hydrodynamics, Spheres<S>, f64)> {
     ]
 }
 
-fn resistance_is_symmetric_positive_definite_and_inverted<S: Started>() {
+fn resistance_is_symmetric_positive_definite_and_inverted<S: RunSpace>() {
     for (hydrodynamics, spheres, tolerance) in cases::<S>() {
         let n = spheres.radii.len();
         let what = format!("{hydrodynamics:?}, {n} spheres");
@@ -144,7 +144,7 @@ fn resistance_of_a_suspension_is_symmetric_positive_definite_and_inverted() {
     resistance_is_symmetric_positive_definite_and_inverted::<Bulk>();
 }
 
-fn mobility_is_symmetric_positive_definite_and_inverted<S: Started>() {
+fn mobility_is_symmetric_positive_definite_and_inverted<S: RunSpace>() {
     let (spheres, modes) = (spheres::<S>(5, 2.2, 0.0), S::MODES + S::STRAINS);
     let (n, mut mobility) = (spheres.radii.len(), mobility(&spheres));
     let [x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, modes, seed));
@@ -171,7 +171,7 @@ fn mobility_of_a_suspension_is_symmetric_positive_definite_and_inverted() {
 
 /// Out of the range of lubrication, the resistance is the inverse of the far field's mobility with
 /// rigid spheres: E = 0.
-fn mobility_inverts_the_resistance_of_distant_spheres<S: Started>(count: i32, tolerance: f64) {
+fn mobility_inverts_the_resistance_of_distant_spheres<S: RunSpace>(count: i32, tolerance: f64) {
     let spheres = spheres::<S>(count, 4.3, 0.0);
     let (n, modes) = (spheres.radii.len(), S::MODES + S::STRAINS);
     let velocities = vector::<S>(n, S::MODES, 0.7);
@@ -220,7 +220,7 @@ fn mobility_inverts_the_resistance_of_many_distant_spheres() {
     mobility_inverts_the_resistance_of_distant_spheres::<Bulk>(5, 1e-5);
 }
 
-fn solves_are_those_of_an_instant<S: Started>() {
+fn solves_are_those_of_an_instant<S: RunSpace>() {
     for (hydrodynamics, spheres, _) in cases::<S>() {
         let n = spheres.radii.len();
         let forces = vector::<S>(n, S::MODES, 1.1);
@@ -268,7 +268,7 @@ fn solves_are_those_of_an_instant_to_the_bit() {
 }
 
 /// All numbers of products and solves at the present positions.
-fn numbers<S: Started>(resistance: &mut Resistance<S>, n: usize) -> Vec<f64> {
+fn numbers<S: RunSpace>(resistance: &mut Resistance<S>, n: usize) -> Vec<f64> {
     let x = vector::<S>(n, S::MODES, 0.4);
     let [mut product, mut solution] = [(); 2].map(|()| vec![0.0; S::MODES * n]);
     resistance.apply(&x, &mut product).unwrap();
@@ -276,7 +276,7 @@ fn numbers<S: Started>(resistance: &mut Resistance<S>, n: usize) -> Vec<f64> {
     [product, solution].concat()
 }
 
-fn moved_spheres_have_the_bits_of_a_new_plan<S: Started>() {
+fn moved_spheres_have_the_bits_of_a_new_plan<S: RunSpace>() {
     for (hydrodynamics, before, _) in cases::<S>() {
         let count = (before.radii.len() as f64)
             .powf(1.0 / S::DIMENSIONS as f64)

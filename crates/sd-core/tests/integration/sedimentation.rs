@@ -7,7 +7,7 @@ use sd_core::model::{Segment, SolverSettings};
 use sd_core::products::Resistance;
 use sd_core::{
     Bulk, Error, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, Sample, Simulation,
-    Snapshot, Started,
+    Snapshot, RunSpace,
 };
 use std::f64::consts::PI;
 
@@ -29,7 +29,7 @@ fn at_rest(spheres: usize, volume_fraction: f64, hydrodynamics: Hydrodynamics) -
         .unwrap()
 }
 
-fn run<S: Started>(params: &Params) -> Simulation<S> {
+fn run<S: RunSpace>(params: &Params) -> Simulation<S> {
     Simulation::new(params, 1, &NearFields::default()).unwrap()
 }
 
@@ -43,7 +43,7 @@ fn run_from(params: &Params, place: impl Fn(usize, f64) -> [f64; 3]) -> Simulati
     Simulation::from_snapshot(params, snapshot, &NearFields::default()).unwrap()
 }
 
-fn steps<S: Started>(run: &mut Simulation<S>, count: usize) -> Vec<Sample> {
+fn steps<S: RunSpace>(run: &mut Simulation<S>, count: usize) -> Vec<Sample> {
     (0..count).map(|_| run.step().unwrap()).collect()
 }
 

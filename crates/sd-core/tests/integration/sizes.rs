@@ -4,7 +4,7 @@ use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::{
     Bulk, ContactScheme, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Params,
-    Simulation, Started,
+    RunSpace, Simulation, Snapshot,
 };
 
 /// Parameters of a layer of these sizes.
@@ -34,7 +34,7 @@ fn suspension(spheres: usize, volume_fraction: f64, sizes: &str) -> Params {
 
 /// Viscosity of the start of seed 1 in simple shear, with radii changed by a relative amount that
 /// grows from sphere to sphere.
-fn viscosity<S: Started>(params: &Params, change: f64, tables: &NearFields) -> f64 {
+fn viscosity<S: RunSpace>(params: &Params, change: f64, tables: &NearFields) -> f64 {
     let start = S::start(params, 1).unwrap();
     let radii = start.radii.iter().enumerate();
     let configuration = Configuration::<S> {
@@ -97,7 +97,7 @@ fn many_sizes_go_over_into_a_few_as_they_come_together() {
 }
 
 /// Makes two runs of twelve steps, one of them interrupted, and compares bits.
-fn check_interrupted<S: Started>(params: &Params) {
+fn check_interrupted<S: RunSpace>(params: &Params) {
     params.validate().unwrap();
     let tables = NearFields::default();
     let mut whole = Simulation::<S>::new(params, 3, &tables).unwrap();
@@ -122,8 +122,8 @@ fn interrupted_runs_of_many_sizes_resume_with_the_same_bits() {
 fn a_seed_decides_where_spheres_are_and_not_how_large() {
     let sorted = |params: &Params, seed| {
         let mut radii = match params.volume_fraction {
-            None => Layer::start(params, seed).unwrap().radii,
-            Some(_) => Bulk::start(params, seed).unwrap().radii,
+            None => Snapshot::<Layer>::start(params, seed).unwrap().radii,
+            Some(_) => Snapshot::<Bulk>::start(params, seed).unwrap().radii,
         };
         radii.sort_by(f64::total_cmp);
         radii
@@ -136,6 +136,6 @@ fn a_seed_decides_where_spheres_are_and_not_how_large() {
         assert_eq!(sorted(&params, 1), sorted(&params, 2));
     }
     let params = layer(60, 0.7, "uniform 0.3");
-    let centres = |seed| Layer::start(&params, seed).unwrap().centres;
+    let centres = |seed| Snapshot::<Layer>::start(&params, seed).unwrap().centres;
     assert_ne!(centres(1), centres(2));
 }

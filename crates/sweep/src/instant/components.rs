@@ -1,6 +1,6 @@
 //! Vectors in JSON: two components in a layer, three in a suspension.
 
-use sd_core::Started;
+use sd_core::RunSpace;
 use sd_core::{Bulk, Layer, Space, bulk, modes};
 use serde::de::{DeserializeOwned, Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -93,7 +93,7 @@ impl Amount {
 }
 
 /// A space whose configurations have a JSON form.
-pub trait Written: Started {
+pub trait Written: RunSpace {
     /// A vector.
     type Components: DeserializeOwned + fmt::Debug;
     /// An angular velocity or a torque.

@@ -1,7 +1,6 @@
 //! Layers and suspensions as one type: the only place where the parameters of a run select its
 //! space.
 
-use sd_core::Started;
 use sd_core::simulation::{Counters, Flow, Frame};
 use sd_core::{Bulk, Error, Layer, NearFields, Params, Sample, Simulation, Snapshot, start};
 use serde::{Deserialize, Serialize};
@@ -56,27 +55,15 @@ pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     }
 }
 
-/// Radii of the spheres and side of the cell, in a, without packing.
-///
-/// # Errors
-/// [`Error::CellTooSmall`].
-pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
-    if params.volume_fraction.is_some() {
-        Bulk::radii_and_side(params)
-    } else {
-        Layer::radii_and_side(params)
-    }
-}
-
 /// Makes the start of a seed, and drops it.
 ///
 /// # Errors
 /// Why it cannot be made.
 pub(crate) fn try_start(params: &Params, seed: u64) -> Result<(), Error> {
     if params.volume_fraction.is_some() {
-        Bulk::start(params, seed).map(|_| ())
+        Snapshot::<Bulk>::start(params, seed).map(|_| ())
     } else {
-        Layer::start(params, seed).map(|_| ())
+        Snapshot::<Layer>::start(params, seed).map(|_| ())
     }
 }
 

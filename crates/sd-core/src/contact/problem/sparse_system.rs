@@ -100,7 +100,7 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     changed: Vec<bool>,
     /// Stiffnesses for the current active set.
     stiffness: Vec<f64>,
-    /// Terms of the linear system for the current active set.
+    /// Memory for the terms of the linear system, of no meaning between solutions.
     active: ActiveTerms<S>,
     /// The near-field part of R, and whether it belongs to the current stage.
     near: NearMatrix<S>,
@@ -271,6 +271,8 @@ pub(crate) struct SparseSystemView<'a, S: Fluid> {
     pub(crate) pattern: &'a NearPattern<S>,
     /// Velocities, factors and workspace.
     pub(crate) system: &'a mut SparseSystem<S>,
+    /// Terms of the linear system for the current active set, lent by `system`.
+    active: ActiveTerms<S>,
     /// Residual that is accurate enough, over the norm of the applied forces; 0: as
     /// accurate as possible.
     pub(crate) relative_tolerance: f64,
@@ -284,17 +286,75 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         last: bool,
         forces: &mut Forces,
     ) -> Option<RoundoffThresholds> {
-        let mut active = std::mem::take(&mut self.system.active);
-        active.list(problem, states);
+        self.active.list(problem, states);
         let linear = Linear {
             resistance: self.resistance,
             problem,
             states,
-            active: &active,
+            active: &self.active,
         };
-        let roundoff = self.solve_linear(&linear, last, forces);
-        self.system.active = active;
-        roundoff
+        let system = &mut *self.system;
+        SparseSystem::set_dependent_forces(&linear, forces);
+        system.compute_residual(&linear, forces);
+        let square = |x: &[f64]| dot(x, x);
+        let size = square(&system.applied[0])
+            + square(&forces.normal)
+            + square(&forces.tangential)
+            + MIN_FORCE * MIN_FORCE;
+        // Self-balanced contact forces do not count in the tolerance relative to the applied
+        // forces.
+        let driven = square(&system.applied[0]).sqrt() + MIN_FORCE;
+        let size = size.sqrt();
+        let floor = (RESIDUAL_TOLERANCE * size)
+            .min(VELOCITY_WEIGHT * VELOCITY_TOLERANCE)
+            .max(ROUNDOFF_RESIDUAL * size)
+            .max(self.relative_tolerance * driven);
+        let before = square(&system.residual).sqrt();
+        let goal = if last {
+            floor
+        } else {
+            floor.max(RESIDUAL_REDUCTION * before)
+        };
+        let mut residual_norm = before;
+        if before > floor {
+            system.update_preconditioner(&linear, self.pattern).ok()?;
+            system.correction.clear();
+            system.correction.resize(system.residual.len(), 0.0);
+            let mut preconditioner = Preconditioner {
+                pattern: self.pattern,
+                stiff_factor: &mut system.stiff_factor,
+                near: &mut system.near,
+                stiffness: &system.stiffness,
+                work: &mut system.work,
+            };
+            let info = system.gmres.solve(
+                &system.residual,
+                &mut system.correction,
+                StopCriteria::new(goal, MAX_ITERATIONS),
+                |x, y| linear.apply(x, y, &mut system.both),
+                |r, z| linear.precondition(&mut preconditioner, r, z),
+            );
+            residual_norm = info.residual;
+            let [v, v_n, f, t] = linear.split(&system.correction);
+            let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
+            add(&mut system.velocities, v);
+            add(&mut system.frictionless, v_n);
+            add(&mut forces.normal, f);
+            for entry in &linear.active.sticking {
+                entry.add(t[entry.index], &mut forces.tangential);
+            }
+            SparseSystem::set_dependent_forces(&linear, forces);
+        }
+        if !residual_norm.is_finite() {
+            return None;
+        }
+        system.has_motion = true;
+        self.read(problem, forces);
+        Some(RoundoffThresholds {
+            force: residual_norm.max(1e-13 * largest(&forces.normal)),
+            velocity: (residual_norm / VELOCITY_WEIGHT).max(1e-13),
+            exact: residual_norm <= floor,
+        })
     }
 
     fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
@@ -396,80 +456,16 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         Ok(Self {
             pattern,
             resistance,
+            active: std::mem::take(&mut system.active),
             system,
             relative_tolerance: applied.relative_tolerance,
         })
     }
 
-    /// See [`System::solve`].
-    fn solve_linear(
-        &mut self,
-        linear: &Linear<'_, S>,
-        last: bool,
-        forces: &mut Forces,
-    ) -> Option<RoundoffThresholds> {
-        let (problem, system) = (linear.problem, &mut *self.system);
-        SparseSystem::set_dependent_forces(linear, forces);
-        system.compute_residual(linear, forces);
-        let square = |x: &[f64]| dot(x, x);
-        let size = square(&system.applied[0])
-            + square(&forces.normal)
-            + square(&forces.tangential)
-            + MIN_FORCE * MIN_FORCE;
-        // Self-balanced contact forces do not count in the tolerance relative to the applied
-        // forces.
-        let driven = square(&system.applied[0]).sqrt() + MIN_FORCE;
-        let size = size.sqrt();
-        let floor = (RESIDUAL_TOLERANCE * size)
-            .min(VELOCITY_WEIGHT * VELOCITY_TOLERANCE)
-            .max(ROUNDOFF_RESIDUAL * size)
-            .max(self.relative_tolerance * driven);
-        let before = square(&system.residual).sqrt();
-        let goal = if last {
-            floor
-        } else {
-            floor.max(RESIDUAL_REDUCTION * before)
-        };
-        let mut residual_norm = before;
-        if before > floor {
-            system.update_preconditioner(linear, self.pattern).ok()?;
-            system.correction.clear();
-            system.correction.resize(system.residual.len(), 0.0);
-            let mut preconditioner = Preconditioner {
-                pattern: self.pattern,
-                stiff_factor: &mut system.stiff_factor,
-                near: &mut system.near,
-                stiffness: &system.stiffness,
-                work: &mut system.work,
-            };
-            let info = system.gmres.solve(
-                &system.residual,
-                &mut system.correction,
-                StopCriteria::new(goal, MAX_ITERATIONS),
-                |x, y| linear.apply(x, y, &mut system.both),
-                |r, z| linear.precondition(&mut preconditioner, r, z),
-            );
-            residual_norm = info.residual;
-            let [v, v_n, f, t] = linear.split(&system.correction);
-            let add = |x: &mut [f64], dx: &[f64]| add_scaled(&mut x[..dx.len()], dx, 1.0);
-            add(&mut system.velocities, v);
-            add(&mut system.frictionless, v_n);
-            add(&mut forces.normal, f);
-            for entry in &linear.active.sticking {
-                entry.add(t[entry.index], &mut forces.tangential);
-            }
-            SparseSystem::set_dependent_forces(linear, forces);
-        }
-        if !residual_norm.is_finite() {
-            return None;
-        }
-        system.has_motion = true;
-        self.read(problem, forces);
-        Some(RoundoffThresholds {
-            force: residual_norm.max(1e-13 * largest(&forces.normal)),
-            velocity: (residual_norm / VELOCITY_WEIGHT).max(1e-13),
-            exact: residual_norm <= floor,
-        })
+    /// Ends the solution, whose disturbance velocities are copied to `velocities`.
+    pub(crate) fn finish(self, velocities: &mut [f64]) {
+        self.system.active = self.active;
+        velocities.copy_from_slice(&self.system.velocities);
     }
 
     /// Computes slack and slip from the current velocities.

@@ -6,13 +6,13 @@ use super::{Instant, SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Quality, SolvePass};
 use crate::error::Error;
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use crate::stage::StageContacts;
 
-impl<S: Started> Simulation<S> {
+impl<S: Starts> Simulation<S> {
     /// One right-hand side; returns the quality of its contact problem.
     pub(super) fn evaluate(
         &mut self,

@@ -4,7 +4,7 @@ use super::Simulation;
 use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
 use crate::model::Hydrodynamics;
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::space::cell::Cell;
 use crate::space::{Layer, Space};
 
@@ -32,7 +32,7 @@ pub(super) struct AppliedForces<S: Space> {
     values: Vec<f64>,
 }
 
-impl<S: Started> AppliedForces<S> {
+impl<S: Starts> AppliedForces<S> {
     /// Evaluates the function.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl<S: Started> AppliedForces<S> {
     }
 }
 
-impl<S: Started> Simulation<S> {
+impl<S: Starts> Simulation<S> {
     /// Applies forces and torques to the spheres from the next step on: a function of time and
     /// positions. It is called at every stage of a step with a list of zeros, and adds `(F, T)` of
     /// each sphere, `[F_x, F_y, T]` in a layer, in mu·a²·rate and mu·a³·rate. Without a flow the

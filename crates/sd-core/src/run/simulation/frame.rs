@@ -1,10 +1,9 @@
 //! The spheres at a sample: positions, forces and contacts of the spheres.
 
-use super::{Sample, Simulation};
+use super::Simulation;
 use crate::contact::ContactState;
 use crate::contact::laws::StageKind;
-use crate::error::Error;
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
 use crate::space::{ImposedFlow as _, Layer, Space};
@@ -88,35 +87,15 @@ pub struct FrameContact<S: Space = Layer> {
     pub state: ContactState,
 }
 
-impl<S: Started> Simulation<S> {
-    /// Makes one step, and returns the frame of its sample too. The run itself is not affected.
-    ///
-    /// # Errors
-    /// Those of [`Simulation::step`].
-    ///
-    /// ```
-    /// use sd_core::{Layer, NearFields, Simulation};
-    /// # use sd_core::{Hydrodynamics, Params};
-    /// # let params = Params::builder()
-    /// #     .spheres(40)
-    /// #     .area_fraction(0.6)
-    /// #     .roughness(0.01)
-    /// #     .friction(0.5)
-    /// #     .shear_rate(2.0)
-    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
-    /// #     .build()?;
-    ///
-    /// let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default())?;
-    /// let (sample, frame) = layer.step_with_frame()?;
-    /// assert_eq!(frame.stresslets.len(), 40);
-    /// assert_eq!(frame.contacts.len(), sample.contacts as usize);
-    /// # Ok::<(), sd_core::Error>(())
-    /// ```
-    pub fn step_with_frame(&mut self) -> Result<(Sample, Frame<S>), Error> {
+impl<S: Starts> Simulation<S> {
+    /// Makes the next step fill in a frame.
+    pub(in crate::run) fn request_frame(&mut self) {
         self.frame = Some(Box::default());
-        let result = self.step();
-        let frame = self.frame.take().map(|frame| *frame).unwrap_or_default();
-        Ok((result?, frame))
+    }
+
+    /// The frame of the last step, if it was requested.
+    pub(in crate::run) fn take_frame(&mut self) -> Option<Frame<S>> {
+        self.frame.take().map(|frame| *frame)
     }
 
     /// The loaded contacts, without a frame: their gaps and forces at the stage solved last, the

@@ -7,7 +7,7 @@
 
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::stress::{ContactCounts, Stress};
@@ -37,7 +37,7 @@ impl StepRecord {
     }
 }
 
-impl<S: Started> Simulation<S> {
+impl<S: Starts> Simulation<S> {
     /// Counts a contact problem.
     pub(super) fn count(&mut self, quality: Quality) {
         let inexact = self.is_inexact(quality);

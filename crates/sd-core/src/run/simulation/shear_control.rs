@@ -11,7 +11,7 @@ use crate::contact::{Quality, SolvePass, Status};
 use crate::error::Error;
 use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
@@ -120,7 +120,7 @@ impl Dependence {
     }
 }
 
-impl<S: Started> Simulation<S> {
+impl<S: Starts> Simulation<S> {
     /// Solves a stage at the critical load at which it carries the imposed stress.
     pub(super) fn solve_at_stress(
         &mut self,

@@ -3,13 +3,13 @@
 use super::Counters;
 use super::shear_control::ShearControl;
 use crate::contact::ContactMemory;
-use crate::contact::memory::PairForces;
+use crate::contact::pair_forces::PairForces;
 use crate::contact::springs::Springs;
 use crate::error::Error;
 use crate::model::{ContactScheme, Params, StartLayer};
 use crate::procedure::ContactList;
-use crate::run::start::Start;
-use crate::run::started::Started;
+use crate::run::spaces::Starts;
+use crate::run::start::{self, Start};
 use crate::space::pair::PairKey;
 use crate::space::{Layer, Space};
 use crate::stage::Method;
@@ -224,7 +224,7 @@ impl Snapshot {
     }
 }
 
-impl<S: Started> Snapshot<S> {
+impl<S: Starts> Snapshot<S> {
     /// The start of a run: the layer or suspension of a seed, or a given layer.
     ///
     /// ```
@@ -311,7 +311,7 @@ impl<S: Started> Snapshot<S> {
         {
             return refuse("an invalid critical load");
         }
-        let (radii, side) = S::radii_and_side(params)?;
+        let (radii, side) = start::radii_and_side(params)?;
         let mut own = self.radii.clone();
         if params.sizes.is_some() {
             // The start may have numbered spheres of all sizes by rows.

@@ -5,8 +5,8 @@ use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::StageKind;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
-use crate::run::started::Started;
-use crate::run::steppers::{Midpoint, State, Stepper};
+use crate::run::spaces::Starts;
+use crate::run::steppers::{Midpoint, Stages, State, Stepper};
 use crate::space::pair::Neighbours;
 use crate::space::{ImposedFlow as _, Space};
 
@@ -73,40 +73,9 @@ impl Part {
     }
 }
 
-impl<S: Started> Simulation<S> {
-    /// One step, and its sample: under rigid contacts by the midpoint rule with the gaps of its
-    /// start held, under soft ones by an implicit method of two stages, and by Runge-Kutta of order
-    /// four without contact forces and under the paper's procedure.
-    ///
-    /// Near jamming velocities can jump between two stages, so much that a gap of rigid contacts
-    /// falls below h within a step or at its end, or that soft spheres overlap excessively. Such a
-    /// step is repeated as two half steps, down to 2⁻⁶ of it. The same applies to a step of rigid
-    /// contacts with inexact friction, or with a stage without admissible motion, down to a
-    /// quarter; then the result is accepted and counted if the gaps hold. Otherwise the spheres
-    /// stay where they are, and have jammed.
-    ///
-    /// # Errors
-    /// [`Error::Step`] with step, strain and cause. The state is that before the step.
-    pub fn step(&mut self) -> Result<Sample, Error> {
-        S::step(self)
-    }
-
-    /// [`Simulation::step`], inlined into its caller.
-    pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
-        self.save();
-        let (step, strain) = (self.steps, self.time());
-        self.try_step().map_err(|source| {
-            self.restore();
-            Error::Step {
-                step,
-                strain,
-                source: Box::new(source),
-            }
-        })
-    }
-
+impl<S: Starts> Simulation<S> {
     /// Keeps what a step changes.
-    fn save(&mut self) {
+    pub(in crate::run) fn save(&mut self) {
         let before = &mut self.before;
         before.state.copy_from(&self.state);
         before.memory.copy_from(&self.memory);
@@ -115,11 +84,17 @@ impl<S: Started> Simulation<S> {
     }
 
     /// Restores the state before a failed step: the next one has the same result as without it.
-    fn restore(&mut self) {
+    /// Returns the error with the place of the step in the run.
+    pub(in crate::run) fn restore(&mut self, source: Error) -> Error {
         self.restore_contacts();
         self.state.copy_from(&self.before.state);
         self.counters = self.before.counters;
         self.solver.restore();
+        Error::Step {
+            step: self.steps,
+            strain: self.time(),
+            source: Box::new(source),
+        }
     }
 
     /// Restores the memory of contacts and the shear of the preceding step.
@@ -130,8 +105,8 @@ impl<S: Started> Simulation<S> {
         self.memory.copy_from(&self.before.memory);
     }
 
-    /// [`Simulation::advance`], which leaves the state of a step that fails anywhere.
-    fn try_step(&mut self) -> Result<Sample, Error> {
+    /// Makes a step. If it fails, the state is anywhere within it.
+    pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         self.impose(self.steps);
         let (time, dt) = (self.time(), self.params.time_step);
         let mut record = StepRecord::at(time);
@@ -311,7 +286,8 @@ impl<S: Started> Simulation<S> {
         *record = before;
         self.counters = counters;
         let mut held = self.settings.held_share * self.params.roughness;
-        method.first_stage_alone(state, part.time, part.dt, |stage, centres, velocities| {
+        let span = [part.time, part.dt];
+        method.step(state, span, Stages::First, |stage, centres, velocities| {
             let quality = self.evaluate(stage, centres, velocities)?;
             held = self
                 .solver
@@ -340,7 +316,8 @@ impl<S: Started> Simulation<S> {
     ) -> Result<Attempt, Error> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = self.settings.held_share * self.params.roughness;
-        let moved = method.step(state, part.time, part.dt, |stage, centres, velocities| {
+        let span = [part.time, part.dt];
+        let moved = method.step(state, span, Stages::Both, |stage, centres, velocities| {
             let quality = self.evaluate(stage, centres, velocities)?;
             jammed |= quality.jammed();
             inexact |= self.is_inexact(quality);

@@ -19,6 +19,14 @@ use super::state::{Stage, State};
 use crate::contact::laws::StageKind;
 use crate::space::Space;
 
+/// The stages whose velocities move the spheres.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stages {
+    Both,
+    /// The first alone.
+    First,
+}
+
 /// Workspace of the integrator.
 #[derive(Default, Debug)]
 pub(crate) struct Midpoint<S: Space> {
@@ -35,18 +43,36 @@ impl<S: Space> Midpoint<S> {
     /// One step. `rhs(stage, centres, velocities)` fills in the velocities at the given centres,
     /// and returns whether contacts have forces there.
     ///
+    /// `stages`: how many of the two are used. One, whose contacts hold their gaps over the whole
+    /// step, makes a step of order one.
+    ///
     /// # Errors
     /// Errors of `rhs`; the state is then unchanged.
     pub(crate) fn step<E>(
         &mut self,
         state: &mut State<S>,
-        time: f64,
-        dt: f64,
+        [time, dt]: [f64; 2],
+        stages: Stages,
         mut rhs: impl FnMut(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
     ) -> Result<(), E> {
-        let has_contact_forces = self.first_stage(state, time, dt, &mut rhs)?;
+        self.start.copy_from(state);
+        let spheres = state.centres.len();
+        for velocities in &mut self.velocities {
+            velocities.resize(S::MODES * spheres, 0.0);
+        }
+        let [first, second] = &mut self.velocities;
+        let stage = Stage {
+            number: 0,
+            time,
+            span: dt,
+            kind: StageKind::Single,
+        };
+        let has_contact_forces = rhs(stage, &state.centres, first)?;
+        if stages == Stages::First {
+            state.advance(first, dt);
+            return Ok(());
+        }
         if !has_contact_forces {
-            let first = &self.velocities[0];
             return self
                 .free
                 .step(state, time, dt, |stage, centres, velocities| {
@@ -58,7 +84,7 @@ impl<S: Space> Midpoint<S> {
                     }
                 });
         }
-        let [first, second] = &mut self.velocities;
+        self.centres.clear();
         let moved = state.centres.iter().zip(S::by_sphere(first));
         self.centres
             .extend(moved.map(|(&x, u)| x + S::translation(u) * (0.5 * dt)));
@@ -73,49 +99,9 @@ impl<S: Space> Midpoint<S> {
         Ok(())
     }
 
-    /// A step with the velocities of the first stage alone: of order one.
-    ///
-    /// # Errors
-    /// Errors of `rhs`; the state is then unchanged.
-    pub(crate) fn first_stage_alone<E>(
-        &mut self,
-        state: &mut State<S>,
-        time: f64,
-        dt: f64,
-        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
-    ) -> Result<(), E> {
-        self.first_stage(state, time, dt, rhs)?;
-        state.advance(&self.velocities[0], dt);
-        Ok(())
-    }
-
     /// Undoes the last step.
     pub(crate) fn undo(&self, state: &mut State<S>) {
         state.copy_from(&self.start);
-    }
-
-    /// The first stage, whose contacts hold their gaps over the whole step.
-    fn first_stage<E>(
-        &mut self,
-        state: &State<S>,
-        time: f64,
-        dt: f64,
-        rhs: impl FnOnce(Stage, &[S::Vector], &mut [f64]) -> Result<bool, E>,
-    ) -> Result<bool, E> {
-        self.start.copy_from(state);
-        let spheres = state.centres.len();
-        for velocities in &mut self.velocities {
-            velocities.resize(S::MODES * spheres, 0.0);
-        }
-        self.centres.clear();
-        self.centres.reserve(spheres);
-        let stage = Stage {
-            number: 0,
-            time,
-            span: dt,
-            kind: StageKind::Single,
-        };
-        rhs(stage, &state.centres, &mut self.velocities[0])
     }
 }
 
@@ -134,11 +120,16 @@ mod tests {
         let dt = std::f64::consts::TAU / f64::from(steps);
         for k in 0..steps {
             method
-                .step(&mut state, f64::from(k) * dt, dt, |stage, x, u| {
-                    let rate = 1.0 + stage.time.sin();
-                    u.copy_from_slice(&[-rate * x[0].y, rate * x[0].x, rate]);
-                    Ok::<_, ()>(has_contact_forces)
-                })
+                .step(
+                    &mut state,
+                    [f64::from(k) * dt, dt],
+                    Stages::Both,
+                    |stage, x, u| {
+                        let rate = 1.0 + stage.time.sin();
+                        u.copy_from_slice(&[-rate * x[0].y, rate * x[0].x, rate]);
+                        Ok::<_, ()>(has_contact_forces)
+                    },
+                )
                 .unwrap();
         }
         (state.centres[0] - Vec2::new(1.0, 0.0)).norm()
@@ -164,7 +155,7 @@ mod tests {
         let before = state.clone();
         let mut method = Midpoint::default();
         method
-            .step(&mut state, 0.0, 0.1, |_, x, u| {
+            .step(&mut state, [0.0, 0.1], Stages::Both, |_, x, u| {
                 u.copy_from_slice(&[x[0].y, -x[0].x, 1.0]);
                 Ok::<_, ()>(true)
             })

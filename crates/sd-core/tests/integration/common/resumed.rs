@@ -1,9 +1,9 @@
 //! Runs resumed from their snapshots.
 
-use sd_core::{NearFields, Params, Simulation, Started};
+use sd_core::{NearFields, Params, RunSpace, Simulation};
 
 /// Checks that a run has the same bits if it is resumed from its snapshot every few steps.
-pub(crate) fn check<S: Started>(params: &Params, steps: u64, every: u64) {
+pub(crate) fn check<S: RunSpace>(params: &Params, steps: u64, every: u64) {
     let tables = NearFields::default();
     let mut whole = Simulation::<S>::new(params, 2, &tables).unwrap();
     let mut again: Option<Simulation<S>> = None;

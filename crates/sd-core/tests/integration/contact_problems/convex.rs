@@ -15,7 +15,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
-use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, Simulation, Started};
+use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, RunSpace, Simulation};
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -28,7 +28,7 @@ struct Rows {
 }
 
 /// A space with its rows, written out again.
-trait Read: Started {
+trait Read: RunSpace {
     fn rows(contact: &Contact<Self>) -> Rows;
     fn cell(side: f64, offset: f64) -> Cell<Self>;
 }

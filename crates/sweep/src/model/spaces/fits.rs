@@ -1,8 +1,7 @@
 //! Detects impossible suspensions without packing.
 
-use sd_core::Started as _;
 use sd_core::model::Refusal;
-use sd_core::{Bulk, Error, Params};
+use sd_core::{Error, Params, start};
 
 /// Volume fraction of the densest lattice, π/√18.
 const CLOSEST: f64 = 0.740_480_489_693_061;
@@ -44,7 +43,7 @@ pub(super) fn check(params: &Params) -> Result<(), Error> {
             "roughness",
         );
     }
-    match Bulk::radii_and_side(params) {
+    match start::radii_and_side(params) {
         Ok(_) => Ok(()),
         Err(Error::CellTooSmall { side, needed, .. }) => {
             let least = least_spheres(params, side, needed);
@@ -73,7 +72,7 @@ fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
         let wanted =
             crate::text::format::count((more.spheres as f64 * (needed / side).powi(3)).ceil());
         more.spheres = wanted.max(more.spheres + 1);
-        match Bulk::radii_and_side(&more) {
+        match start::radii_and_side(&more) {
             Err(Error::CellTooSmall {
                 side: wide,
                 needed: least,
