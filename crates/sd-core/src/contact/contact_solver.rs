@@ -154,7 +154,7 @@ impl<S: Fluid> ContactSolver<S> {
             let refine = |problem: &mut Problem<S>, forces: &Forces| {
                 refine(input, problem, overlaps, forces, tolerance)
             };
-            let outcome = match &mut self.backend {
+            let solved = match &mut self.backend {
                 Backend::Dense(system) => {
                     system.set_up(input.resistance, problem, applied.all);
                     let solved = solver.solve(problem, &mut **system, activation, loads, refine);
@@ -169,7 +169,7 @@ impl<S: Fluid> ContactSolver<S> {
                     solved
                 }
             };
-            systems += outcome.systems;
+            systems += solved.systems;
             self.store_forces(laws);
             if !holds_bounds {
                 for contact in &mut self.list {
@@ -177,12 +177,7 @@ impl<S: Fluid> ContactSolver<S> {
                 }
             }
             changed |= self.store_activation() && !laws.is_smooth();
-            let quality = Quality {
-                status: outcome.status,
-                residual: outcome.violation.residual,
-                friction_error: outcome.violation.friction_error,
-                systems,
-            };
+            let quality = Quality { systems, ..solved };
             let closes = self.add_closing_pairs(input, velocities, &mut memory.warm_start);
             // Additional contacts cannot make a jammed system movable.
             if !closes || quality.jammed() {

@@ -36,20 +36,10 @@ pub(crate) mod statement;
 #[cfg(test)]
 mod tests;
 
-use super::Status;
+use super::Quality;
 use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use statement::{Forces, Problem, RoundoffThresholds, States, System, Violation};
-
-/// Outcome of a contact problem.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Outcome {
-    pub(crate) status: Status,
-    /// Violation of the conditions by the final forces.
-    pub(crate) violation: Violation,
-    /// Number of linear systems solved.
-    pub(crate) systems: u32,
-}
+use statement::{Forces, Problem, RoundoffThresholds, States, System};
 
 /// Active set, forces and workspace of a contact problem.
 #[derive(Default)]
@@ -98,7 +88,7 @@ impl<S: Space> ProblemSolver<S> {
         activation: FrictionActivation,
         held_loads: Option<&[f64]>,
         mut refine: impl FnMut(&mut Problem<S>, &Forces) -> usize,
-    ) -> Outcome {
+    ) -> Quality {
         if let Some(loads) = held_loads {
             return self.solve_bounded(problem, system, loads, &mut refine);
         }
@@ -115,21 +105,19 @@ impl<S: Space> ProblemSolver<S> {
         self.restore_activation(problem);
         self.forces.copy_from(&self.initial);
         self.infer_states(problem);
-        let outcome = self.solve_proximal(problem, system, activation, &mut refine);
-        Outcome {
-            systems: systems + outcome.systems,
-            ..outcome
+        let quality = self.solve_proximal(problem, system, activation, &mut refine);
+        Quality {
+            systems: systems + quality.systems,
+            ..quality
         }
     }
 
-    /// The outcome of a converged solution, after projection of its forces onto their bounds.
-    fn accept(&mut self, problem: &Problem<S>, systems: u32) -> Outcome {
+    /// The quality of a converged solution, after projection of its forces onto their bounds.
+    fn accept(&mut self, problem: &Problem<S>, systems: u32) -> Quality {
         self.forces.project_onto_bounds(problem);
-        let violation = self.forces.violation(problem);
-        Outcome {
-            status: violation.status(),
-            violation,
+        Quality {
             systems,
+            ..self.forces.quality(problem)
         }
     }
 

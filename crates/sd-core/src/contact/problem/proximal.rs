@@ -21,9 +21,9 @@
 //! whenever an admissible motion exists, and the violation of the friction law is measured. If
 //! there is no admissible motion, forces grow without bound.
 
+use super::ProblemSolver;
 use super::newton::FrictionActivation;
 use super::statement::{Forces, Problem, System, largest};
-use super::{Outcome, ProblemSolver};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
 use crate::space::Space;
@@ -84,27 +84,27 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         activation: FrictionActivation,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
-    ) -> Outcome {
-        let mut outcome = self.iterate(problem, system, Some(activation), refine);
-        let mut systems = outcome.systems;
-        if outcome.status != Status::Solved {
+    ) -> Quality {
+        let mut quality = self.iterate(problem, system, Some(activation), refine);
+        let mut systems = quality.systems;
+        if quality.status != Status::Solved {
             self.restore_activation(problem);
             self.forces.normal.fill(0.0);
             self.forces.tangential.fill(0.0);
-            outcome = self.iterate(problem, system, Some(activation), refine);
-            systems += outcome.systems;
+            quality = self.iterate(problem, system, Some(activation), refine);
+            systems += quality.systems;
         }
-        if outcome.status != Status::Solved {
-            if outcome.status == Status::NoAdmissibleMotion {
+        if quality.status != Status::Solved {
+            if quality.status == Status::NoAdmissibleMotion {
                 self.forces.copy_from(&self.initial);
             }
             self.initial.copy_from(&self.forces);
             let loads = std::mem::take(&mut self.initial.normal);
-            outcome = self.solve_bounded(problem, system, &loads, refine);
+            quality = self.solve_bounded(problem, system, &loads, refine);
             self.initial.normal = loads;
-            systems += outcome.systems;
+            systems += quality.systems;
         }
-        if outcome.status == Status::Solved {
+        if quality.status == Status::Solved {
             // The active set is that of the original problem, which Newton's method then solves to
             // full accuracy.
             self.initial.copy_from(&self.forces);
@@ -112,13 +112,13 @@ impl<S: Space> ProblemSolver<S> {
             let (converged, more) = self.newton(problem, system, activation, refine);
             systems += more;
             if converged {
-                outcome = self.accept(problem, systems);
+                quality = self.accept(problem, systems);
             } else {
                 self.forces.copy_from(&self.initial);
                 system.measure(problem, &mut self.forces);
             }
         }
-        Outcome { systems, ..outcome }
+        Quality { systems, ..quality }
     }
 
     /// Solves the problem with friction bounds held at given loads, from the current forces. The
@@ -129,18 +129,23 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         loads: &[f64],
         refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
-    ) -> Outcome {
+    ) -> Quality {
         let mut bounded = std::mem::take(&mut self.bounded);
         bounded.copy_from(problem);
         bounded.fix_bounds(loads);
-        let mut outcome = self.iterate(&mut bounded, system, None, refine);
+        let found = self.iterate(&mut bounded, system, None, refine);
         problem.normal.clone_from(&bounded.normal);
         self.bounded = bounded;
-        outcome.violation = self.forces.violation(problem);
-        if outcome.status == Status::Solved {
-            outcome.status = outcome.violation.status();
+        let quality = self.forces.quality(problem);
+        let status = match found.status {
+            Status::Solved => quality.status,
+            other => other,
+        };
+        Quality {
+            status,
+            systems: found.systems,
+            ..quality
         }
-        outcome
     }
 
     /// Solves the sequence of softened problems, from the current forces.
@@ -152,7 +157,7 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         activation: Option<FrictionActivation>,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
-    ) -> Outcome {
+    ) -> Quality {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
         let fixed = FrictionActivation::FIXED;
@@ -192,15 +197,15 @@ impl<S: Space> ProblemSolver<S> {
             }
             system.measure(problem, &mut self.forces);
             let is_linearised = refine(problem, &self.forces) == 0;
-            let violation = self.forces.violation(problem);
+            let quality = self.forces.quality(problem);
             let is_unbounded = largest(&self.forces.normal) > Quality::UNBOUNDED;
-            let status = match violation.status() {
+            let status = match quality.status {
                 Status::Solved if is_linearised => Status::Solved,
                 Status::Solved => Status::Failed,
                 _ if is_unbounded => Status::NoAdmissibleMotion,
                 other => other,
             };
-            let error = violation.residual.max(violation.friction_error);
+            let error = quality.residual.max(quality.friction_error);
             let gives_up = count == MAX_PROBLEMS || !solved && softness >= MAX_SOFTNESS;
             // A solution is final once the next problem does not improve it.
             let is_exact = status == Status::Solved && error < FINAL_ERROR;
@@ -208,10 +213,10 @@ impl<S: Space> ProblemSolver<S> {
             before = error;
             if is_final || gives_up {
                 self.softened = softened;
-                return Outcome {
+                return Quality {
                     status,
-                    violation,
                     systems,
+                    ..quality
                 };
             }
             softness = if !failed {

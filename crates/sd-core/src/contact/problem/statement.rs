@@ -432,9 +432,9 @@ impl Forces {
         normal + friction
     }
 
-    /// Largest violations of the conditions by these forces, whose slack and slip are known, in the
-    /// same measure for any linear algebra: G is [`TYPICAL_MOBILITY`].
-    pub(crate) fn violation<S: Space>(&self, problem: &Problem<S>) -> Violation {
+    /// The quality of these forces, whose slack and slip are known, as a solution: it is measured
+    /// alike for any linear algebra, with [`TYPICAL_MOBILITY`] as G.
+    pub(crate) fn quality<S: Space>(&self, problem: &Problem<S>) -> Quality {
         let (mut residual, mut error) = (0.0_f64, 0.0_f64);
         let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
         self.violations(
@@ -443,42 +443,26 @@ impl Forces {
             |_, violation| residual = worse(residual, violation.abs()),
             |violation| error = worse(error, violation),
         );
-        let largest = self
-            .normal
-            .iter()
-            .copied()
-            .fold(f64::MIN_POSITIVE, f64::max);
-        Violation {
+        let loads = self.normal.iter().copied();
+        let friction_error = error / loads.fold(f64::MIN_POSITIVE, f64::max);
+        let status = if residual > Quality::RESIDUAL_LIMIT {
+            Status::Failed
+        } else if friction_error > Quality::FRICTION_LIMIT {
+            Status::InexactFriction
+        } else {
+            Status::Solved
+        };
+        Quality {
+            status,
             residual,
-            friction_error: error / largest,
+            friction_error,
+            systems: 0,
         }
     }
 }
 
 /// Typical normal velocity of a contact under a unit of its own force, in 1/(mu·a).
 pub(crate) const TYPICAL_MOBILITY: f64 = 0.02;
-
-/// Violation of the conditions of a problem.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Violation {
-    /// `max |min(G f, w)|`, where G is [`TYPICAL_MOBILITY`]; in a·rate.
-    pub(crate) residual: f64,
-    /// `max |t − P(t + z/G)|` over the largest normal force, where P projects onto the bound ρ.
-    pub(crate) friction_error: f64,
-}
-
-impl Violation {
-    /// The status of a solution with this violation.
-    pub(crate) fn status(self) -> Status {
-        if self.residual > Quality::RESIDUAL_LIMIT {
-            Status::Failed
-        } else if self.friction_error > Quality::FRICTION_LIMIT {
-            Status::InexactFriction
-        } else {
-            Status::Solved
-        }
-    }
-}
 
 /// Magnitudes treated as zero.
 #[derive(Debug, Clone, Copy, PartialEq)]

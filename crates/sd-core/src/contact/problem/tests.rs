@@ -1,10 +1,10 @@
 //! The conditions of the contact problem on random networks, under every law.
 
+use super::ProblemSolver;
 use super::newton::FrictionActivation;
 use super::statement::{
     Forces, FrictionState, Normal, Problem, RoundoffThresholds, States, System, Tangential, largest,
 };
-use super::{Outcome, ProblemSolver};
 use crate::contact::row::Row;
 use crate::contact::{Quality, Status};
 use nalgebra::{DMatrix, DVector};
@@ -232,7 +232,7 @@ fn solve(
     network: &mut Network,
     given: &[f64],
     activation: FrictionActivation,
-) -> (Problem, ProblemSolver, Outcome) {
+) -> (Problem, ProblemSolver, Quality) {
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
     let mut solver = ProblemSolver::default();
@@ -269,7 +269,7 @@ proptest! {
             let (_, _, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
             prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
             let jammed = outcome.status == Status::NoAdmissibleMotion;
-            let residual = outcome.violation.residual;
+            let residual = outcome.residual;
             prop_assert!(jammed || residual <= Quality::RESIDUAL_LIMIT, "ν = {friction}: {outcome:?}");
         }
     }
@@ -407,7 +407,7 @@ fn isolated_contact_has_the_solution_by_hand() {
     ] {
         let mut network = Network::new(&columns, law);
         let (_, solver, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
-        let violation = outcome.violation;
+        let violation = outcome;
         let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);
         assert!(violation.residual < 1e-14 && violation.friction_error < 1e-14);
         assert!((f - force).abs() < 1e-14 && (t - friction).abs() < 1e-14);
