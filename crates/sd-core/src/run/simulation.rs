@@ -83,6 +83,8 @@ pub struct Simulation<S: Starts = Layer> {
     /// Memory of contacts.
     memory: SchemeMemory<S>,
     counters: Counters,
+    /// Linear systems of contact problems since the run was started or resumed.
+    systems: u64,
     solver: StageSolver<S>,
     stepper: Stepper<S>,
     stress: StressWork<S>,
@@ -199,6 +201,7 @@ impl<S: Starts> Simulation<S> {
             offset: S::offset(&params),
             memory: snapshot.memory,
             counters: snapshot.counters,
+            systems: 0,
             solver,
             stepper,
             stress: StressWork::default(),
@@ -422,6 +425,13 @@ impl<S: Starts> Simulation<S> {
     /// ```
     pub fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Linear systems of contact problems that were solved since the run was started or resumed,
+    /// those of rejected attempts included: a measure of its cost that does not depend on the
+    /// machine.
+    pub fn linear_systems(&self) -> u64 {
+        self.systems
     }
 
     /// The pairs of the near part's pattern, if the resistance is stored pair by pair.

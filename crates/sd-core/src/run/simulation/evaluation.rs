@@ -75,7 +75,7 @@ impl<S: Starts> Simulation<S> {
             solver.assemble(cell, centres)?;
         }
         let external = self.forces.values();
-        match &mut self.memory {
+        let quality = match &mut self.memory {
             SchemeMemory::Laws(memory) => {
                 let span = Span {
                     time: stage.span,
@@ -89,7 +89,7 @@ impl<S: Starts> Simulation<S> {
                     self.first.clear();
                     self.first.extend_from_slice(solver.velocities());
                 }
-                Ok(quality)
+                quality
             }
             SchemeMemory::Procedure {
                 contact_list,
@@ -119,8 +119,10 @@ impl<S: Starts> Simulation<S> {
                     surface,
                     contact_list,
                 };
-                solver.solve(&background, external, contact, pass)
+                solver.solve(&background, external, contact, pass)?
             }
-        }
+        };
+        self.systems += u64::from(quality.systems);
+        Ok(quality)
     }
 }
