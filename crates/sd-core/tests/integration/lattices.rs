@@ -7,7 +7,7 @@ use sd_core::bulk::{self, TracelessTensor};
 use sd_core::cell::{Cell, Lattice};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Surface;
-use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space, RunSpace, modes};
+use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, RunSpace, Space, modes};
 use serde_json::Value;
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;

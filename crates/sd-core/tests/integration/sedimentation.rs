@@ -6,8 +6,8 @@ use sd_core::cell::Cell;
 use sd_core::model::{Segment, SolverSettings};
 use sd_core::products::Resistance;
 use sd_core::{
-    Bulk, Error, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, Sample, Simulation,
-    Snapshot, RunSpace,
+    Bulk, Error, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace, Sample,
+    Simulation, Snapshot,
 };
 use std::f64::consts::PI;
 

@@ -60,6 +60,8 @@ impl<S: Space> Midpoint<S> {
         for velocities in &mut self.velocities {
             velocities.resize(S::MODES * spheres, 0.0);
         }
+        self.centres.clear();
+        self.centres.reserve(spheres);
         let [first, second] = &mut self.velocities;
         let stage = Stage {
             number: 0,
@@ -84,7 +86,6 @@ impl<S: Space> Midpoint<S> {
                     }
                 });
         }
-        self.centres.clear();
         let moved = state.centres.iter().zip(S::by_sphere(first));
         self.centres
             .extend(moved.map(|(&x, u)| x + S::translation(u) * (0.5 * dt)));
