@@ -69,6 +69,7 @@ impl PrecisionStatus {
 impl Status {
     /// The status of an open store, with a maximum number of failures.
     pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, ClusterError> {
+        store.verify()?;
         let work = store.work()?;
         let shards = merge::paths(&shard::folder_of(store.path()));
         Ok(Self {

@@ -100,6 +100,7 @@ impl Store {
 
     /// The details of a case, by a name as for [`Store::key_of`].
     pub(crate) fn details(&self, given: &str) -> Result<CaseDetails, StoreError> {
+        self.verify()?;
         let key = self.key_of(given)?;
         let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
                  r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,

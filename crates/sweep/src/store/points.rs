@@ -4,7 +4,7 @@ use super::digest::{Digest, DigestMismatch};
 use super::results::{self, COVERED};
 use super::schema::{are_axes_of, params, state};
 use super::statements::Statements;
-use super::{Store, StoreError, campaign, request, rules};
+use super::{Store, StoreError, campaign, processes, request, rules};
 use crate::data::Kind;
 use crate::measure::PointRun;
 use crate::measure::doubt::Doubt;
@@ -21,6 +21,23 @@ impl Store {
     /// All cases of the grid in the order of the file, each checked by its digest.
     pub(crate) fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
         self.read(point_runs(&self.connection))
+    }
+}
+
+impl Store {
+    /// Checks what commands show of all cases, their points, results and processes, but not the
+    /// numbers of results.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`].
+    pub(crate) fn verify(&self) -> Result<(), StoreError> {
+        let connection = &self.connection;
+        let checked = campaign::SEALED
+            .check(connection, "true", [])
+            .and_then(|()| processes::SEALED.check(connection, "true", []))
+            .and_then(|()| rules::check(connection))
+            .and_then(|()| look(connection, "c.id", "true", |_, known| known.map(drop)));
+        self.read(checked)
     }
 }
 

@@ -43,9 +43,16 @@ pub(crate) fn is_full(path: &Path) -> bool {
                 && (disk.f_bavail.saturating_mul(disk.f_frsize) < ROOM || disk.f_favail == 0)
         })
         || takes_no_more(place)
-        || rustix::process::getrlimit(rustix::process::Resource::Fsize)
-            .current
-            .is_some()
+        || has_largest_size(path)
+}
+
+/// Whether a file, or the log beside it, has almost the largest size that the system allows this
+/// process (`ulimit -f`).
+fn has_largest_size(path: &Path) -> bool {
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Fsize).current;
+    let size = |path: &Path| std::fs::metadata(path).map_or(0, |file| file.len());
+    let largest = size(path).max(size(&super::files::with_suffix(path, "-wal")));
+    limit.is_some_and(|limit| largest + ROOM > limit)
 }
 
 /// Whether the system refuses a small file as for a full disk: quotas are not reported otherwise.

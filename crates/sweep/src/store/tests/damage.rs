@@ -93,6 +93,33 @@ fn no_altered_value_of_what_is_shown_gets_into_a_table_and_a_run_computes_it_aga
 }
 
 #[test]
+fn no_altered_case_process_or_rule_is_shown() {
+    for statement in [
+        "UPDATE cases SET seed = 0 WHERE position = 2",
+        "UPDATE cases SET steps = 0 WHERE position = 0",
+        "DELETE FROM results WHERE case_id = 1",
+        "UPDATE processes SET physics_version = 99",
+        "DELETE FROM cases WHERE position = 3",
+        "UPDATE cases SET rule = 0",
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let store = ended(directory.path());
+        let (path, key) = (store.path().to_owned(), store.key_of("1").unwrap());
+        assert!(store.details(&key).is_ok());
+        drop(store);
+        alter(&path, statement);
+        let store = Store::open_read_only(&path).unwrap();
+        let shown = store.details(&key).map(drop);
+        for refused in [shown, store.verify()] {
+            assert!(
+                matches!(refused, Err(StoreError::Damaged { .. })),
+                "{statement}: {refused:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn no_altered_frame_is_shown_or_merged() {
     for change in [
         "step = step + 1000",
