@@ -19,13 +19,13 @@ mod layers;
 
 use clock::Moment;
 use layers::{Layer, TIME_STEP, layer, params};
-use sd_core::Hydrodynamics;
 use sd_core::cell::{Cell, LUBRICATION_RANGE};
 use sd_core::contact::ContactState;
 use sd_core::internals::{
     FarField, Matrix, NeighbourList, RungeKutta, StaggeredColumns, State, StressWork, TiledCholesky,
 };
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
+use sd_core::{Hydrodynamics, VelocityGradient};
 
 const STEPS: u32 = 60;
 
@@ -98,7 +98,7 @@ impl Pieces {
                 self.mobility.trailing_inverse(&mut self.inverse);
             });
         }
-        let strain = Background::SHEAR.strain();
+        let strain = VelocityGradient::<sd_core::Layer>::simple_shear(1.0).strain();
         parts.time("background", || {
             let resistance = &mut layer.stage.resistance;
             resistance.background_forces(&strain, &mut self.forces);
@@ -172,13 +172,13 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
                 parts.time("stress", || {
                     stress.stress(
                         solved,
-                        &Background::SHEAR,
-                        &Background::SHEAR,
+                        &VelocityGradient::simple_shear(1.0),
+                        &VelocityGradient::simple_shear(1.0),
                         snapshot.side * snapshot.side,
                     );
                 });
             }
-            let flow = |x: Vec2| Background::SHEAR.velocity(x);
+            let flow = |x: Vec2| VelocityGradient::<sd_core::Layer>::simple_shear(1.0).velocity(&x);
             let moved = velocities
                 .chunks_exact_mut(3)
                 .zip(layer.stage.velocities().chunks_exact(3));
@@ -186,7 +186,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
                 u.copy_from_slice(&[
                     v[0] + flow(x).x,
                     v[1] + flow(x).y,
-                    v[2] + Background::SHEAR.angular_velocity,
+                    v[2] + VelocityGradient::<sd_core::Layer>::simple_shear(1.0).angular_velocity(),
                 ]);
             }
             let again = Moment::now();

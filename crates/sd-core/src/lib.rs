@@ -184,7 +184,7 @@ pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::{pair, products, simulation, start, verify};
 pub use space::pair::{Neighbours, PairKey};
-pub use space::{Bulk, ImposedFlow, Layer, Space, bulk, cell, modes};
+pub use space::{Bulk, Layer, Space, VelocityGradient, bulk, cell, modes};
 pub use stage::{Method, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts};
 

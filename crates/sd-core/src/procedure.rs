@@ -22,8 +22,8 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
 use crate::model::Surface;
-use crate::space::Layer;
 use crate::space::pair::PairKey;
+use crate::space::{Layer, VelocityGradient};
 
 /// Compliance of the simultaneous solve: just enough to factor a hyperstatic network.
 const CONSTRAINT_COMPLIANCE: f64 = 1e-13;
@@ -40,7 +40,7 @@ impl ContactList {
     pub fn add_approaching<S: Fluid>(
         &mut self,
         resistance: &Resistance<S>,
-        background: &S::Background,
+        background: &VelocityGradient<S>,
         roughness: f64,
         velocities: &[f64],
     ) {
@@ -73,7 +73,7 @@ pub(crate) struct ProcedureInput<'a, S: Fluid = Layer> {
     /// Hydrodynamics, factored.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.
-    pub background: &'a S::Background,
+    pub background: &'a VelocityGradient<S>,
     /// Roughness, friction and critical load.
     pub surface: &'a Surface,
     /// All forces except contact forces, `[3N]`.

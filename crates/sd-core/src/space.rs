@@ -2,6 +2,7 @@
 
 pub mod bulk;
 pub mod cell;
+pub(crate) mod flow;
 mod lattice;
 mod layer;
 pub mod modes;
@@ -15,6 +16,7 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
 pub use bulk::Bulk;
+pub use flow::VelocityGradient;
 pub use layer::Layer;
 
 /// A vector in the space or in the tangent plane of a contact, or a number where that is a line.
@@ -57,38 +59,6 @@ pub trait Few<T>:
 }
 
 impl<T: Copy, const N: usize> Few<T> for [T; N] {}
-
-/// The imposed linear flow of a space, in shear rates.
-pub trait ImposedFlow<S: Space>: Copy + Debug + PartialEq + 'static {
-    /// Simple shear `u∞ = y x̂` in the sense of `direction`, 1 or −1.
-    fn simple_shear(direction: f64) -> Self;
-
-    /// The same flow with an additional cross shear, `u∞ = rate y ẑ`, in a suspension; a layer has
-    /// no vorticity direction.
-    #[must_use]
-    fn with_cross_shear(self, _rate: f64) -> Self {
-        self
-    }
-
-    /// Velocity at a point.
-    fn velocity_at(&self, x: &S::Vector) -> S::Vector;
-
-    /// Angular velocity.
-    fn spin(&self) -> S::Spin;
-
-    /// Components of the rate of strain.
-    fn strain_components(&self) -> S::Strain;
-
-    /// The rate of strain: xx, yy, zz, xy, xz, yz.
-    fn rate_of_strain(&self) -> [f64; 6];
-
-    /// All numbers of it.
-    fn numbers(&self) -> Vec<f64>;
-
-    /// Earlier position of a point advected to `x` over `time` at its initial velocity:
-    /// `x = (1 + time ∇u∞) x₀`.
-    fn advect_backward(&self, x: &S::Vector, time: f64) -> S::Vector;
-}
 
 /// A layer or a suspension.
 ///
@@ -133,8 +103,6 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// A traceless tensor, see [`Space::tensor`].
     type Tensor: Few<f64> + Debug + PartialEq + Default;
-    /// The imposed flow.
-    type Background: ImposedFlow<Self>;
     /// A value per velocity of a sphere.
     type PerMode<T: Copy>: Few<T>;
     /// A value per component of a slip.
@@ -244,6 +212,18 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
 
     /// `ω₁ × ω₀`, the difference between successive rotations and their sum.
     fn commutator(second: &Self::Spin, first: &Self::Spin) -> Self::Spin;
+
+    /// Rows of the velocity gradient of a rate of strain and an angular velocity.
+    fn gradient(rate_of_strain: &Self::Tensor, angular_velocity: &Self::Spin) -> [Self::Vector; 3];
+
+    /// Angular velocity of a velocity gradient, by rows.
+    fn rotation_of(gradient: &[Self::Vector; 3]) -> Self::Spin;
+
+    /// Components of a symmetric traceless tensor: xx, yy, zz, xy, xz, yz.
+    fn strain_of(tensor: &[f64; 6]) -> Self::Strain;
+
+    /// The vector whose product with the matrix of these columns is x.
+    fn solve_columns(columns: &[Self::Vector; 3], x: &Self::Vector) -> Self::Vector;
 
     /// Scalar product of strains and stresslets.
     fn strain_dot(a: &Self::Strain, b: &Self::Strain) -> f64;

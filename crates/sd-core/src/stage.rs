@@ -19,7 +19,7 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
-use crate::space::{ImposedFlow as _, Layer};
+use crate::space::{Layer, VelocityGradient};
 
 /// Contact problems are solved to this fraction of the far field's relative residual, so that the
 /// differences between iterates, from which the acceleration extrapolates, are not noise.
@@ -207,7 +207,7 @@ impl<S: Fluid> StageSolver<S> {
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
     pub fn solve(
         &mut self,
-        background: &S::Background,
+        background: &VelocityGradient<S>,
         external: &[f64],
         contact: StageContacts<'_, S>,
         pass: SolvePass,
@@ -217,7 +217,7 @@ impl<S: Fluid> StageSolver<S> {
         }
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        let (strain, mut no_memory) = (background.strain_components(), ContactMemory::default());
+        let (strain, mut no_memory) = (background.strain(), ContactMemory::default());
         let is_free = matches!(contact, StageContacts::None);
         let contact = match contact {
             StageContacts::None => StageContacts::Laws {
@@ -304,12 +304,12 @@ impl<S: Fluid> StageSolver<S> {
     /// including a repulsion.
     fn begin(
         &mut self,
-        background: &S::Background,
+        background: &VelocityGradient<S>,
         external: &[f64],
         contact: &StageContacts<'_, S>,
     ) -> Result<(), Error> {
         let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-        resistance.background_forces(&background.strain_components(), forces);
+        resistance.background_forces(&background.strain(), forces);
         for (force, x) in forces.iter_mut().zip(external) {
             *force += x;
         }

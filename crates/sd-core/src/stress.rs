@@ -26,7 +26,7 @@
 
 use crate::contact::{Contact, ContactState};
 use crate::hydrodynamics::resistance::Fluid;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space, VelocityGradient};
 use crate::stage::StageSolver;
 use serde::{Deserialize, Serialize};
 
@@ -112,8 +112,8 @@ pub struct StressWork<S: Space = Layer> {
 
 impl<S: Fluid> StressWork<S> {
     /// Stresslets of all spheres in the motion last solved; returns v'Rv, in mu·a³·rate².
-    pub fn update(&mut self, stage: &StageSolver<S>, background: &S::Background) -> f64 {
-        let strain = background.strain_components();
+    pub fn update(&mut self, stage: &StageSolver<S>, background: &VelocityGradient<S>) -> f64 {
+        let strain = background.strain();
         stage.counterforces(
             &strain,
             &mut self.far,
@@ -135,8 +135,8 @@ impl<S: Fluid> StressWork<S> {
     pub fn stress(
         &mut self,
         stage: &StageSolver<S>,
-        background: &S::Background,
-        primary: &S::Background,
+        background: &VelocityGradient<S>,
+        primary: &VelocityGradient<S>,
         content: f64,
     ) -> Stress {
         let power = self.update(stage, background);

@@ -16,7 +16,10 @@ use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Words;
 use sd_core::two_sphere::{scalars, twist};
-use sd_core::{Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents};
+use sd_core::{
+    Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents,
+    VelocityGradient,
+};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 
@@ -212,7 +215,7 @@ pub fn configuration<S: Written>(
         cell,
         hydrodynamics,
         background: match input.background {
-            None => S::shear(),
+            None => VelocityGradient::simple_shear(1.0),
             Some(flow) => match S::flow_of(flow.rate_of_strain, flow.angular_velocity) {
                 Ok(flow) => flow,
                 Err(message) => return refuse("background.rate_of_strain", &message),

@@ -4,9 +4,12 @@ use sd_core::cell::Cell;
 use sd_core::contact::Laws;
 use sd_core::internals::{ContactMemory, SolvePass, Span, StageContacts, StageSolver};
 use sd_core::model::SolverSettings;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::simulation::SchemeMemory;
-use sd_core::{ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot};
+use sd_core::{
+    ContactScheme, Hydrodynamics, Method, NearFields, Params, Simulation, Snapshot,
+    VelocityGradient,
+};
 
 /// Time step of the runs and of the stages timed.
 pub(crate) const TIME_STEP: f64 = 0.005;
@@ -135,9 +138,12 @@ impl Layer {
             span: Span::single(time_span),
             memory: &mut self.memory,
         };
-        let solved = self
-            .stage
-            .solve(&Background::SHEAR, &[], contact, SolvePass::First);
+        let solved = self.stage.solve(
+            &VelocityGradient::simple_shear(1.0),
+            &[],
+            contact,
+            SolvePass::First,
+        );
         solved.expect("finite velocities").converged()
     }
 
@@ -151,9 +157,12 @@ impl Layer {
             span: Span::single(time_span),
             memory: &mut self.memory,
         };
-        let solved = self
-            .stage
-            .solve(&Background::SHEAR, &[], contact, SolvePass::Repeat);
+        let solved = self.stage.solve(
+            &VelocityGradient::simple_shear(1.0),
+            &[],
+            contact,
+            SolvePass::Repeat,
+        );
         solved.expect("finite velocities");
     }
 }

@@ -6,8 +6,8 @@ use sd_core::contact::Laws;
 use sd_core::internals::{
     ContactMemory, Resistance, SolvePass, Span, StageContacts, StageKind, StageSolver, StressWork,
 };
-use sd_core::modes::{Background, Vec2};
-use sd_core::{NearFields, Params, Snapshot};
+use sd_core::modes::Vec2;
+use sd_core::{NearFields, Params, Snapshot, VelocityGradient};
 
 /// Viscosity of a step: that of the method, at the first stage or with constrained gaps at the
 /// second; and that of the layer at its start, with contacts that look ahead by [`LOOK`].
@@ -90,7 +90,7 @@ impl Layer {
         span: f64,
         centres: &[Vec2],
     ) -> Option<Stage> {
-        let background = Background::SHEAR;
+        let background = VelocityGradient::simple_shear(1.0);
         let cell = Cell::equal_sides(self.side, time * self.side).expect("positive sides");
         self.solver.assemble(&cell, centres).ok()?;
         let contact = StageContacts::Laws {
@@ -117,7 +117,7 @@ impl Layer {
         velocities.extend(
             disturbances
                 .zip(centres)
-                .map(|(v, &x)| Vec2::new(v[0], v[1]) + background.velocity(x)),
+                .map(|(v, &x)| Vec2::new(v[0], v[1]) + background.velocity(&x)),
         );
         let viscosity = self.viscosity();
         let contact = StageContacts::Laws {
@@ -140,8 +140,8 @@ impl Layer {
     fn viscosity(&mut self) -> f64 {
         let stress = self.stress.stress(
             &self.solver,
-            &Background::SHEAR,
-            &Background::SHEAR,
+            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0),
             self.side * self.side,
         );
         stress.viscosity

@@ -8,7 +8,7 @@ use super::contact_pair::Contact;
 use super::laws::{Laws, Span};
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
-use crate::space::Space;
+use crate::space::{Space, VelocityGradient};
 
 /// Adhesive pairs of a stage.
 #[derive(Default, Debug)]
@@ -23,7 +23,7 @@ impl<S: Fluid> AdhesivePairs<S> {
         &mut self,
         laws: &Laws,
         resistance: &Resistance<S>,
-        background: &S::Background,
+        background: &VelocityGradient<S>,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {

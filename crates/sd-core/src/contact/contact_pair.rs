@@ -4,7 +4,7 @@ use super::row::Row;
 use crate::law::rolling_friction;
 use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space, VelocityGradient};
 use serde::{Deserialize, Serialize};
 
 /// Friction state of a contact.
@@ -59,17 +59,20 @@ pub struct Contact<S: Space = Layer> {
 
 impl<S: Space> Contact<S> {
     /// A pair without forces.
-    pub fn new(pair: Neighbours<S>, radii: &[f64], background: &S::Background) -> Self {
+    pub fn new(pair: Neighbours<S>, radii: &[f64], background: &VelocityGradient<S>) -> Self {
         let levers = [
             radii[pair.i] + 0.5 * pair.gap,
             radii[pair.j] + 0.5 * pair.gap,
         ];
         // Velocity difference of the background over the separation.
-        let difference = background.velocity_at(&(pair.normal * pair.distance));
+        let difference = background.velocity(&(pair.normal * pair.distance));
         let directions = S::tangents(&pair.normal);
         let mut slip = S::each_tangent(0.0);
         for k in 0..S::TANGENTS {
-            let turning = S::spin_dot(&S::axis(&pair.normal, &directions[k]), &background.spin());
+            let turning = S::spin_dot(
+                &S::axis(&pair.normal, &directions[k]),
+                &background.angular_velocity(),
+            );
             slip[k] = S::dot(&directions[k], &difference) - (levers[0] + levers[1]) * turning;
         }
         Self {

@@ -16,7 +16,7 @@ use super::problem::statement::{Forces, Problem};
 use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
-use crate::space::Layer;
+use crate::space::{Layer, VelocityGradient};
 
 pub(crate) use super::problem::statement::AppliedForces;
 
@@ -26,7 +26,7 @@ pub(crate) struct StageInput<'a, S: Fluid> {
     /// Hydrodynamic resistance, factored.
     pub resistance: &'a Resistance<S>,
     /// Imposed flow.
-    pub background: &'a S::Background,
+    pub background: &'a VelocityGradient<S>,
     /// Contact laws.
     pub laws: &'a Laws,
     /// Time span over which forces are implicit.

@@ -19,7 +19,7 @@ use super::contact_pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{CustomNormalLaw, FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
-use crate::space::{ImposedFlow as _, Space};
+use crate::space::{Space, VelocityGradient};
 
 /// β: fraction of the overlap of rigid contacts that is corrected within one time span.
 pub const OVERLAP_CORRECTION: f64 = 0.2;
@@ -358,7 +358,11 @@ impl Span<'_> {
     /// The gap that enters the contact law: the gap of the stage, at the second stage with the
     /// correction for the motion of the first, and at the midpoint the gap at the start of the
     /// step.
-    pub(super) fn gap<S: Space>(&self, contact: &Contact<S>, background: &S::Background) -> f64 {
+    pub(super) fn gap<S: Space>(
+        &self,
+        contact: &Contact<S>,
+        background: &VelocityGradient<S>,
+    ) -> f64 {
         let pair = &contact.pair;
         match self.kind {
             StageKind::Single | StageKind::First => pair.gap,

@@ -11,7 +11,7 @@ use super::contact_pair::Contact;
 use super::laws::Span;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::space::Space;
+use crate::space::{Space, VelocityGradient};
 
 /// Largest g/l at which the force is included; beyond it the force is below 1e-13 F0.
 const MAX_EXPONENT: f64 = 30.0;
@@ -32,7 +32,7 @@ impl<S: Fluid> RepulsivePairs<S> {
         &mut self,
         repulsion: &ExponentialRepulsion,
         resistance: &mut Resistance<S>,
-        background: &S::Background,
+        background: &VelocityGradient<S>,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {

@@ -12,7 +12,7 @@ use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, Solver
 use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::strain_tensor;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::{Stress, StressWork};
 
@@ -28,7 +28,7 @@ pub struct Configuration<S: Space = Layer> {
     /// Hydrodynamics.
     pub hydrodynamics: Hydrodynamics,
     /// Imposed flow.
-    pub background: S::Background,
+    pub background: VelocityGradient<S>,
     /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of
     /// spheres and fluid is zero. On a periodic layer in full Stokesian Dynamics they must sum to
     /// zero.
@@ -171,7 +171,7 @@ impl<S: Space> SolvedConfiguration<S> {
 /// Solves the motion under a contact problem, at the current positions.
 fn move_under<S: Fluid>(
     stage: &mut StageSolver<S>,
-    background: &S::Background,
+    background: &VelocityGradient<S>,
     external: &[f64],
     request: &InstantContacts<S>,
 ) -> Result<(), Error> {
@@ -461,7 +461,6 @@ mod tests {
     use super::*;
     use crate::model::{ContactLaws, StiffnessUnit, TangentialLaw};
     use crate::space::Bulk;
-    use crate::space::bulk::Background;
     use nalgebra::Vector3;
 
     /// A sheared cell of spheres on a disordered lattice, at φ = 0.35.
@@ -480,7 +479,7 @@ mod tests {
             radii: vec![1.0; n],
             cell: Cell::periodic(Vector3::repeat(4.0 * side), side).unwrap(),
             hydrodynamics,
-            background: Background::SHEAR,
+            background: VelocityGradient::simple_shear(1.0),
             forces: (0..n)
                 .map(|k| Vector3::new((0.7 * k as f64).sin(), 0.3, -0.1))
                 .collect(),

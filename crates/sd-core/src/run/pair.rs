@@ -6,8 +6,9 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
 use crate::run::steppers::{RungeKutta, State};
+use crate::space::VelocityGradient;
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
+use crate::space::modes::Vec2;
 use crate::stage::{StageContacts, StageSolver};
 use serde::Serialize;
 
@@ -136,7 +137,7 @@ pub fn pass_while(
                 let positions = centres(coordinates, contact);
                 motion.assemble(&cell, &positions)?;
                 motion.solve(
-                    &Background::QUIESCENT,
+                    &VelocityGradient::at_rest(),
                     &external,
                     contact_law,
                     SolvePass::First,

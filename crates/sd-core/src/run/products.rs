@@ -36,7 +36,7 @@ use crate::hydrodynamics::resistance::{FarProduct as _, Fluid, NearFields, NearT
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 
 /// The mobility of all force modes of the spheres of a periodic cell: forces, torques and
@@ -369,7 +369,7 @@ impl<S: Fluid> Resistance<S> {
         // The result depends on positions and forces alone, not on earlier solves.
         self.stage.begin_step();
         self.stage.start_far_field_from(&[]);
-        let at_rest = S::Background::simple_shear(0.0);
+        let at_rest = VelocityGradient::<S>::simple_shear(0.0);
         self.stage
             .solve(&at_rest, forces, StageContacts::None, SolvePass::First)?;
         velocities.copy_from_slice(self.stage.velocities());

@@ -29,7 +29,7 @@ use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use forces::AppliedForces;
@@ -77,7 +77,7 @@ pub struct Simulation<S: Starts = Layer> {
     /// Forces and torques of the user.
     forces: AppliedForces<S>,
     /// The background flow.
-    background: S::Background,
+    background: VelocityGradient<S>,
     /// Offset of the cell at strain 0, in a.
     offset: f64,
     /// Memory of contacts.
@@ -196,7 +196,7 @@ impl<S: Starts> Simulation<S> {
             motion: Vec::with_capacity(S::MODES * params.spheres),
             shear_control,
             forces: AppliedForces::default(),
-            background: S::Background::simple_shear(params.direction)
+            background: VelocityGradient::<S>::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
             offset: S::offset(&params),
             memory: snapshot.memory,

@@ -7,7 +7,7 @@
 //! ```
 //! whose first three are those of the layer.
 
-use super::{ImposedFlow, Space};
+use super::Space;
 use nalgebra::{Matrix3, SVector, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
@@ -64,99 +64,6 @@ impl TracelessTensor {
     }
 }
 
-/// The imposed linear flow `u∞(x) = E∞·x + Ω∞ × x`, in shear rates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Background {
-    /// Rate of strain.
-    pub rate_of_strain: TracelessTensor,
-    /// Angular velocity.
-    pub angular_velocity: Vector3<f64>,
-}
-
-impl Background {
-    /// Simple shear at unit rate: `u∞ = y x̂`.
-    pub const SHEAR: Self = Self {
-        rate_of_strain: TracelessTensor {
-            xx: 0.0,
-            yy: 0.0,
-            xy: 0.5,
-            xz: 0.0,
-            yz: 0.0,
-        },
-        angular_velocity: Vector3::new(0.0, 0.0, -0.5),
-    };
-
-    /// Velocity at a point.
-    ///
-    /// ```
-    /// use nalgebra::Vector3;
-    /// use sd_core::bulk::Background;
-    ///
-    /// let velocity = Background::SHEAR.velocity(&Vector3::new(3.0, 2.0, 1.0));
-    /// assert_eq!(velocity, Vector3::new(2.0, 0.0, 0.0));
-    /// ```
-    pub fn velocity(&self, x: &Vector3<f64>) -> Vector3<f64> {
-        let TracelessTensor { xx, yy, xy, xz, yz } = self.rate_of_strain;
-        Vector3::new(
-            xx * x.x + xy * x.y + xz * x.z,
-            xy * x.x + yy * x.y + yz * x.z,
-            xz * x.x + yz * x.y - (xx + yy) * x.z,
-        ) + self.angular_velocity.cross(x)
-    }
-}
-
-impl ImposedFlow<Bulk> for Background {
-    fn simple_shear(direction: f64) -> Self {
-        Self {
-            rate_of_strain: TracelessTensor {
-                xy: 0.5 * direction,
-                ..TracelessTensor::default()
-            },
-            angular_velocity: Self::SHEAR.angular_velocity * direction,
-        }
-    }
-
-    fn with_cross_shear(mut self, rate: f64) -> Self {
-        self.rate_of_strain.yz += 0.5 * rate;
-        self.angular_velocity.x += 0.5 * rate;
-        self
-    }
-
-    fn velocity_at(&self, x: &Vector3<f64>) -> Vector3<f64> {
-        self.velocity(x)
-    }
-
-    fn spin(&self) -> Vector3<f64> {
-        self.angular_velocity
-    }
-
-    fn strain_components(&self) -> Strain {
-        self.rate_of_strain.components()
-    }
-
-    fn rate_of_strain(&self) -> [f64; 6] {
-        self.rate_of_strain.full()
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        let strain = self.rate_of_strain.components();
-        strain
-            .iter()
-            .chain(&self.angular_velocity)
-            .copied()
-            .collect()
-    }
-
-    fn advect_backward(&self, x: &Vector3<f64>, time: f64) -> Vector3<f64> {
-        let columns =
-            [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e + self.velocity(&e) * time);
-        let [a, b, c] = &columns;
-        // Cramer's rule.
-        let volume = a.dot(&b.cross(c));
-        Matrix3::from_columns(&[b.cross(c), c.cross(a), a.cross(b)]).transpose() * x / volume
-    }
-}
-
 /// A unit quaternion `[w, x, y, z]`: an orientation.
 pub type Quaternion = [f64; 4];
 
@@ -179,7 +86,6 @@ impl Space for Bulk {
     type Orientation = Quaternion;
     type Strain = Strain;
     type Tensor = [f64; 5];
-    type Background = Background;
     type PerMode<T: Copy> = [T; 6];
     type PerTangent<T: Copy> = [T; 2];
     type Weights = [f64; 12];
@@ -362,6 +268,29 @@ impl Space for Bulk {
         second.cross(first)
     }
 
+    fn gradient(&[xx, yy, xy, xz, yz]: &[f64; 5], spin: &Self::Spin) -> [Self::Vector; 3] {
+        [
+            Vector3::new(xx, xy - spin.z, xz + spin.y),
+            Vector3::new(xy + spin.z, yy, yz - spin.x),
+            Vector3::new(xz - spin.y, yz + spin.x, -(xx + yy)),
+        ]
+    }
+
+    #[inline(always)]
+    fn rotation_of([x, y, z]: &[Self::Vector; 3]) -> Self::Spin {
+        Vector3::new(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
+    }
+
+    fn strain_of(&[xx, yy, _, xy, xz, yz]: &[f64; 6]) -> Strain {
+        TracelessTensor { xx, yy, xy, xz, yz }.components()
+    }
+
+    /// By Cramer's rule.
+    fn solve_columns([a, b, c]: &[Self::Vector; 3], x: &Self::Vector) -> Self::Vector {
+        let volume = a.dot(&b.cross(c));
+        Matrix3::from_columns(&[b.cross(c), c.cross(a), a.cross(b)]).transpose() * x / volume
+    }
+
     #[inline(always)]
     fn strain_dot(a: &Strain, b: &Strain) -> f64 {
         a.dot(b)
@@ -407,32 +336,6 @@ impl Space for Bulk {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_the_flow_carried_away_is_carried_back() {
-        let flow = Background {
-            rate_of_strain: TracelessTensor {
-                xx: 0.3,
-                yy: -0.4,
-                xy: 0.2,
-                xz: 0.7,
-                yz: -0.1,
-            },
-            angular_velocity: Vector3::new(0.3, -0.6, 0.2),
-        };
-        let before = Vector3::new(1.3, -0.7, 0.4);
-        let after = before + flow.velocity(&before) * 0.1;
-        assert!((flow.advect_backward(&after, 0.1) - before).norm() < 1e-15);
-    }
-
-    #[test]
-    fn cross_shear_goes_along_the_vorticity() {
-        for direction in [1.0, -1.0] {
-            let flow = Background::simple_shear(direction).with_cross_shear(0.7);
-            let u = flow.velocity(&Vector3::new(2.0, 3.0, -5.0));
-            assert!((u - Vector3::new(3.0 * direction, 0.0, 2.1)).norm() < 1e-15);
-        }
-    }
 
     #[test]
     fn directions_across_a_line_are_orthonormal() {

@@ -14,7 +14,7 @@
 //! a₀ = (l₀, 0, 0)      a₁ = (offset, l₁, cross offset)      a₂ = (tilt, 0, l₂)
 //! ```
 
-use super::{ImposedFlow as _, Layer, Space};
+use super::{Layer, Space, VelocityGradient};
 use crate::error::{Error, Refusal};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
@@ -238,13 +238,13 @@ impl<S: Space> Lattice<S> {
     /// The lattice after a flow for a time, with a reduced basis unless it still is a sheared cell:
     /// `H exp(Lᵀ t)`.
     #[must_use]
-    pub fn deform(&self, flow: &S::Background, time: f64) -> Self {
+    pub fn deform(&self, flow: &VelocityGradient<S>, time: f64) -> Self {
         let mut rows = self.vectors;
         for row in &mut rows {
             // The series of the exponential; that of a shear ends after one term.
             let mut term = *row;
             for order in 1..=MAX_ORDER {
-                term = flow.velocity_at(&term) * (time / f64::from(order));
+                term = flow.velocity(&term) * (time / f64::from(order));
                 *row += term;
                 if S::norm_squared(&term) <= f64::EPSILON.powi(2) * S::norm_squared(row) {
                     break;
@@ -579,7 +579,7 @@ fn reduced<S: Space>(mut basis: [S::Vector; 3]) -> [S::Vector; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::{Bulk, bulk, cell::Cell, modes};
+    use crate::space::{Bulk, cell::Cell};
     use nalgebra::Matrix3;
     use rand::{RngExt as _, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -704,7 +704,7 @@ mod tests {
 
     /// The shortest vector under a flow for ten units of time, over the side of a square or cube of
     /// the same content.
-    fn worst<S: Space>(start: Lattice<S>, flow: &S::Background) -> f64 {
+    fn worst<S: Space>(start: Lattice<S>, flow: &VelocityGradient<S>) -> f64 {
         let side = start.content().powf(1.0 / S::DIMENSIONS as f64);
         let (mut lattice, mut worst) = (start, f64::INFINITY);
         for _ in 0..5000 {
@@ -715,25 +715,13 @@ mod tests {
         worst
     }
 
-    fn extension(xx: f64, yy: f64) -> bulk::Background {
-        bulk::Background {
-            rate_of_strain: bulk::TracelessTensor {
-                xx,
-                yy,
-                ..Default::default()
-            },
-            angular_velocity: Vector3::zeros(),
-        }
+    fn extension(xx: f64, yy: f64) -> VelocityGradient<Bulk> {
+        VelocityGradient::from_parts(&[xx, yy, 0.0, 0.0, 0.0], &Vector3::zeros())
     }
 
     #[test]
     fn lattices_that_survive_extension_keep_their_shortest_vectors() {
-        let planar = modes::Background {
-            xx: 1.0,
-            yy: -1.0,
-            xy: 0.0,
-            angular_velocity: 0.0,
-        };
+        let planar = VelocityGradient::planar_extension(1.0);
         let found = worst(
             Lattice::<Layer>::for_planar_extension(10.0).unwrap(),
             &planar,
@@ -765,7 +753,7 @@ mod tests {
         let Cell::Periodic(start) = start else {
             unreachable!()
         };
-        let flow = bulk::Background::SHEAR;
+        let flow = VelocityGradient::simple_shear(1.0);
         let later = start.deform(&flow, 0.3);
         assert!(later.is_sheared_cell());
         assert!((later.offset() - (3.0 + 0.3 * 12.0 - 10.0)).abs() < 1e-12);

@@ -1,7 +1,7 @@
 //! Spheres whose centres lie in one plane.
 
-use super::modes::{Background, strain_tensor};
-use super::{ImposedFlow, Space};
+use super::Space;
+use super::modes::{strain_modes, strain_tensor};
 use nalgebra::{Vector2, Vector3};
 
 /// Spheres whose centres lie in one plane of an unbounded fluid.
@@ -29,7 +29,6 @@ impl Space for Layer {
     /// `(e1, e2, e3)`, see [`crate::modes`].
     type Strain = Vector3<f64>;
     type Tensor = [f64; 3];
-    type Background = Background;
     type PerMode<T: Copy> = [T; 3];
     type PerTangent<T: Copy> = [T; 1];
     type Weights = [f64; 6];
@@ -171,6 +170,28 @@ impl Space for Layer {
         0.0
     }
 
+    fn gradient(&[xx, yy, xy]: &[f64; 3], angular_velocity: &f64) -> [Self::Vector; 3] {
+        [
+            Vector2::new(xx, xy - angular_velocity),
+            Vector2::new(xy + angular_velocity, yy),
+            Vector2::zeros(),
+        ]
+    }
+
+    #[inline(always)]
+    fn rotation_of([x, y, _]: &[Self::Vector; 3]) -> f64 {
+        0.5 * (y.x - x.y)
+    }
+
+    fn strain_of(&[xx, yy, _, xy, ..]: &[f64; 6]) -> Self::Strain {
+        strain_modes(xx, yy, xy)
+    }
+
+    fn solve_columns([first, second, _]: &[Self::Vector; 3], x: &Self::Vector) -> Self::Vector {
+        let [a, c, b, d] = [first.x, first.y, second.x, second.y];
+        Vector2::new(d * x.x - b * x.y, a * x.y - c * x.x) / (a * d - b * c)
+    }
+
     #[inline(always)]
     fn strain_dot(a: &Self::Strain, b: &Self::Strain) -> f64 {
         a.dot(b)
@@ -201,38 +222,5 @@ impl Space for Layer {
     /// The layer is two mean radii thick.
     fn volume(content: f64, radii: &[f64]) -> f64 {
         2.0 * content * radii.iter().sum::<f64>() / radii.len() as f64
-    }
-}
-
-impl ImposedFlow<Layer> for Background {
-    fn simple_shear(direction: f64) -> Self {
-        Self::shear(direction)
-    }
-
-    #[inline(always)]
-    fn velocity_at(&self, x: &Vector2<f64>) -> Vector2<f64> {
-        self.velocity(*x)
-    }
-
-    #[inline(always)]
-    fn spin(&self) -> f64 {
-        self.angular_velocity
-    }
-
-    fn strain_components(&self) -> Vector3<f64> {
-        self.strain()
-    }
-
-    fn rate_of_strain(&self) -> [f64; 6] {
-        let Self { xx, yy, xy, .. } = *self;
-        [xx, yy, -(xx + yy), xy, 0.0, 0.0]
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        vec![self.xx, self.yy, self.xy, self.angular_velocity]
-    }
-
-    fn advect_backward(&self, x: &Vector2<f64>, time: f64) -> Vector2<f64> {
-        Self::advect_backward(self, *x, time)
     }
 }

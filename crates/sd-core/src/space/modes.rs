@@ -13,7 +13,6 @@
 //! unchanged.
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// A vector in the plane of the layer.
@@ -68,79 +67,6 @@ pub fn rotation_to_frame(n: Vec2) -> ModeBlock {
     q
 }
 
-/// The imposed linear flow `u∞(x) = E∞·x + Ω∞ × x`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Background {
-    /// `E_xx`, in shear rates.
-    pub xx: f64,
-    /// `E_yy`.
-    pub yy: f64,
-    /// `E_xy`.
-    pub xy: f64,
-    /// `Ω_z`.
-    pub angular_velocity: f64,
-}
-
-impl Background {
-    /// Simple shear at unit rate: `u∞ = y x̂`.
-    pub const SHEAR: Self = Self {
-        xx: 0.0,
-        yy: 0.0,
-        xy: 0.5,
-        angular_velocity: -0.5,
-    };
-    /// Simple shear in the sense of `direction`: 1 as [`Background::SHEAR`], −1 reversed.
-    pub fn shear(direction: f64) -> Self {
-        Self {
-            xx: 0.0,
-            yy: 0.0,
-            xy: 0.5 * direction,
-            angular_velocity: -0.5 * direction,
-        }
-    }
-
-    /// Fluid at rest.
-    pub const QUIESCENT: Self = Self {
-        xx: 0.0,
-        yy: 0.0,
-        xy: 0.0,
-        angular_velocity: 0.0,
-    };
-
-    /// Velocity at a point.
-    ///
-    /// ```
-    /// use sd_core::modes::{Background, Vec2};
-    ///
-    /// assert_eq!(Background::SHEAR.velocity(Vec2::new(3.0, 2.0)), Vec2::new(2.0, 0.0));
-    /// ```
-    pub fn velocity(&self, x: Vec2) -> Vec2 {
-        Vec2::new(
-            self.xx * x.x + (self.xy - self.angular_velocity) * x.y,
-            (self.xy + self.angular_velocity) * x.x + self.yy * x.y,
-        )
-    }
-
-    /// Earlier position of a point advected to `x` over `time` at its initial velocity:
-    /// `x = (1 + time ∇u∞) x₀`.
-    pub fn advect_backward(&self, x: Vec2, time: f64) -> Vec2 {
-        let (a, b) = (
-            1.0 + time * self.xx,
-            time * (self.xy - self.angular_velocity),
-        );
-        let (c, d) = (
-            time * (self.xy + self.angular_velocity),
-            1.0 + time * self.yy,
-        );
-        Vec2::new(d * x.x - b * x.y, a * x.y - c * x.x) / (a * d - b * c)
-    }
-
-    /// Strain components `(e1, e2, e3)`.
-    pub fn strain(&self) -> Vector3<f64> {
-        strain_modes(self.xx, self.yy, self.xy)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -170,26 +96,5 @@ mod tests {
         let pair = rotation_to_frame(n) * modes;
         let expected = strain_modes(0.5, -0.5, 0.0);
         assert!((pair.fixed_rows::<3>(3) - expected).norm() < 1e-14);
-    }
-
-    #[test]
-    fn what_the_flow_carried_away_is_carried_back() {
-        let flow = Background {
-            xx: 0.3,
-            yy: -0.4,
-            xy: 0.2,
-            angular_velocity: -0.6,
-        };
-        let before = Vec2::new(1.3, -0.7);
-        let after = before + flow.velocity(before) * 0.1;
-        assert!((flow.advect_backward(after, 0.1) - before).norm() < 1e-15);
-    }
-
-    #[test]
-    fn shear_is_y_along_x() {
-        assert_eq!(
-            Background::SHEAR.velocity(Vec2::new(3.0, 2.0)),
-            Vec2::new(2.0, 0.0)
-        );
     }
 }

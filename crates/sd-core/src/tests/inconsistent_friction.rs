@@ -4,9 +4,8 @@ use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, ContactState, SolvePass, Status, Surface};
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::resistance::Resistance;
-use crate::space::Bulk;
-use crate::space::bulk::Background;
 use crate::space::cell::Cell;
+use crate::space::{Bulk, VelocityGradient};
 use crate::stage::{StageContacts, StageSolver};
 use crate::{Hydrodynamics, NearFields, TangentialLaw};
 use nalgebra::Vector3;
@@ -53,7 +52,12 @@ fn held_friction_bounds_end_the_iteration_of_the_far_field() {
         memory: &mut ContactMemory::default(),
     };
     let quality = stage
-        .solve(&Background::SHEAR, &[], contact, SolvePass::First)
+        .solve(
+            &VelocityGradient::simple_shear(1.0),
+            &[],
+            contact,
+            SolvePass::First,
+        )
         .unwrap();
     // Gaps hold, and friction is nearly that of the law.
     assert_eq!(quality.status, Status::InexactFriction, "{quality:?}");

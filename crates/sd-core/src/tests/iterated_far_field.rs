@@ -10,7 +10,8 @@ use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2, strain_tensor};
+use crate::space::modes::{Vec2, strain_tensor};
+use crate::space::{Layer, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::StressWork;
 use crate::{
@@ -72,7 +73,10 @@ fn driven(
 ) -> (Resistance, Vec<f64>) {
     near.update(cell, centres).unwrap();
     let mut forces = vec![0.0; external.len()];
-    near.background_forces(&Background::SHEAR.strain(), &mut forces);
+    near.background_forces(
+        &VelocityGradient::<Layer>::simple_shear(1.0).strain(),
+        &mut forces,
+    );
     add_scaled(&mut forces, external, 1.0);
     (near, forces)
 }
@@ -138,7 +142,7 @@ impl FixedPointMap for Free<'_> {
         v_t.fill(0.0);
         let input = StageInput {
             resistance: self.near,
-            background: &Background::SHEAR,
+            background: &VelocityGradient::simple_shear(1.0),
             laws: &Laws::NONE,
             span: Span::single(1.0),
         };
@@ -159,7 +163,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let (cell, centres, radii) = sheared(&params(60, size_ratio));
         let external = external(60);
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = Background::SHEAR;
+        let shear = VelocityGradient::simple_shear(1.0);
         let free = |stage: &mut StageSolver| {
             stage.assemble(&cell, &centres).unwrap();
             let free = StageContacts::None;
@@ -199,7 +203,7 @@ fn solves_repeat_their_bits_and_refuse_bad_input() {
     let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
-    let strain = Background::SHEAR.strain();
+    let strain = VelocityGradient::<Layer>::simple_shear(1.0).strain();
     let mut solve = |forces: &[f64]| {
         far.reset();
         let mut v = vec![0.0; 120];
@@ -217,7 +221,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         let (cell, centres, radii) = sheared(&params(spheres, 1.0));
         let external = vec![0.0; 3 * spheres];
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = Background::SHEAR;
+        let shear = VelocityGradient::simple_shear(1.0);
         let surface = Surface {
             roughness: 0.01,
             friction,
@@ -312,7 +316,7 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
     let external = external(40);
     let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
     dense.assemble(&cell, &centres).unwrap();
-    let (shear, free) = (Background::SHEAR, StageContacts::None);
+    let (shear, free) = (VelocityGradient::simple_shear(1.0), StageContacts::None);
     dense
         .solve(&shear, &external, free, SolvePass::First)
         .unwrap();
@@ -348,7 +352,7 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
 #[test]
 fn near_pairs_of_the_far_field_halve_the_evaluations() {
     let (cell, centres, radii) = sheared(&params(150, 1.0));
-    let strain = Background::SHEAR.strain();
+    let strain = VelocityGradient::<Layer>::simple_shear(1.0).strain();
     let [without, with] =
         [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics].map(|hydrodynamics| {
             let near = near_by_pairs(hydrodynamics, &cell, &radii);
@@ -396,7 +400,12 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                     memory: &mut ContactMemory::default(),
                 };
                 let quality = stage
-                    .solve(&Background::SHEAR, &[], contact, SolvePass::First)
+                    .solve(
+                        &VelocityGradient::simple_shear(1.0),
+                        &[],
+                        contact,
+                        SolvePass::First,
+                    )
                     .unwrap();
                 assert!(quality.converged(), "{laws:?}: {quality:?}");
                 stage
@@ -458,7 +467,12 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
             memory: &mut ContactMemory::default(),
         };
         let quality = stage
-            .solve(&Background::SHEAR, &[], contact, SolvePass::First)
+            .solve(
+                &VelocityGradient::simple_shear(1.0),
+                &[],
+                contact,
+                SolvePass::First,
+            )
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         stage.velocities().to_vec()

@@ -3,10 +3,10 @@
 
 use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sd_core::bulk::{Background, TracelessTensor};
+use sd_core::bulk::TracelessTensor;
 use sd_core::cell::Cell;
 use sd_core::instant::{self, InstantContacts};
-use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space as _};
+use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, Space as _, VelocityGradient};
 use serde_json::Value;
 use std::f64::consts::PI;
 
@@ -54,7 +54,7 @@ fn sheared(
         radii: vec![1.0; n],
         cell: *cell,
         hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     }
@@ -120,18 +120,9 @@ fn instants_agree_with_an_independent_program() {
             };
             if instant["cell"].is_null() {
                 let e = |name: &str| instant["rate_of_strain"][name].as_f64().unwrap();
-                configuration.background = Background {
-                    rate_of_strain: TracelessTensor {
-                        xx: e("xx"),
-                        yy: e("yy"),
-                        xy: e("xy"),
-                        xz: e("xz"),
-                        yz: e("yz"),
-                    },
-                    angular_velocity: Vector3::from_column_slice(&numbers(
-                        &instant["angular_velocity"],
-                    )),
-                };
+                let spin = Vector3::from_column_slice(&numbers(&instant["angular_velocity"]));
+                configuration.background =
+                    VelocityGradient::from_parts(&["xx", "yy", "xy", "xz", "yz"].map(e), &spin);
                 configuration.forces = vectors(&instant["forces"]);
                 configuration.torques = vectors(&instant["torques"]);
             }
@@ -198,8 +189,9 @@ fn lattices_near_contact_have_their_exact_slopes() {
         let viscosities = |xi: f64| {
             let (cell, centres) = lattice_of_side(name, side * (2.0 + xi));
             let mut configuration = sheared(centres, &cell, Hydrodynamics::BallMelrose);
-            configuration.background.rate_of_strain.xx = 0.5;
-            configuration.background.rate_of_strain.yy = -0.5;
+            let spin = configuration.background.angular_velocity();
+            configuration.background =
+                VelocityGradient::from_parts(&[0.5, -0.5, 0.5, 0.0, 0.0], &spin);
             let solved = solve(&configuration, &NearFields::default()).unwrap();
             let s = solved.stresslets[0];
             let density = configuration.centres.len() as f64 / cell.content().unwrap();
@@ -231,12 +223,9 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         // By the symmetry of the lattice both strains and the force decouple: one solution contains
         // all three.
         let (axes, diagonal) = (0.5, 0.3);
-        configuration.background.rate_of_strain = TracelessTensor {
-            xx: diagonal,
-            yy: -diagonal,
-            xy: axes,
-            ..TracelessTensor::default()
-        };
+        let spin = configuration.background.angular_velocity();
+        configuration.background =
+            VelocityGradient::from_parts(&[diagonal, -diagonal, axes, 0.0, 0.0], &spin);
         configuration.forces.fill(Vector3::x());
         let solved = solve(&configuration, &NearFields::default()).unwrap();
         let s = solved.stresslets[0];
@@ -258,16 +247,6 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
 
 fn matrix(t: &TracelessTensor) -> Matrix3<f64> {
     Matrix3::new(t.xx, t.xy, t.xz, t.xy, t.yy, t.yz, t.xz, t.yz, -t.xx - t.yy)
-}
-
-fn tensor(m: &Matrix3<f64>) -> TracelessTensor {
-    TracelessTensor {
-        xx: m[(0, 0)],
-        yy: m[(1, 1)],
-        xy: m[(0, 1)],
-        xz: m[(0, 2)],
-        yz: m[(1, 2)],
-    }
 }
 
 /// A cluster of unequal spheres under forces, torques and a strain.
@@ -295,16 +274,7 @@ fn cluster(hydrodynamics: Hydrodynamics) -> Configuration {
         radii: vec![1.0, 1.0, 1.4, 1.0],
         cell: Cell::Unbounded,
         hydrodynamics,
-        background: Background {
-            rate_of_strain: TracelessTensor {
-                xx: 0.3,
-                yy: -0.5,
-                xy: 0.2,
-                xz: -0.4,
-                yz: 0.6,
-            },
-            angular_velocity: Vector3::zeros(),
-        },
+        background: VelocityGradient::from_parts(&[0.3, -0.5, 0.2, -0.4, 0.6], &Vector3::zeros()),
         forces: forces.map(Vector3::from).to_vec(),
         torques: torques.map(Vector3::from).to_vec(),
     }
@@ -318,8 +288,10 @@ fn turned(configuration: &Configuration, turn: &Matrix3<f64>) -> f64 {
             *x = turn * *x;
         }
     }
-    let strain = turn * matrix(&other.background.rate_of_strain) * turn.transpose();
-    other.background.rate_of_strain = tensor(&strain);
+    let rows = [0, 1, 2].map(|k| other.background.rows()[k].transpose());
+    let gradient = turn * Matrix3::from_rows(&rows) * turn.transpose();
+    let rows = [0, 1, 2].map(|k| gradient.row(k).transpose());
+    other.background = VelocityGradient::new(&rows).unwrap();
     let tables = NearFields::default();
     let (a, b) = (
         solve(configuration, &tables).unwrap(),
@@ -370,7 +342,7 @@ fn motion_turns_with_a_cubic_cell() {
 
 #[test]
 fn centres_in_a_plane_move_as_in_the_layer() {
-    use sd_core::modes::{Background as Planar, Vec2};
+    use sd_core::modes::Vec2;
     let places = [[0.0, 0.0], [2.1, 0.3], [0.4, 2.5], [4.0, 1.9]];
     let (forces, torques) = (
         [[1.0, 0.2], [0.3, -1.0], [-0.2, 0.1], [0.6, 0.5]],
@@ -388,7 +360,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
                 radii: radii.clone(),
                 cell: sd_core::cell::Cell::Unbounded,
                 hydrodynamics,
-                background: Planar::SHEAR,
+                background: VelocityGradient::simple_shear(1.0),
                 forces: forces.map(Vec2::from).to_vec(),
                 torques: torques.to_vec(),
             },
@@ -403,7 +375,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
                 radii,
                 cell: Cell::Unbounded,
                 hydrodynamics,
-                background: Background::SHEAR,
+                background: VelocityGradient::simple_shear(1.0),
                 forces: forces.iter().map(flat).collect(),
                 torques: torques.iter().map(|&t| Vector3::new(0.0, 0.0, t)).collect(),
             },

@@ -9,8 +9,10 @@ mod rolling_pair;
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use sd_core::modes::{Background, Vec2};
-use sd_core::{FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
+use sd_core::modes::Vec2;
+use sd_core::{
+    FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw, VelocityGradient,
+};
 
 const RIGID: NormalForce = NormalForce {
     law: sd_core::contact::ForceLaw::BuiltIn(NormalLaw::Rigid),
@@ -68,7 +70,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
         radii: vec![1.0, 1.4],
         cell: Cell::Unbounded,
         hydrodynamics: Hydrodynamics::StokesianDynamics,
-        background: Background::QUIESCENT,
+        background: VelocityGradient::at_rest(),
         forces: vec![force, -force],
         torques: vec![0.0; 2],
     }

@@ -1,14 +1,13 @@
 //! Cross shear: an oscillation along the vorticity, across a steady shear.
 
 use nalgebra::{Matrix3, Vector3};
-use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, PairForces};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::{CrossShear, Segment, Surface};
 use sd_core::{
-    Bulk, ContactLaws, ContactScheme, Hydrodynamics, ImposedFlow, Layer, NearFields, Params,
-    Sample, Simulation, Space, TangentialLaw,
+    Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, NearFields, Params, Sample, Simulation,
+    Space, TangentialLaw, VelocityGradient,
 };
 
 /// Steady shear with this across it, from a strain on.
@@ -160,7 +159,7 @@ fn a_step_is_the_instant_of_its_configuration_and_flow() {
                     .and_then(|cell| cell.with_cross_offset(sheared))
                     .unwrap(),
                 hydrodynamics,
-                background: Background::SHEAR.with_cross_shear(rate),
+                background: VelocityGradient::simple_shear(1.0).with_cross_shear(rate),
                 forces: vec![Vector3::zeros(); 40],
                 torques: vec![Vector3::zeros(); 40],
             };
@@ -319,7 +318,7 @@ fn touching(hydrodynamics: Hydrodynamics) -> Configuration<Bulk> {
             .and_then(|cell| cell.with_cross_offset(-2.1))
             .unwrap(),
         hydrodynamics,
-        background: Background::SHEAR.with_cross_shear(0.7),
+        background: VelocityGradient::simple_shear(1.0).with_cross_shear(0.7),
         forces: (0..64)
             .map(|k| Vector3::new(wave(k, 0.7), 0.3, -0.1))
             .collect(),
@@ -337,17 +336,13 @@ fn exchanged(configuration: &Configuration<Bulk>) -> Configuration<Bulk> {
     let sides = Vector3::from_column_slice(lattice.lengths());
     let (offset, cross_offset) = (lattice.offset(), lattice.cross_offset());
     let flow = configuration.background;
-    let mut rate_of_strain = flow.rate_of_strain;
-    (rate_of_strain.xy, rate_of_strain.yz) = (rate_of_strain.yz, rate_of_strain.xy);
+    let [x, y, z] = [2, 1, 0].map(|k| swap(&flow.rows()[k]));
     Configuration {
         centres: configuration.centres.iter().map(swap).collect(),
         cell: Cell::periodic(swap(&sides), cross_offset)
             .and_then(|cell| cell.with_cross_offset(offset))
             .unwrap(),
-        background: Background {
-            rate_of_strain,
-            angular_velocity: -swap(&flow.angular_velocity),
-        },
+        background: VelocityGradient::new(&[x, y, z]).unwrap(),
         forces: configuration.forces.iter().map(swap).collect(),
         torques: configuration.torques.iter().map(|t| -swap(t)).collect(),
         ..configuration.clone()
@@ -382,9 +377,9 @@ fn flow_and_vorticity_may_be_exchanged() {
         for flow in [
             configuration.background,
             // With images shifted along one axis only, that of the flow.
-            Background::SHEAR,
+            VelocityGradient::simple_shear(1.0),
         ] {
-            if flow == Background::SHEAR {
+            if flow == VelocityGradient::simple_shear(1.0) {
                 configuration.cell = configuration.cell.with_cross_offset(0.0).unwrap();
             }
             configuration.background = flow;

@@ -4,10 +4,10 @@ use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{Rosenbrock, State};
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, NearFields, NormalLaw, Params,
-    Sample, Simulation, Snapshot, TangentialLaw,
+    Sample, Simulation, Snapshot, TangentialLaw, VelocityGradient,
 };
 use std::f64::consts::PI;
 
@@ -191,7 +191,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, sample.strain * snapshot.side).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

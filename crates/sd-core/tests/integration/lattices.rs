@@ -3,11 +3,12 @@
 
 use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Vector2, Vector3};
-use sd_core::bulk::{self, TracelessTensor};
 use sd_core::cell::{Cell, Lattice};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Surface;
-use sd_core::{Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, RunSpace, Space, modes};
+use sd_core::{
+    Bulk, Error, Hydrodynamics, LeadingOrder, NearFields, RunSpace, Space, VelocityGradient,
+};
 use serde_json::Value;
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
@@ -27,16 +28,10 @@ fn recorded(instant: &Value, hydrodynamics: Hydrodynamics) -> Configuration<Bulk
         radii: vec![1.0; n],
         cell: periodic(&vectors(&instant["lattice"])),
         hydrodynamics,
-        background: bulk::Background {
-            rate_of_strain: TracelessTensor {
-                xx: e("xx"),
-                yy: e("yy"),
-                xy: e("xy"),
-                xz: e("xz"),
-                yz: e("yz"),
-            },
-            angular_velocity: Vector3::from_column_slice(&numbers(&instant["angular_velocity"])),
-        },
+        background: VelocityGradient::from_parts(
+            &["xx", "yy", "xy", "xz", "yz"].map(e),
+            &Vector3::from_column_slice(&numbers(&instant["angular_velocity"])),
+        ),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     }
@@ -154,7 +149,7 @@ fn suspension(count: u32, hydrodynamics: Hydrodynamics) -> Configuration<Bulk> {
             .and_then(|cell| cell.with_cross_offset(-0.7 * side))
             .unwrap(),
         hydrodynamics,
-        background: bulk::Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: (0..n)
             .map(|k| Vector3::new((0.7 * k as f64).sin(), 0.3, -0.1))
             .collect(),
@@ -178,7 +173,7 @@ fn layer(count: u32, hydrodynamics: Hydrodynamics) -> Configuration {
         radii: (0..n).map(|k| if k % 3 == 0 { 1.1 } else { 1.0 }).collect(),
         cell: Cell::periodic(Vector2::repeat(f64::from(count) * side), 1.1 * side).unwrap(),
         hydrodynamics,
-        background: modes::Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: (0..n)
             .map(|k| Vector2::new((0.7 * k as f64).sin(), 0.3))
             .collect(),

@@ -4,10 +4,10 @@ use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Surface};
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContacts, StageSolver, State};
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
-    start,
+    VelocityGradient, start,
 };
 use std::f64::consts::PI;
 
@@ -47,7 +47,7 @@ fn configuration(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Configura
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
         hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     }
@@ -285,7 +285,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
     let mut motion = StageSolver::new(resistance);
     let mut integrator = RungeKutta::default();
     let mut state = state;
-    let shear = Background::SHEAR;
+    let shear = VelocityGradient::simple_shear(1.0);
     for k in 0..steps {
         let time = from + f64::from(k) * dt;
         integrator
@@ -294,8 +294,8 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
                 motion.solve(&shear, &[], StageContacts::None, SolvePass::First)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
-                    u[0] += shear.velocity(x).x;
-                    u[2] += shear.angular_velocity;
+                    u[0] += shear.velocity(&x).x;
+                    u[2] += shear.angular_velocity();
                 }
                 Ok::<(), Error>(())
             })
@@ -411,7 +411,7 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
         radii: vec![1.0; 2],
         cell: Cell::Unbounded,
         hydrodynamics: Hydrodynamics::StokesianDynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); 2],
         torques: vec![0.0; 2],
     };

@@ -5,10 +5,11 @@ use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::Resistance;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Error, Flow, FrictionOnset, Hydrodynamics, LeadingOrder,
     NearFields, NormalLaw, Params, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
+    VelocityGradient,
 };
 use serde_json::Value;
 
@@ -44,7 +45,7 @@ fn layer_of(case: &Value) -> Configuration {
             cutoff: number(&case["cutoff_gap"]),
             regularisation: number(&case["regularisation"]),
         }),
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     }
@@ -246,7 +247,7 @@ fn instant(params: &Params, snapshot: &Snapshot) -> (SolvedConfiguration, f64) {
         radii: snapshot.radii.clone(),
         cell,
         hydrodynamics: params.hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

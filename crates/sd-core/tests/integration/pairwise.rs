@@ -14,11 +14,11 @@ use sd_core::internals::{
     StageSolver,
 };
 use sd_core::model::DEEPEST_OVERLAP;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields,
-    NormalLaw, Params, Simulation, Snapshot, TangentialLaw,
+    NormalLaw, Params, Simulation, Snapshot, TangentialLaw, VelocityGradient,
 };
 
 /// Minimum number of spheres for pairwise storage.
@@ -124,7 +124,12 @@ fn stage_under(
         memory: &mut layer.memory(),
     };
     let quality = stage
-        .solve(&Background::SHEAR, &[], contact, SolvePass::First)
+        .solve(
+            &VelocityGradient::simple_shear(1.0),
+            &[],
+            contact,
+            SolvePass::First,
+        )
         .unwrap();
     assert!(quality.converged(), "{laws:?}: {quality:?}");
     stage
@@ -334,7 +339,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
         stage.assemble(&layer.cell, &layer.centres).unwrap();
         let solved = stage.solve(
-            &Background::SHEAR,
+            &VelocityGradient::simple_shear(1.0),
             &torques,
             StageContacts::None,
             SolvePass::First,
@@ -372,7 +377,12 @@ fn an_iterated_far_field_refuses_the_procedure() {
         surface: params(40, 0.6, 0.3).surface(),
         contact_list: &mut ContactList::default(),
     };
-    let solved = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First);
+    let solved = stage.solve(
+        &VelocityGradient::simple_shear(1.0),
+        &[],
+        contact,
+        SolvePass::First,
+    );
     assert_eq!(solved.unwrap_err(), Error::ProcedureNeedsDense);
 }
 
@@ -469,7 +479,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
     assert!(carrying > PAIRWISE, "{carrying}");
     let largest = contacts.iter().fold(0.0, |m: f64, c| m.max(c.normal_force));
     let (mut forces, mut stresslets, mut work) = (Vec::new(), Vec::new(), Vec::new());
-    let strain = Background::SHEAR.strain();
+    let strain = VelocityGradient::<sd_core::Layer>::simple_shear(1.0).strain();
     stage.resistance.apply(
         stage.velocities(),
         &strain,

@@ -6,7 +6,7 @@ use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::model::SolverSettings;
 use sd_core::products::{Mobility, Resistance};
 use sd_core::{
-    Bulk, Error, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, RunSpace, Space,
+    Bulk, Error, Hydrodynamics, Layer, LeadingOrder, NearFields, RunSpace, Space, VelocityGradient,
 };
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
@@ -234,7 +234,7 @@ fn solves_are_those_of_an_instant<S: RunSpace>() {
             radii: spheres.radii.clone(),
             cell: spheres.cell,
             hydrodynamics,
-            background: S::Background::simple_shear(0.0),
+            background: VelocityGradient::<S>::simple_shear(0.0),
             forces: linear,
             torques: turning,
         };

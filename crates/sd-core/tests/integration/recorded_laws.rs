@@ -15,11 +15,11 @@ use sd_core::internals::{
     StageContacts, StageSolver, StressWork, WarmStart,
 };
 use sd_core::model::DEEPEST_OVERLAP;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::simulation::{Counters, SNAPSHOT_VERSION, SchemeMemory};
 use sd_core::{
     ContactScheme, Error, FrictionOnset, Hydrodynamics, Method, NearFields, Params, Simulation,
-    Snapshot,
+    Snapshot, VelocityGradient,
 };
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -206,10 +206,19 @@ impl Record {
                 memory: &mut memory,
             },
         };
-        let quality = stage.solve(&Background::SHEAR, &[], contact, SolvePass::First)?;
+        let quality = stage.solve(
+            &VelocityGradient::simple_shear(1.0),
+            &[],
+            contact,
+            SolvePass::First,
+        )?;
         let area = self.side * self.side;
-        let stress =
-            StressWork::default().stress(&stage, &Background::SHEAR, &Background::SHEAR, area);
+        let stress = StressWork::default().stress(
+            &stage,
+            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0),
+            area,
+        );
         let loaded = stage.contacts.list.iter().filter(|c| c.normal_force > 0.0);
         let load = surface.critical_load;
         let contradicts = |c: &&Contact| {

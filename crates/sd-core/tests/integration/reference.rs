@@ -4,8 +4,8 @@
 use crate::common::data::{data, difference, numbers, vectors};
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, NearFields};
+use sd_core::modes::Vec2;
+use sd_core::{Hydrodynamics, NearFields, VelocityGradient};
 use serde_json::Value;
 
 /// Compares one instant with one part of the file, to `tolerance` of the largest number of each
@@ -96,7 +96,7 @@ fn layers_under_shear() {
             )
             .unwrap(),
             hydrodynamics,
-            background: Background::SHEAR,
+            background: VelocityGradient::simple_shear(1.0),
             forces: vec![Vec2::zeros(); n],
             torques: vec![0.0; n],
         };
@@ -144,12 +144,7 @@ fn two_spheres_are_exact() {
             radii,
             cell: Cell::Unbounded,
             hydrodynamics: Hydrodynamics::StokesianDynamics,
-            background: Background {
-                xx: strain("xx"),
-                yy: strain("yy"),
-                xy: strain("xy"),
-                angular_velocity: 0.0,
-            },
+            background: VelocityGradient::from_parts(&["xx", "yy", "xy"].map(strain), &0.0),
             forces: vectors(&case["forces"]),
             torques: vec![0.0; 2],
         };

@@ -3,10 +3,10 @@
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::model::{Segment, StartLayer};
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, Layer, NearFields, Params, Sample, Simulation,
-    Snapshot, TangentialLaw,
+    Snapshot, TangentialLaw, VelocityGradient,
 };
 
 /// A dense layer of rough rigid spheres with friction.
@@ -161,7 +161,7 @@ fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(side, offset).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

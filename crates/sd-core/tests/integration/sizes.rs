@@ -3,8 +3,8 @@
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::{
-    Bulk, ContactScheme, Hydrodynamics, ImposedFlow as _, Layer, LeadingOrder, NearFields, Params,
-    RunSpace, Simulation, Snapshot,
+    Bulk, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace,
+    Simulation, Snapshot, VelocityGradient,
 };
 
 /// Parameters of a layer of these sizes.
@@ -44,7 +44,7 @@ fn viscosity<S: RunSpace>(params: &Params, change: f64, tables: &NearFields) -> 
         centres: start.centres,
         cell: Cell::equal_sides(start.side, 0.0).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: S::Background::simple_shear(1.0),
+        background: VelocityGradient::<S>::simple_shear(1.0),
     };
     let instant = solve(&configuration, &InstantContacts::None, tables).unwrap();
     let stress = instant.stress.unwrap();

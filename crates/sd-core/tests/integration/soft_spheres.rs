@@ -13,14 +13,13 @@
 
 use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Matrix3, Vector3};
-use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::{Resistance, StageSolver};
 use sd_core::{
     Bulk, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, Neighbours, NormalLaw,
-    Space as _, TangentialLaw,
+    Space as _, TangentialLaw, VelocityGradient,
 };
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -92,7 +91,7 @@ fn instant() -> Instant {
                 cutoff: number("cutoff"),
                 regularisation: number("regularisation"),
             }),
-            background: Background::SHEAR,
+            background: VelocityGradient::simple_shear(1.0),
             forces: vec![Vector::zeros(); radii.len()],
             torques: vec![Vector::zeros(); radii.len()],
             radii,

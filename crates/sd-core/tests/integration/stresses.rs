@@ -5,10 +5,10 @@ use sd_core::cell::Cell;
 use sd_core::contact::{Contact, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::tangent;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, StressComponents,
-    StressParts, TangentialLaw,
+    StressParts, TangentialLaw, VelocityGradient,
 };
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -56,7 +56,7 @@ fn layer(tables: &NearFields) -> Configuration {
         radii: snapshot.radii,
         cell: Cell::equal_sides(snapshot.side, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     }
@@ -153,7 +153,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
         radii: vec![1.0; 2],
         cell: Cell::equal_sides(40.0, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); 2],
         torques: vec![0.0; 2],
     };
@@ -198,11 +198,7 @@ fn mirror_image_resists_its_mirrored_flow_as_much() {
             .iter()
             .map(|x| Vec2::new(-x.x, x.y))
             .collect(),
-        background: Background {
-            xy: -0.5,
-            angular_velocity: 0.5,
-            ..Background::SHEAR
-        },
+        background: VelocityGradient::simple_shear(-1.0),
         ..configuration.clone()
     };
     let [one, two] = [&configuration, &mirrored]
@@ -226,12 +222,7 @@ fn quarter_turn_exchanges_flow_and_gradient() {
     let tables = tables();
     let strained = Configuration {
         // Strain without rotation, at an angle to the axes.
-        background: Background {
-            xx: 0.3,
-            yy: -0.3,
-            xy: 0.4,
-            angular_velocity: 0.0,
-        },
+        background: VelocityGradient::from_parts(&[0.3, -0.3, 0.4], &0.0),
         ..layer(&tables)
     };
     let turned = Configuration {
@@ -240,12 +231,7 @@ fn quarter_turn_exchanges_flow_and_gradient() {
             .iter()
             .map(|x| Vec2::new(-x.y, x.x))
             .collect(),
-        background: Background {
-            xx: -0.3,
-            yy: 0.3,
-            xy: -0.4,
-            angular_velocity: 0.0,
-        },
+        background: VelocityGradient::from_parts(&[-0.3, 0.3, -0.4], &0.0),
         ..strained.clone()
     };
     let [one, two] = [&strained, &turned]

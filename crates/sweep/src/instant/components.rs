@@ -1,7 +1,7 @@
 //! Vectors in JSON: two components in a layer, three in a suspension.
 
 use sd_core::RunSpace;
-use sd_core::{Bulk, Layer, Space, bulk, modes};
+use sd_core::{Bulk, Layer, VelocityGradient};
 use serde::de::{DeserializeOwned, Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
@@ -114,10 +114,10 @@ pub trait Written: RunSpace {
     ///
     /// # Errors
     /// What is wrong with its rate of strain.
-    fn flow_of(strain: Self::Rates, turning: Self::Turning) -> Result<Self::Background, String>;
-
-    /// Simple shear.
-    fn shear() -> Self::Background;
+    fn flow_of(
+        strain: Self::Rates,
+        turning: Self::Turning,
+    ) -> Result<VelocityGradient<Self>, String>;
 }
 
 /// Rate of strain of a layer in JSON.
@@ -166,17 +166,8 @@ impl Written for Layer {
     fn flow_of(
         PlanarStrain { xx, yy, xy }: PlanarStrain,
         turning: f64,
-    ) -> Result<modes::Background, String> {
-        Ok(modes::Background {
-            xx,
-            yy,
-            xy,
-            angular_velocity: turning,
-        })
-    }
-
-    fn shear() -> modes::Background {
-        modes::Background::SHEAR
+    ) -> Result<VelocityGradient<Self>, String> {
+        Ok(VelocityGradient::from_parts(&[xx, yy, xy], &turning))
     }
 }
 
@@ -197,7 +188,7 @@ impl Written for Bulk {
         spin.as_slice().to_vec()
     }
 
-    fn flow_of(strain: Strain, turning: Components<3>) -> Result<bulk::Background, String> {
+    fn flow_of(strain: Strain, turning: Components<3>) -> Result<VelocityGradient<Self>, String> {
         let Strain {
             xx,
             yy,
@@ -212,13 +203,7 @@ impl Written for Bulk {
                 "its trace xx + yy + zz is {trace}, must be 0: the fluid is incompressible"
             ));
         }
-        Ok(bulk::Background {
-            rate_of_strain: bulk::TracelessTensor { xx, yy, xy, xz, yz },
-            angular_velocity: <Self as Written>::spin_of(turning),
-        })
-    }
-
-    fn shear() -> <Self as Space>::Background {
-        bulk::Background::SHEAR
+        let spin = <Self as Written>::spin_of(turning);
+        Ok(VelocityGradient::from_parts(&[xx, yy, xy, xz, yz], &spin))
     }
 }

@@ -2,7 +2,8 @@ mod suspensions;
 
 use super::*;
 use proptest::prelude::*;
-use sd_core::modes::{Background, Vec2};
+use sd_core::VelocityGradient;
+use sd_core::modes::Vec2;
 
 fn message(text: &str) -> String {
     read_in::<Layer>(text.as_bytes()).unwrap_err().to_string()
@@ -16,7 +17,10 @@ fn example_of_the_interface_is_read() {
         "forces": [[0, 0], [0, 0]], "torques": [0, 0], "contact": {"scheme": "none"}}"#;
     let (configuration, _) = read_in::<Layer>(text.as_bytes()).unwrap();
     assert_eq!(configuration.centres[1], Vec2::new(2.1, 0.0));
-    assert_eq!(configuration.background, Background::SHEAR);
+    assert_eq!(
+        configuration.background,
+        VelocityGradient::simple_shear(1.0)
+    );
 }
 
 #[test]

@@ -8,7 +8,6 @@ use crate::contact::{Quality, SolvePass};
 use crate::error::Error;
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::ImposedFlow as _;
 use crate::space::cell::Cell;
 use crate::stage::StageContacts;
 
@@ -35,7 +34,7 @@ impl<S: Starts> Simulation<S> {
             .iter_mut()
             .zip(S::by_sphere(solver.velocities()));
         for ((u, v), x) in spheres.zip(centres) {
-            let flow = S::join(&background.velocity_at(x), &background.spin());
+            let flow = S::join(&background.velocity(x), &background.angular_velocity());
             for k in 0..S::MODES {
                 u[k] = v[k] + flow[k];
             }

@@ -6,7 +6,7 @@ use crate::contact::laws::StageKind;
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
-use crate::space::{ImposedFlow as _, Layer, Space};
+use crate::space::{Layer, Space};
 
 /// The spheres at one instant of a run.
 #[derive(Default, Debug, Clone, PartialEq)]
@@ -148,7 +148,10 @@ impl<S: Starts> Simulation<S> {
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
             if stage.kind == StageKind::Midpoint {
                 let spin = S::rotation(&S::by_sphere(&self.first)[sphere]);
-                S::turned(orientation, &((spin + self.background.spin()) * ahead))
+                S::turned(
+                    orientation,
+                    &((spin + self.background.angular_velocity()) * ahead),
+                )
             } else {
                 *orientation
             }

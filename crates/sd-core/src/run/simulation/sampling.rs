@@ -9,7 +9,7 @@ use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::ImposedFlow as _;
+use crate::space::VelocityGradient;
 use crate::stress::{ContactCounts, Stress};
 
 /// What a step records.
@@ -57,7 +57,7 @@ impl<S: Starts> Simulation<S> {
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
-        let primary = S::Background::simple_shear(self.params.direction);
+        let primary = VelocityGradient::<S>::simple_shear(self.params.direction);
         let flow = &self.background;
         let mut stress = self.stress.stress(&self.solver, flow, &primary, content);
         if self.params.at_rest {

@@ -13,7 +13,7 @@ use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::ImposedFlow as _;
+use crate::space::VelocityGradient;
 use crate::space::cell::Cell;
 use std::f64::consts::PI;
 
@@ -216,7 +216,7 @@ impl<S: Starts> Simulation<S> {
         let (stress, direction) = (self.params.shear_stress, self.params.direction);
         self.params.take(run, &imposed);
         self.imposed = imposed;
-        self.background = S::Background::simple_shear(self.params.direction)
+        self.background = VelocityGradient::<S>::simple_shear(self.params.direction)
             .with_cross_shear(imposed.cross_rate());
         if self.params.direction != direction
             && let SchemeMemory::Procedure { velocities, .. } = &mut self.memory

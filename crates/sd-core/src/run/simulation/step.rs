@@ -7,8 +7,8 @@ use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::run::spaces::Starts;
 use crate::run::steppers::{Midpoint, Stages, State, Stepper};
+use crate::space::Space;
 use crate::space::pair::Neighbours;
-use crate::space::{ImposedFlow as _, Space};
 
 /// Outcome of an attempt at a step.
 enum Attempt {
@@ -375,7 +375,7 @@ impl<S: Starts> Simulation<S> {
         for (u, &x) in spheres.zip(&self.state.centres) {
             // The centre has already moved by u dt; its mean position is half a step back.
             let mean = x - S::translation(u) * (0.5 * dt);
-            let flow = S::join(&background.velocity_at(&mean), &background.spin());
+            let flow = S::join(&background.velocity(&mean), &background.angular_velocity());
             for k in 0..S::MODES {
                 u[k] -= flow[k];
             }

@@ -12,9 +12,9 @@ use crate::model::{ContactScheme, Hydrodynamics, Params};
 use crate::run::simulation::{Simulation, Snapshot};
 use crate::run::start;
 use crate::run::steppers::{RungeKutta, State};
-use crate::space::Layer;
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
+use crate::space::modes::Vec2;
+use crate::space::{Layer, VelocityGradient};
 use crate::stage::{StageContacts, StageSolver};
 
 fn params(hydrodynamics: Hydrodynamics) -> Params {
@@ -145,7 +145,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, strain * snapshot.side)?,
         hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     };
@@ -217,7 +217,7 @@ fn shear(
     )?;
     let mut motion = StageSolver::new(resistance);
     let mut integrator = RungeKutta::default();
-    let background = Background::SHEAR;
+    let background = VelocityGradient::simple_shear(1.0);
     for k in 0..steps {
         let time = from + f64::from(k) * dt;
         integrator.step(state, time, dt, |stage, centres, velocities| {
@@ -226,8 +226,8 @@ fn shear(
             motion.solve(&background, &[], StageContacts::None, SolvePass::First)?;
             velocities.copy_from_slice(motion.velocities());
             for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
-                u[0] += background.velocity(x).x;
-                u[2] += background.angular_velocity;
+                u[0] += background.velocity(&x).x;
+                u[2] += background.angular_velocity();
             }
             Ok::<(), Error>(())
         })?;

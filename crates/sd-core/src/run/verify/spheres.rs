@@ -7,8 +7,9 @@ use crate::hydrodynamics::two_sphere::scalars;
 use crate::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use crate::model::Hydrodynamics;
 use crate::run::pair::{PairScenario, PairTrajectory, pass};
+use crate::space::VelocityGradient;
 use crate::space::cell::Cell;
-use crate::space::modes::{Background, Vec2};
+use crate::space::modes::Vec2;
 use std::f64::consts::PI;
 
 pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
@@ -59,7 +60,7 @@ pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {
 fn unbounded(
     centres: Vec<Vec2>,
     radii: Vec<f64>,
-    background: Background,
+    background: VelocityGradient,
     force: Vec2,
 ) -> Result<SolvedConfiguration, Error> {
     let n = radii.len();
@@ -83,7 +84,12 @@ fn unbounded(
 /// Drag and stresslet of one sphere.
 pub(super) fn isolated_sphere(all: &mut Vec<Check>) -> Result<(), Error> {
     let one = vec![Vec2::zeros()];
-    let dragged = unbounded(one.clone(), vec![1.0], Background::QUIESCENT, Vec2::x())?;
+    let dragged = unbounded(
+        one.clone(),
+        vec![1.0],
+        VelocityGradient::at_rest(),
+        Vec2::x(),
+    )?;
     let velocity = dragged.disturbances[0][0];
     all.push(Check::near(
         "6π × velocity of one sphere under unit force",
@@ -92,7 +98,12 @@ pub(super) fn isolated_sphere(all: &mut Vec<Check>) -> Result<(), Error> {
         1e-12,
         "Stokes 1851",
     ));
-    let sheared = unbounded(one, vec![1.0], Background::SHEAR, Vec2::zeros())?;
+    let sheared = unbounded(
+        one,
+        vec![1.0],
+        VelocityGradient::simple_shear(1.0),
+        Vec2::zeros(),
+    )?;
     all.push(Check::near(
         "S_xy of one sphere in shear",
         sheared.stresslet(0).2,
@@ -113,7 +124,12 @@ pub(super) fn two_sphere_mobilities(all: &mut Vec<Check>) -> Result<(), Error> {
         (1.0, 3.9, Vec2::x(), 1, 0, 0.01957931),
     ] {
         let centres = vec![Vec2::zeros(), Vec2::new(separation, 0.0)];
-        let pair = unbounded(centres, vec![1.0, radius], Background::QUIESCENT, force)?;
+        let pair = unbounded(
+            centres,
+            vec![1.0, radius],
+            VelocityGradient::at_rest(),
+            force,
+        )?;
         let direction = if force.x == 1.0 { "x" } else { "y" };
         all.push(Check::near(
             format!(

@@ -7,9 +7,8 @@ use crate::hydrodynamics::two_sphere::twist;
 use crate::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, TangentialLaw};
 use crate::run::simulation::Simulation;
-use crate::space::Bulk;
-use crate::space::bulk::Background;
 use crate::space::cell::Cell;
+use crate::space::{Bulk, VelocityGradient};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -30,7 +29,7 @@ fn sheared(
         radii: vec![1.0; n],
         cell: Cell::equal_sides(side, offset)?,
         hydrodynamics,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vector3::x() * force; n],
         torques: vec![Vector3::zeros(); n],
     };

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
-use crate::space::modes::Background;
+use crate::space::VelocityGradient;
 use nalgebra::{DMatrix, DVector};
 
 /// State of a contact.
@@ -53,7 +53,7 @@ fn solve(near: &Resistance, x: &mut [f64]) {
 impl<'a> DenseContacts<'a> {
     /// The problem of all pairs that may touch.
     pub(super) fn new(near: &'a Resistance, surface: &Surface, time_span: f64) -> Self {
-        let shear = Background::SHEAR;
+        let shear = VelocityGradient::simple_shear(1.0);
         let pairs = near.neighbours().iter();
         let list: Vec<_> = pairs
             .filter(|pair| pair.gap < surface.roughness + 0.05)

@@ -5,10 +5,10 @@ use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::law::CustomNormalLaw;
-use sd_core::modes::{Background, Vec2};
+use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Flow, FrictionOnset, Hydrodynamics, Layer, NearFields, NormalLaw,
-    Params, Simulation, TangentialLaw,
+    Params, Simulation, TangentialLaw, VelocityGradient,
 };
 
 /// The layer of these tests.
@@ -85,7 +85,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
             radii: snapshot.radii.clone(),
             cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
             hydrodynamics: Hydrodynamics::StokesianDynamics,
-            background: Background::SHEAR,
+            background: VelocityGradient::simple_shear(1.0),
             forces: vec![Vec2::zeros(); params.spheres],
             torques: vec![0.0; params.spheres],
         };

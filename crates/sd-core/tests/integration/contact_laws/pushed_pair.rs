@@ -9,8 +9,8 @@ use sd_core::internals::{
 };
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::model::DEEPEST_OVERLAP;
-use sd_core::modes::{Background, Vec2};
-use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw};
+use sd_core::modes::Vec2;
+use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw, VelocityGradient};
 
 /// A pair moved in time under constant forces along and across its line of centres.
 pub(super) struct Pushed {
@@ -87,7 +87,12 @@ pub(super) fn pushed_by(
                 };
                 let law = StageContacts::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;
-                motion.solve(&Background::QUIESCENT, &external, law, SolvePass::First)?;
+                motion.solve(
+                    &VelocityGradient::at_rest(),
+                    &external,
+                    law,
+                    SolvePass::First,
+                )?;
                 if stage.number == 0 {
                     first = motion.velocities().to_vec();
                 }
@@ -229,10 +234,7 @@ fn stick_slide_does_not_know_its_frame() {
     assert!((gap(&still) - gap(&turned)).abs() < 1e-12);
     // It does not stretch under a rigid rotation of the pair either, which has no slip.
     let mut whole = pair(0.0075, 5.0, 0.0);
-    whole.background = Background {
-        angular_velocity: 0.7,
-        ..Background::QUIESCENT
-    };
+    whole.background = VelocityGradient::from_parts(&[0.0; 3], &0.7);
     let c = solved(&whole, &laws, 0.001).contacts[0];
     assert!(c.slip_velocity.abs() < 1e-12 && c.tangential_force.abs() < 1e-9);
 }

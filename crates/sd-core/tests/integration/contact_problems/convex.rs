@@ -15,7 +15,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
-use sd_core::{Bulk, ImposedFlow as _, Layer, NearFields, Params, RunSpace, Simulation};
+use sd_core::{Bulk, Layer, NearFields, Params, RunSpace, Simulation, VelocityGradient};
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -96,7 +96,7 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
         radii: run.radii().to_vec(),
         cell: S::cell(run.side(), run.offset_at(run.strain())),
         hydrodynamics: params.hydrodynamics,
-        background: S::Background::simple_shear(params.direction),
+        background: VelocityGradient::<S>::simple_shear(params.direction),
         forces: vec![S::Vector::default(); n],
         torques: vec![S::Spin::default(); n],
     };
@@ -148,7 +148,7 @@ fn convex_minimum<S: Read>(
         resistance.apply(velocities, strain, &mut work, &mut forces, &mut stresslets);
         forces.clone()
     };
-    let drag = apply(&vec![0.0; size], &background.strain_components());
+    let drag = apply(&vec![0.0; size], &background.strain());
     let sliding: Vec<&Contact<S>> = contacts
         .iter()
         .filter(|c| c.state != ContactState::Frictionless)

@@ -2,14 +2,16 @@
 
 use super::{LUBRICATION, laws, params, rigid, sheared, springs, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sd_core::bulk::Background;
 use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Laws, PairForces};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::{SolvePass, Span, StageContacts};
 use sd_core::model::{SolverSettings, Surface};
-use sd_core::modes::{Background as Planar, Vec2};
-use sd_core::{Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, TangentialLaw};
+use sd_core::modes::Vec2;
+use sd_core::{
+    Bulk, ContactLaws, Hydrodynamics, Layer, Method, NearFields, Space, TangentialLaw,
+    VelocityGradient,
+};
 
 fn request<S: Space>(
     laws: &ContactLaws,
@@ -63,7 +65,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                     radii: vec![1.0; 7],
                     cell: Cell::Unbounded,
                     hydrodynamics,
-                    background: Planar::SHEAR,
+                    background: VelocityGradient::simple_shear(1.0),
                     forces: FORCES.map(Vec2::from).to_vec(),
                     torques: TORQUES.to_vec(),
                 },
@@ -92,7 +94,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                     radii: vec![1.0; 7],
                     cell: Cell::Unbounded,
                     hydrodynamics,
-                    background: Background::SHEAR,
+                    background: VelocityGradient::simple_shear(1.0),
                     forces: FORCES.map(flat).to_vec(),
                     torques: TORQUES.map(|t| Vector3::new(0.0, 0.0, t)).to_vec(),
                 },
@@ -148,7 +150,7 @@ fn cluster(laws: ContactLaws) -> (Configuration<Bulk>, PairForces<Bulk>) {
         radii: snapshot.radii.clone(),
         cell: Cell::Unbounded,
         hydrodynamics: LUBRICATION,
-        background: Background::SHEAR,
+        background: VelocityGradient::simple_shear(1.0),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     };
@@ -173,13 +175,10 @@ fn motion_and_contact_forces_turn_with_the_configuration() {
         for x in &mut turned.centres {
             *x = turn * *x;
         }
-        let t = configuration.background.rate_of_strain;
-        let m = Matrix3::new(t.xx, t.xy, t.xz, t.xy, t.yy, t.yz, t.xz, t.yz, -t.xx - t.yy);
-        let m = turn.matrix() * m * turn.matrix().transpose();
-        let strain = &mut turned.background.rate_of_strain;
-        (strain.xx, strain.yy, strain.xy) = (m[(0, 0)], m[(1, 1)], m[(0, 1)]);
-        (strain.xz, strain.yz) = (m[(0, 2)], m[(1, 2)]);
-        turned.background.angular_velocity = turn * configuration.background.angular_velocity;
+        let rows = [0, 1, 2].map(|k| configuration.background.rows()[k].transpose());
+        let gradient = turn.matrix() * Matrix3::from_rows(&rows) * turn.matrix().transpose();
+        let rows = [0, 1, 2].map(|k| gradient.row(k).transpose());
+        turned.background = VelocityGradient::new(&rows).unwrap();
         let along = stretched.0.iter().map(|&(i, j, t)| (i, j, turn * t));
         let along = PairForces(along.collect());
         let tables = NearFields::default();
@@ -400,7 +399,12 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
             memory: &mut memory,
         };
         let quality = stage
-            .solve(&Background::SHEAR, &[], contact, SolvePass::First)
+            .solve(
+                &VelocityGradient::simple_shear(1.0),
+                &[],
+                contact,
+                SolvePass::First,
+            )
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         systems += quality.systems;
