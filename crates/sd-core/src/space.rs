@@ -52,13 +52,13 @@ impl<T> Linear for T where
 {
 }
 
-/// A fixed number of equal elements.
-pub trait Few<T>:
+/// An array `[T; N]` whose N depends on the space.
+pub trait FixedArray<T>:
     Copy + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
 {
 }
 
-impl<T: Copy, const N: usize> Few<T> for [T; N] {}
+impl<T: Copy, const N: usize> FixedArray<T> for [T; N] {}
 
 /// A layer or a suspension.
 ///
@@ -83,7 +83,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Positions, velocities, forces.
     type Vector: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// The form of a vector in snapshots.
-    type Point: Few<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
+    type Point: FixedArray<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// An image of the cell, by the number of cells along each axis.
     type Image: Copy
         + Debug
@@ -102,15 +102,15 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// A traceless tensor, see [`Space::tensor`].
-    type Tensor: Few<f64> + Debug + PartialEq + Default;
+    type Tensor: FixedArray<f64> + Debug + PartialEq + Default;
     /// A value per velocity of a sphere.
-    type PerMode<T: Copy>: Few<T>;
+    type PerMode<T: Copy>: FixedArray<T>;
     /// A value per component of a slip.
-    type PerTangent<T: Copy>: Few<T>;
+    type PerTangent<T: Copy>: FixedArray<T>;
     /// Weights of the velocities of two spheres.
-    type Weights: Few<f64> + Debug + PartialEq;
+    type Weights: FixedArray<f64> + Debug + PartialEq;
     /// Forces and torques of a sphere from velocities of one, by columns.
-    type Block: Few<f64> + Debug + PartialEq;
+    type Block: FixedArray<f64> + Debug + PartialEq;
 
     /// Scalar product.
     fn dot(a: &Self::Vector, b: &Self::Vector) -> f64;
@@ -127,13 +127,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Converts a vector from the form of snapshots.
     fn vector(point: &Self::Point) -> Self::Vector;
 
-    /// The same for all velocities of a sphere.
+    /// The value, once for each velocity of a sphere.
     fn each<T: Copy>(value: T) -> Self::PerMode<T>;
 
     /// Splits a list of all spheres by sphere.
     fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>];
 
-    /// The same, mutable.
+    /// Splits a mutable list of all spheres by sphere.
     fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>];
 
     /// A block of zeros.
@@ -148,7 +148,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The vector part of the result of [`Space::join`].
     fn translation(modes: &Self::PerMode<f64>) -> Self::Vector;
 
-    /// The other part.
+    /// The angular velocity or torque in the result of [`Space::join`].
     fn rotation(modes: &Self::PerMode<f64>) -> Self::Spin;
 
     /// Orthonormal directions perpendicular to the line of centres.
@@ -179,13 +179,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// directions.
     fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
 
-    /// The same for each component of a slip.
+    /// The value, once for each component of a slip.
     fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
 
     /// Splits a list of all slips.
     fn by_slip<T: Copy>(list: &[T]) -> &[Self::PerTangent<T>];
 
-    /// The same, mutable.
+    /// Splits a mutable list of all slips.
     fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerTangent<T>];
 
     /// Scalar product of vectors perpendicular to the line of centres.

@@ -12,25 +12,24 @@
 //! `(U_x, U_y, Ω)` of sphere 0, …. So the block of the inverse that is needed explicitly, force
 //! from velocity, is the trailing one.
 
-pub(crate) mod bulk;
 mod ewald;
-mod grid;
-pub(crate) mod kernels;
-pub(crate) mod operator;
+pub(crate) mod far_operator;
+pub(crate) mod far_resistance;
+mod planar_grid;
 mod real_space;
-pub(crate) mod resistance;
-pub(crate) mod unbounded;
+pub(crate) mod suspension;
 mod wave_space;
 
 use crate::error::Error;
+use crate::hydrodynamics::free_space::kernels::{self, FiniteSize, LANES};
+use crate::hydrodynamics::free_space::planar;
 use crate::linalg::cholesky::tiled::TiledMatrix;
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use ewald::{Ewald, Target, cut_offs};
-use kernels::{FiniteSize, LANES};
+pub use far_resistance::FarResistance;
 use real_space::RealSpace;
-pub use resistance::FarResistance;
 use std::f64::consts::PI;
 use wave_space::WaveSpace;
 
@@ -179,7 +178,7 @@ impl FarField {
                     for i in j + 1..n {
                         let separation = centres[i] - centres[j];
                         let [ij, ji] =
-                            unbounded::pair_lanes(separation, &self.sizes[i], &self.sizes[j]);
+                            planar::pair_lanes(separation, &self.sizes[i], &self.sizes[j]);
                         target.write_pair(i, j, &kernels::blocks(&ij, &ji));
                     }
                 }

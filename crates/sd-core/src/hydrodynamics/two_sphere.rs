@@ -16,20 +16,19 @@
 //! - `far_pair`: `R2B∞` near contact
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
 //! - `twist`: X^C, which only a suspension needs, in closed form and tabulated
-//! - `coupling`: a pair matrix in three dimensions, as the fifteen numbers of each of its blocks
+//! - `pair_couplings`: a pair matrix in three dimensions, as the fifteen numbers of each block
 
-mod coupling;
 mod equal_spheres;
 mod far_pair;
 mod leading_order;
 mod near_contact;
+mod pair_couplings;
 mod pair_frame;
 mod pair_term;
 mod series;
 mod table;
 mod twist;
 
-pub(crate) use coupling::{Coupling, MODES, Modes};
 pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;

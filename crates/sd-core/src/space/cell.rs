@@ -89,10 +89,10 @@ impl<S: Space> Cell<S> {
         }
     }
 
-    /// As [`Cell::periodic`], with equal sides.
+    /// A sheared cell with equal sides, see [`Cell::periodic`].
     ///
     /// # Errors
-    /// As [`Cell::periodic`].
+    /// Those of [`Cell::periodic`].
     pub fn equal_sides(side: f64, offset: f64) -> Result<Self, Error> {
         let mut sides = S::Vector::default();
         for k in 0..S::DIMENSIONS {

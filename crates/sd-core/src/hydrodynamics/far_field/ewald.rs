@@ -1,9 +1,9 @@
 //! The periodic mobility: real- and wave-space sums combined, block by block.
 
-use super::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
 use super::real_space::RealSpace;
-use super::unbounded::{self, RadialChain, self_mobility};
 use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
+use crate::hydrodynamics::free_space::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
+use crate::hydrodynamics::free_space::planar::{self, RadialChain, self_mobility};
 use crate::linalg::cholesky::tiled::{TILE, TiledMatrix};
 use crate::linalg::simd::vectorised;
 use crate::space::cell::Lattice;
@@ -79,7 +79,7 @@ pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> 
         let x = Vec2::new(distance, 0.0);
         let (point, laplacian) =
             RadialChain::screened(distance * distance, alpha).radial_functions();
-        let lanes = [unbounded::lanes(&point, x), unbounded::lanes(&laplacian, x)];
+        let lanes = [planar::lanes(&point, x), planar::lanes(&laplacian, x)];
         if ring * magnitude(lanes) / (8.0 * PI) < limit {
             break;
         }
@@ -166,7 +166,7 @@ impl Ewald {
     ) {
         let (point, laplacian) = RadialChain::own_image(self.alpha).radial_functions();
         let own = [point, laplacian]
-            .map(|radial| unbounded::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
+            .map(|radial| planar::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
         for (i, size) in sizes.iter().enumerate() {
             let factors = size.factors(size);
             let own = kernels::finite_size(&own[0], &own[1], &factors);

@@ -5,8 +5,8 @@
 //! octave of r² evenly, so that the bits of r² are the index, and narrow where the functions are
 //! steep.
 
-use super::kernels::{self, LANES, Lanes, RADIAL};
-use super::unbounded::{self, RadialChain};
+use crate::hydrodynamics::free_space::kernels::{self, LANES, Lanes, RADIAL};
+use crate::hydrodynamics::free_space::planar::{self, RadialChain};
 use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::PI;
@@ -262,7 +262,7 @@ impl RealSpace {
             } else {
                 table.evaluate(square)
             };
-            *lanes = unbounded::lanes(&radial, separation);
+            *lanes = planar::lanes(&radial, separation);
         }
         lanes
     }

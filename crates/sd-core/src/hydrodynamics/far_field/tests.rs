@@ -1,7 +1,7 @@
 //! Tests of the periodic sums and of the resistance made from them.
 
-use super::unbounded::self_mobility;
 use super::*;
+use crate::hydrodynamics::free_space::planar::self_mobility;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
 use crate::space::cell::Lattice;
@@ -189,7 +189,7 @@ fn force_free_sources_agree_with_a_plain_lattice_sum() {
                         if i == j && p == 0 && q == 0 {
                             continue;
                         }
-                        let block = unbounded::pair_mobility(
+                        let block = planar::pair_mobility(
                             centres[i] - centres[j] - image,
                             radii[i],
                             radii[j],

@@ -9,7 +9,7 @@
 //! Per pair the twenty lanes are sums over k of weights times cos k·x (even lanes) or sin k·x (odd
 //! ones): with one row per pair, two products of a tall matrix and a narrow one.
 
-use super::kernels::{self, LANES, Lanes, RADIAL};
+use crate::hydrodynamics::free_space::kernels::{self, LANES, Lanes, RADIAL};
 use crate::linalg::dense::{Matrix, product};
 use crate::linalg::simd::vectorised;
 use crate::space::cell::Lattice;
@@ -101,7 +101,7 @@ pub(crate) struct WaveSpace {
     /// Powers of e^(i 2π X), real then imaginary, `[N × 2]` per power; X is the first lattice
     /// coordinate.
     powers_x: Matrix,
-    /// The same powers of the second coordinate.
+    /// Powers of e^(i 2π Y) of the second lattice coordinate, likewise.
     powers_y: Matrix,
 }
 

@@ -6,8 +6,10 @@
 use super::fluid::{Both, FarMatrix, FarProduct, Fluid, NearTerm};
 use super::pairwise::Reach;
 use crate::error::Error;
-use crate::hydrodynamics::far_field::bulk::{DenseMobility, MobilityOperator, self_mobility};
-use crate::hydrodynamics::two_sphere::{Coupling, MODES, Modes, PairTerm};
+use crate::hydrodynamics::far_field::suspension::{DenseMobility, MobilityOperator};
+use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
+use crate::hydrodynamics::free_space::spatial::self_mobility;
+use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::skyline::SkylineCholesky;
 use crate::linalg::cholesky::trailing::trailing_inverse;
 use crate::linalg::dense::Matrix;

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
 use crate::space::cell::Cell;
-use crate::space::{Few, Space};
+use crate::space::{FixedArray, Space};
 
 /// A space with its hydrodynamics.
 pub trait Fluid: Space {
@@ -16,7 +16,7 @@ pub trait Fluid: Space {
     /// The far field as products with the mobility.
     type Operator: FarProduct<Self>;
     /// A value for each mode of a sphere, strains first.
-    type PerAnyMode<T: Copy>: Few<T>;
+    type PerAnyMode<T: Copy>: FixedArray<T>;
     /// Whether spheres twist about their line of centres.
     const TWISTS: bool;
     /// Whether pairs beyond the cutoff of leading-order lubrication, of which a sphere has many in

@@ -8,7 +8,7 @@
 use super::pair_frame::{self, ENTRIES};
 use super::pair_term::PairTerm;
 use super::table::scaled;
-use crate::hydrodynamics::far_field::unbounded::self_mobility;
+use crate::hydrodynamics::free_space::planar::self_mobility;
 use nalgebra::SVector;
 use std::f64::consts::PI;
 

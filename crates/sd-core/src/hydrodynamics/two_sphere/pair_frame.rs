@@ -11,7 +11,7 @@
 //! Each block is stored as its upper triangle, row by row, in this order.
 
 use super::Scalars;
-use crate::hydrodynamics::far_field::unbounded::{pair_mobility, self_mobility};
+use crate::hydrodynamics::free_space::planar::{pair_mobility, self_mobility};
 use crate::space::modes::Vec2;
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;

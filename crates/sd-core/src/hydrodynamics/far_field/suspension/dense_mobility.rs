@@ -8,13 +8,15 @@
 //! Rows are ordered strain first: the 5N strains or stresslets, then the 6N velocities `(U, Ω)` or
 //! forces.
 
-use super::kernels::{couplings, finite_size, pair_mobility, self_mobility};
 use crate::error::Error;
 use crate::hydrodynamics::far_field::check;
-use crate::hydrodynamics::far_field::grid::axis::highest;
-use crate::hydrodynamics::far_field::kernels::FiniteSize;
-use crate::hydrodynamics::far_field::unbounded::{RadialChain, self_mobility as planar_self};
-use crate::hydrodynamics::two_sphere::{Coupling, MODES};
+use crate::hydrodynamics::far_field::planar_grid::axis::highest;
+use crate::hydrodynamics::free_space::coupling::{Coupling, MODES};
+use crate::hydrodynamics::free_space::kernels::FiniteSize;
+use crate::hydrodynamics::free_space::planar::{RadialChain, self_mobility as planar_self};
+use crate::hydrodynamics::free_space::spatial::{
+    couplings, finite_size, pair_mobility, self_mobility,
+};
 use crate::linalg::dense::{Matrix, add_outer};
 use crate::linalg::simd::vectorised;
 use crate::space::Bulk;

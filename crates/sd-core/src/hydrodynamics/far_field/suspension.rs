@@ -7,14 +7,12 @@
 //! In a periodic cell the wave vector k = 0 is left out: velocities are those in the frame in which
 //! the whole suspension has no mean flow, and E∞ is the mean rate of strain.
 
-mod dense;
-mod grid;
-mod kernels;
-mod operator;
+mod bulk_grid;
+mod dense_mobility;
+mod mobility_operator;
 
-pub(crate) use dense::DenseMobility;
-pub(crate) use kernels::self_mobility;
-pub(crate) use operator::MobilityOperator;
+pub(crate) use dense_mobility::DenseMobility;
+pub(crate) use mobility_operator::MobilityOperator;
 
 #[cfg(test)]
 mod tests;

@@ -3,14 +3,14 @@
 //! The short-ranged part is a sum over near pairs, their couplings kept; the long-ranged part goes
 //! through a grid.
 
-use super::dense::{Splitting, images};
-use super::grid::Grid;
-use super::kernels::{couplings, finite_size, self_mobility};
+use super::bulk_grid::Grid;
+use super::dense_mobility::{Splitting, images};
 use crate::error::Error;
-use crate::hydrodynamics::far_field::kernels::FiniteSize;
-use crate::hydrodynamics::far_field::unbounded::RadialChain;
 use crate::hydrodynamics::far_field::{check, check_content};
-use crate::hydrodynamics::two_sphere::{Coupling, Modes};
+use crate::hydrodynamics::free_space::coupling::{Coupling, Modes};
+use crate::hydrodynamics::free_space::kernels::FiniteSize;
+use crate::hydrodynamics::free_space::planar::RadialChain;
+use crate::hydrodynamics::free_space::spatial::{couplings, finite_size, self_mobility};
 use crate::linalg::simd::vectorised;
 use crate::space::Bulk;
 use crate::space::cell::{Cell, Lattice};

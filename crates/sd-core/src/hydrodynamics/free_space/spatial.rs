@@ -14,9 +14,9 @@
 //! a = −3 (f₂ + r² f₃) a,   σ = −(1/2)(6 f₂ + 5 r² f₃ + r⁴ f₄) σ,   W = −(3 f₂ + r² f₃) W
 //! ```
 
-use crate::hydrodynamics::far_field::kernels::FiniteSize;
-use crate::hydrodynamics::far_field::unbounded::{self, RadialChain};
-use crate::hydrodynamics::two_sphere::Coupling;
+use super::coupling::Coupling;
+use super::kernels::FiniteSize;
+use super::planar::{self, RadialChain};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// 1/(8π).
@@ -53,7 +53,7 @@ fn coupling([f1, f2, f3, f4]: [f64; 4], distance: f64) -> Coupling {
 
 /// The couplings of f and of ∇²f.
 #[inline(always)]
-pub(super) fn couplings(chain: &RadialChain) -> [Coupling; 2] {
+pub(crate) fn couplings(chain: &RadialChain) -> [Coupling; 2] {
     let (f, square) = (&chain.derivatives, chain.square);
     let laplacian = [0, 1, 2, 3].map(|k| (5.0 + 2.0 * k as f64) * f[k + 1] + square * f[k + 2]);
     let distance = square.sqrt();
@@ -65,7 +65,7 @@ pub(super) fn couplings(chain: &RadialChain) -> [Coupling; 2] {
 
 /// `point + factor · laplacian` for the velocity modes of a sphere from the force modes of another.
 #[inline(always)]
-pub(super) fn finite_size(
+pub(crate) fn finite_size(
     [point, laplacian]: &[Coupling; 2],
     to: &FiniteSize,
     from: &FiniteSize,
@@ -93,7 +93,7 @@ pub(super) fn finite_size(
 /// Velocity modes of sphere i from force modes of sphere j in unbounded fluid, for the unit vector
 /// from j to i.
 ///
-/// Signs as in [`unbounded::pair_mobility`], with which it agrees in the plane; radii and distance
+/// Signs as in [`planar::pair_mobility`], with which it agrees in the plane; radii and distance
 /// in a.
 #[inline(always)]
 pub(crate) fn pair_mobility(distance: f64, radius_i: f64, radius_j: f64) -> Coupling {
@@ -107,8 +107,8 @@ pub(crate) fn pair_mobility(distance: f64, radius_i: f64, radius_j: f64) -> Coup
 
 /// Mobility of an isolated sphere: 1/(6πa), 1/(8πa³), 3/(20πa³).
 pub(crate) fn self_mobility(radius: f64) -> Coupling {
-    let planar = unbounded::self_mobility(radius);
-    Coupling::isotropic(planar[0], planar[2], planar[3])
+    let modes = planar::self_mobility(radius);
+    Coupling::isotropic(modes[0], modes[2], modes[3])
 }
 
 #[cfg(test)]
@@ -123,7 +123,7 @@ mod tests {
         let (a, b) = (1.0, 1.4);
         let n = Vector3::new(x.x, x.y, 0.0) / x.norm();
         let found = pair_mobility(x.norm(), a, b).matrix(&n);
-        let layer = unbounded::pair_mobility(x, a, b);
+        let layer = planar::pair_mobility(x, a, b);
         // Modes (U_x, U_y, Ω, e1, e2, e3) among the eleven.
         let planar = [0, 1, 5, 6, 7, 8];
         for (column, &from) in planar.iter().enumerate() {

@@ -9,11 +9,11 @@
 //! Window, its transform and its derivative are those of the layer's grid; reading is the transpose
 //! of writing.
 
-use super::dense::transform;
-use crate::hydrodynamics::far_field::grid::axis::{Axis, WIDTH, Window, plan_axes};
-use crate::hydrodynamics::far_field::grid::{fit, oversampling, pack, split};
-use crate::hydrodynamics::far_field::kernels::FiniteSize;
-use crate::hydrodynamics::two_sphere::Modes;
+use super::dense_mobility::transform;
+use crate::hydrodynamics::far_field::planar_grid::axis::{Axis, WIDTH, Window, plan_axes};
+use crate::hydrodynamics::far_field::planar_grid::{fit, oversampling, pack, split};
+use crate::hydrodynamics::free_space::coupling::Modes;
+use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
 use crate::space::Bulk;
 use crate::space::cell::Lattice;

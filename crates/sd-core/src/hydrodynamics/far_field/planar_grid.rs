@@ -13,8 +13,8 @@
 
 pub(super) mod axis;
 
-use super::kernels::FiniteSize;
 use super::wave_space::transforms;
+use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
 use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;

@@ -95,7 +95,9 @@ fn rotation_from_torque_is_the_sum_over_spheres_of_images() {
                 }
                 let x = x + image;
                 let distance = x.norm();
-                let block = kernels::pair_mobility(distance, 1.0, 1.0).matrix(&(x / distance));
+                let block =
+                    crate::hydrodynamics::free_space::spatial::pair_mobility(distance, 1.0, 1.0)
+                        .matrix(&(x / distance));
                 for (row, sums) in sum.iter_mut().enumerate() {
                     for (column, sum) in sums.iter_mut().enumerate() {
                         *sum += block[3 + column][3 + row];

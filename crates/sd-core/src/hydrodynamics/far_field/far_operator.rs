@@ -7,11 +7,11 @@
 
 use super::check;
 use super::ewald::{CutOffs, cut_offs};
-use super::grid::Grid;
-use super::kernels::{self, FiniteSize};
+use super::planar_grid::Grid;
 use super::real_space::RealSpace;
-use super::unbounded::{self, RadialChain, self_mobility};
 use crate::error::Error;
+use crate::hydrodynamics::free_space::kernels::{self, FiniteSize};
+use crate::hydrodynamics::free_space::planar::{self, RadialChain, self_mobility};
 use crate::linalg::join::join;
 use crate::linalg::simd::vectorised;
 use crate::space::cell::{Cell, Lattice};
@@ -125,7 +125,7 @@ impl FarOperator {
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
         let own = RadialChain::own_image(alpha).radial_functions();
         let own = [own.0, own.1]
-            .map(|radial| unbounded::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
+            .map(|radial| planar::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
         let mut diagonal = vec![[0.0; 6]; radii.len()];
         for ((size, &radius), diagonal) in sizes.iter().zip(radii).zip(&mut diagonal) {
             let image = kernels::finite_size(&own[0], &own[1], &size.factors(size));
