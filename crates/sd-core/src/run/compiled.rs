@@ -183,8 +183,8 @@ impl<S: RunSpace> Simulation<S> {
 /// ```
 /// use sd_core::cell::Cell;
 /// use sd_core::instant::{Configuration, InstantContacts, solve};
-/// use sd_core::modes::{Background, Vec2};
-/// use sd_core::{Hydrodynamics, Layer, NearFields};
+/// use sd_core::modes::Vec2;
+/// use sd_core::{Hydrodynamics, Layer, NearFields, VelocityGradient};
 ///
 /// // The stresslet of one sphere in shear, (20/3)π E.
 /// let alone = Configuration::<Layer> {
@@ -192,7 +192,7 @@ impl<S: RunSpace> Simulation<S> {
 ///     radii: vec![1.0],
 ///     cell: Cell::Unbounded,
 ///     hydrodynamics: Hydrodynamics::StokesianDynamics,
-///     background: Background::SHEAR,
+///     background: VelocityGradient::simple_shear(1.0),
 ///     forces: vec![Vec2::new(0.0, 0.0)],
 ///     torques: vec![0.0],
 /// };
