@@ -86,7 +86,10 @@ impl Run {
         need_numpy(py)?;
         S::check(&params).map_err(raise)?;
         let tables = if params.hydrodynamics.needs_tables() {
-            tables_of(py, &sd_core::start::radii_and_side(&params).map_err(raise)?.0)?
+            tables_of(
+                py,
+                &sd_core::start::radii_and_side(&params).map_err(raise)?.0,
+            )?
         } else {
             NearFields::default()
         };

@@ -3,7 +3,7 @@
 use crate::arrays::Records;
 use crate::instant::Arrays;
 use sd_core::simulation::{Flow, Frame};
-use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot, RunSpace};
+use sd_core::{Bulk, Error, NearFields, Params, RunSpace, Sample, Simulation, Snapshot};
 use sweep::model::spaces::{AnySnapshot, InSpace};
 
 /// A run in either space.

@@ -414,9 +414,7 @@ impl Store {
         let outline = match segment {
             None => self.read(py, draw)?,
             Some(number) => py
-                .detach(|| {
-                    Ok(sweep::campaign::open_segment(source, number)?.map(|store| draw(&store)))
-                })
+                .detach(|| Ok(source.open_segment(number)?.map(|store| draw(&store))))
                 .map_err(|error: sweep::Error| raise(error))?
                 .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
                 .map_err(raise)?,

@@ -3,30 +3,30 @@
 mod elsewhere;
 mod ends_of_runs;
 mod error;
-mod folded;
 mod grid;
 mod protocol;
 mod reader;
 mod seeds;
 mod segments;
+mod shared;
 mod sizes;
 mod start;
+mod start_names;
 
 pub use elsewhere::text_elsewhere;
 pub use error::{CampaignError, Fault};
-pub(crate) use folded::WrittenPoints;
 pub(crate) use reader::nearest;
 
 use crate::model::axes::identity;
-use crate::model::campaign::{CASE_LIMIT, Campaign, PointRule};
+use crate::model::campaign::{self, CASE_LIMIT, Campaign, PointRule};
 use crate::model::case::{Case, CaseKey};
 use crate::model::protocol::Protocol;
-use crate::store::{Store, StoreError, StoreSource};
 use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
 use protocol::Written;
 use reader::{Table, wrong_type};
+use sd_core::Params;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -73,45 +73,23 @@ pub fn parse(file: &str, text: String) -> Result<Campaign, CampaignError> {
         cases,
         rules,
         folded,
+        shared,
     } = laid_out;
     match error::in_file(problems, file, &text) {
         Some(fault) => Err(fault.into()),
         None => Ok(Campaign {
             name,
             file: PathBuf::from(file),
+            written: campaign::Written {
+                shared,
+                starts: start_names::names(&text, cases.iter().map(|(_, case)| &case.params)),
+            },
             text,
             protocol,
             cases,
             rules,
             folded,
         }),
-    }
-}
-
-/// Opens a store for reading, and shows the runs up to one of their segments, by its number from 1,
-/// whose kept strain is averaged.
-///
-/// # Errors
-/// As [`StoreSource::open`]; the inner error is a message about a missing segment, or a campaign
-/// that cannot be read.
-pub fn open_segment(
-    source: &StoreSource,
-    number: usize,
-) -> Result<Result<Store, String>, StoreError> {
-    let campaign = if let Some(campaign) = source.campaign() {
-        campaign.clone()
-    } else {
-        let text = Store::open_read_only(source.path())?.campaign_text()?;
-        match parse(&source.path().display().to_string(), text) {
-            Ok(campaign) => campaign,
-            Err(error) => return Ok(Err(error.to_string())),
-        }
-    };
-    match campaign.of_segment(number) {
-        Ok(campaign) => StoreSource::new(source.path().to_owned(), Some(campaign))
-            .open()
-            .map(Ok),
-        Err(message) => Ok(Err(message)),
     }
 }
 
@@ -122,6 +100,7 @@ struct LaidOut {
     rules: Vec<PointRule>,
     /// Runs that several points share.
     folded: usize,
+    shared: Vec<(u64, Params)>,
 }
 
 /// Reads the parts of a campaign and records their faults.
@@ -265,6 +244,7 @@ fn lay_out(
         mut cases,
         mut rules,
         mut folded,
+        ..
     } = LaidOut::default();
     let mut ruled = HashSet::new();
     let mut grid_of = HashMap::new();
@@ -309,6 +289,7 @@ fn lay_out(
         });
     }
     LaidOut {
+        shared: shared::shared(&grids, protocol, &cases),
         cases,
         rules,
         folded,

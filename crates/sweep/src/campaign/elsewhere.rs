@@ -78,6 +78,7 @@ mod tests {
             cases: Vec::new(),
             rules: Vec::new(),
             folded: 0,
+            written: crate::model::campaign::Written::default(),
         }
     }
 

@@ -62,7 +62,7 @@ impl StoreArguments {
             return self.open(output);
         };
         let source = self.find()?;
-        let store = crate::campaign::open_segment(&source, number)?;
+        let store = source.open_segment(number)?;
         let store = store.map_err(|message| Error::Argument {
             argument: "--segment",
             message,

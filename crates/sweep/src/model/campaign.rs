@@ -3,6 +3,8 @@
 use super::case::{Case, CaseKey};
 use super::protocol::{Discard, Protocol};
 use crate::model::precision::Precision;
+use sd_core::Params;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -28,6 +30,19 @@ pub struct Campaign {
     /// Further runs of the file that are identical to one of its cases: friction has no effect at
     /// Γ = 0, nor has the shear rate without friction.
     pub folded: usize,
+    /// What the file says and its cases do not show.
+    pub written: Written,
+}
+
+/// What a campaign file says and its cases do not show: reports show the points and names of the
+/// file. Stores keep it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Written {
+    /// The points that share their runs with others, as written but without their start layers, in
+    /// the order of the file; each with the position of the case that follows it.
+    pub shared: Vec<(u64, Params)>,
+    /// Names of start layers, by their numbers on the axis.
+    pub starts: Vec<(u64, String)>,
 }
 
 /// A point whose seeds are computed until a precision is reached.

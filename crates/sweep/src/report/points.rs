@@ -8,11 +8,11 @@ use super::selection::Selection;
 use super::starts::Starts;
 use super::steady;
 use super::units::{At, Units};
-use crate::campaign::WrittenPoints;
 use crate::data::Value;
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs};
-use crate::model::axes::{Axis, identity};
+use crate::model::axes::{Axis, Identity, identity};
+use crate::model::campaign::Written;
 use crate::model::case::State;
 use crate::model::precision::Precision;
 use crate::model::protocol::Discard;
@@ -109,9 +109,8 @@ impl Report {
         selection: &Selection,
     ) -> Result<(Self, Vec<PointRun>, Vec<usize>), ReportError> {
         let runs = store.point_runs()?;
-        let text = store.campaign_text()?;
-        let starts = Starts::of(&text, runs.iter().map(|run| run.params.as_ref()));
-        let runs = selected(runs, &text, selection)?;
+        let written = store.written()?;
+        let runs = selected(runs, &written, selection)?;
         let once = each_once(&runs);
         let mut failures = store.failures(u32::MAX)?;
         let wanted: HashSet<&str> = once.iter().map(|run| run.key.as_str()).collect();
@@ -186,7 +185,7 @@ impl Report {
             provenance: store.provenance()?,
             keys,
             units: Units::default(),
-            starts,
+            starts: Starts(written.starts),
         };
         Ok((report, runs, places))
     }
@@ -209,7 +208,7 @@ pub(super) fn selected_runs(
     store: &Store,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
-    let runs = selected(store.point_runs()?, &store.campaign_text()?, selection)?;
+    let runs = selected(store.point_runs()?, &store.written()?, selection)?;
     Ok(each_once(&runs).into_iter().cloned().collect())
 }
 
@@ -228,33 +227,50 @@ fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
 
 /// The runs of the points as written in the campaign file: a run that several points share belongs
 /// to each.
-fn as_written(runs: Vec<PointRun>, text: &str) -> Vec<PointRun> {
-    let points = WrittenPoints::of(text);
-    if points.is_plain() {
+fn as_written(runs: Vec<PointRun>, written: &Written) -> Vec<PointRun> {
+    if written.shared.is_empty() {
         return runs;
+    }
+    let mut sharing: HashMap<Identity, Vec<usize>> = HashMap::new();
+    for (place, (_, point)) in written.shared.iter().enumerate() {
+        let mut settled = point.clone();
+        settled.settle();
+        sharing.entry(identity(&settled)).or_default().push(place);
     }
     let mut all = Vec::with_capacity(runs.len());
     for run in runs {
-        for params in points.of_run(&run.params) {
-            let place = points.place(&params);
+        let settled = Params {
+            start: None,
+            ..(*run.params).clone()
+        };
+        let Some(places) = sharing.get(&identity(&settled)) else {
+            all.push((run.position, usize::MAX, run));
+            continue;
+        };
+        for place in places {
+            let (follows, point) = &written.shared[*place];
+            let params = Params {
+                start: run.params.start.clone(),
+                ..point.clone()
+            };
             let run = PointRun {
                 params: Arc::new(params),
                 ..run.clone()
             };
-            all.push((place, run));
+            all.push((*follows, *place, run));
         }
     }
-    all.sort_by_key(|(place, run)| (*place, run.position));
-    all.into_iter().map(|(_, run)| run).collect()
+    all.sort_by_key(|(follows, place, run)| (*follows, *place, run.position));
+    all.into_iter().map(|(.., run)| run).collect()
 }
 
 /// The runs of the points selected.
 fn selected(
     runs: Vec<PointRun>,
-    text: &str,
+    written: &Written,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
-    let mut runs = as_written(runs, text);
+    let mut runs = as_written(runs, written);
     let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));

@@ -1,70 +1,18 @@
-//! Names of start layers: tables and legends show `end of forward` instead of the number on the
-//! axis.
+//! Names of start layers in tables and legends.
 
 use crate::model::axes::Axis;
 use crate::store::{Store, StoreError};
 use sd_core::Params;
 use std::collections::BTreeMap;
-use std::path::Path;
-use toml::{Table, Value};
 
 /// Start layers by their numbers on the axis. Without a name a layer keeps its number.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Starts(Vec<(u64, String)>);
+pub(crate) struct Starts(pub(super) Vec<(u64, String)>);
 
 impl Starts {
-    /// The names in a campaign, from its points in the order of the file and from its text.
-    pub(super) fn of<'p>(text: &str, points: impl Iterator<Item = &'p Params>) -> Self {
-        let mut numbers: Vec<u64> = Vec::new();
-        for start in points.filter_map(|params| params.start.as_ref()) {
-            let number = start.number();
-            if !numbers.contains(&number) {
-                numbers.push(number);
-            }
-        }
-        let file: Table = text.parse().unwrap_or_default();
-        let grids = file.get("grid").and_then(Value::as_array);
-        let mut written: Vec<&Value> = Vec::new();
-        for start in grids
-            .into_iter()
-            .flatten()
-            .filter_map(|grid| grid.get("start"))
-        {
-            if !written.contains(&start) {
-                written.push(start);
-            }
-        }
-        // Otherwise two of them are the same layer.
-        if numbers.is_empty() || numbers.len() != written.len() {
-            return Self::default();
-        }
-        let stems: Vec<String> = written.iter().map(|start| stem(start)).collect();
-        let name = |(start, stem): (&&Value, &String)| {
-            let is_alone = stems.iter().filter(|other| *other == stem).count() == 1;
-            match start.get("point").and_then(Value::as_table) {
-                Some(point) if !is_alone => {
-                    let values = point
-                        .iter()
-                        .map(|(key, value)| format!("{key} = {}", word(value)));
-                    format!("{stem}, {}", values.collect::<Vec<_>>().join(", "))
-                }
-                _ => stem.clone(),
-            }
-        };
-        let names = written.iter().zip(&stems).map(name);
-        let named = numbers.into_iter().zip(names);
-        Self(
-            std::iter::once((0, "new layer".into()))
-                .chain(named)
-                .collect(),
-        )
-    }
-
     /// The names in a store.
     pub(crate) fn of_store(store: &Store) -> Result<Self, StoreError> {
-        let runs = store.point_runs()?;
-        let points = runs.iter().map(|run| run.params.as_ref());
-        Ok(Self::of(&store.campaign_text()?, points))
+        Ok(Self(store.written()?.starts))
     }
 
     /// The name of the start layer of some parameters, if the axis is that of start layers and
@@ -91,70 +39,5 @@ impl Starts {
     pub(super) fn name(&self, number: u64) -> Option<&str> {
         let found = self.0.iter().find(|(known, _)| *known == number);
         found.map(|(_, name)| name.as_str())
-    }
-}
-
-/// A value that selects a point.
-fn word(value: &Value) -> String {
-    match value {
-        Value::String(word) => word.clone(),
-        Value::Float(number) => number.to_string(),
-        Value::Integer(number) => number.to_string(),
-        other => format!("{other:?}"),
-    }
-}
-
-/// Description of a start layer in a campaign file.
-fn stem(start: &Value) -> String {
-    let file = |value: &Value| Path::new(value.as_str().unwrap_or_default()).to_owned();
-    match start.get("store") {
-        Some(store) => {
-            let store = file(store);
-            format!("end of {}", store.file_stem().unwrap_or_default().display())
-        }
-        None => file(start)
-            .file_name()
-            .unwrap_or_default()
-            .display()
-            .to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::test_support::params;
-    use sd_core::model::StartLayer;
-
-    #[test]
-    fn layers_have_the_names_of_the_files_they_come_from() {
-        let begun = |origin| Params {
-            start: Some(Box::new(StartLayer {
-                side: 8.0,
-                offset: 0.0,
-                radii: Vec::new(),
-                centres: Vec::new(),
-                orientations: Vec::new(),
-                springs: Vec::new(),
-                rolling_springs: Vec::new(),
-                origin: Some(origin),
-            })),
-            ..params()
-        };
-        let points = [params(), begun(7), begun(9), begun(7)];
-        let text = "[[grid]]\n[[grid]]\nstart = { store = \"old/fwd.sqlite\", point = { shear_rate = 1.0 } }\n[[grid]]\nstart = ";
-        let names = |last: &str| {
-            let starts = Starts::of(&format!("{text}{last}"), points.iter());
-            [0, 7, 9].map(|number| starts.name(number).map(str::to_owned))
-        };
-        let some = |words: [&str; 3]| words.map(|word| Some(word.to_owned()));
-        let file = names("\"layers/sheared.xyz\"");
-        assert_eq!(file, some(["new layer", "end of fwd", "sheared.xyz"]));
-        let other = names("{ store = \"fwd.sqlite\", point = { shear_rate = 2.0 } }");
-        let ends = ["end of fwd, shear_rate = 1", "end of fwd, shear_rate = 2"];
-        assert_eq!(other, some(["new layer", ends[0], ends[1]]));
-        // Ambiguous layers have no name.
-        let same = names("{ store = \"old/fwd.sqlite\", point = { shear_rate = 1.0 } }");
-        assert_eq!(same, [const { None }; 3]);
     }
 }

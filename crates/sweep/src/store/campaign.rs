@@ -8,7 +8,8 @@ use super::request::Request;
 use super::schema;
 use super::statements::Statements;
 use super::{Store, StoreError, rules, settle, states};
-use crate::model::campaign::Campaign;
+use crate::model::campaign::{Campaign, PointRule, Written};
+use crate::model::case::Case;
 use crate::model::order::{self, Order};
 use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
@@ -18,12 +19,12 @@ use rusqlite::{Connection, Row, params};
 use sd_core::Params;
 use std::collections::HashMap;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The campaign.
 pub(super) const SEALED: Sealed = Sealed {
     table: "campaign",
-    columns: "name, text, protocol, file, request, grid",
+    columns: "name, text, protocol, file, request, grid, written",
     with_key: false,
     words: "the campaign",
 };
@@ -199,6 +200,53 @@ impl Store {
         self.of_campaign(0)
     }
 
+    /// What the campaign file says and its cases do not show.
+    pub(crate) fn written(&self) -> Result<Written, StoreError> {
+        let text = self.of_campaign(6)?;
+        self.json(serde_json::from_str(&text))
+    }
+
+    /// The campaign last run.
+    pub(super) fn campaign(&self) -> Result<Campaign, StoreError> {
+        self.point_runs()?;
+        let cases: Vec<(Option<i64>, Case)> = self.rows(
+            "SELECT c.rule, p.params, c.seed, c.steps, c.sample_stride FROM cases c JOIN points p ON p.id = c.point
+             WHERE c.position IS NOT NULL ORDER BY c.position",
+            [],
+            |row| {
+                let case = Case {
+                    params: schema::params(row, 1)?,
+                    seed: row.get(2)?,
+                    steps: row.get(3)?,
+                    sample_stride: row.get(4)?,
+                };
+                Ok((row.get(0)?, case))
+            },
+        )?;
+        let rules = self.read(rules::all(&self.connection))?;
+        let rules = rules.into_iter().filter_map(|(number, precision)| {
+            let is_ruled = |case: &(Option<i64>, Case)| case.0 == Some(number);
+            let start = cases.iter().position(is_ruled)?;
+            let end = cases.iter().rposition(is_ruled)? + 1;
+            Some(PointRule {
+                precision,
+                cases: start..end,
+            })
+        });
+        let rules = rules.collect();
+        let cases = cases.into_iter().map(|(_, case)| (case.key(), case));
+        Ok(Campaign {
+            name: self.campaign_name()?,
+            file: PathBuf::from(self.of_campaign(3)?),
+            text: self.campaign_text()?,
+            protocol: self.protocol()?,
+            cases: cases.collect(),
+            rules,
+            folded: 0,
+            written: self.written()?,
+        })
+    }
+
     /// The text of the campaign file last run.
     pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
         self.of_campaign(1)
@@ -256,13 +304,17 @@ struct Entry<'c> {
     order: Order<'c>,
     request: Request,
     protocol: String,
+    written: String,
 }
 
 impl<'c> Entry<'c> {
     fn of(campaign: &'c Campaign, order: Order<'c>, path: &Path) -> Result<Self, StoreError> {
         let protocol = serde_json::to_string(&campaign.protocol)
             .map_err(|error| StoreError::unreadable(path, &error))?;
+        let written = serde_json::to_string(&campaign.written)
+            .map_err(|error| StoreError::unreadable(path, &error))?;
         Ok(Self {
+            written,
             campaign,
             order,
             request: Request::of(campaign),
@@ -288,6 +340,7 @@ impl<'c> Entry<'c> {
             text(&self.request.file.to_string_lossy()),
             text(&self.request.hash),
             text(&self.request.grid),
+            text(&self.written),
         ];
         let more = [
             ("id", Value::Integer(1)),

@@ -151,4 +151,24 @@ impl StoreSource {
         }
         Ok(store)
     }
+
+    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
+    /// whose kept strain is averaged.
+    ///
+    /// # Errors
+    /// As [`StoreSource::open`]; the inner error is a message about a missing segment.
+    pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
+        let mut store = Store::open_read_only(&self.path)?;
+        let campaign = match &self.campaign {
+            Some(campaign) => campaign.clone(),
+            None => store.campaign()?,
+        };
+        Ok(match campaign.of_segment(number) {
+            Ok(campaign) => {
+                store.show_as_requested(&campaign)?;
+                Ok(store)
+            }
+            Err(message) => Err(message),
+        })
+    }
 }

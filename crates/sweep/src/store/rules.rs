@@ -128,6 +128,11 @@ fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
     ))
 }
 
+/// All rules with their numbers, in the order of the campaign file.
+pub(super) fn all(connection: &Connection) -> rusqlite::Result<Vec<(i64, Precision)>> {
+    rules(connection, "true", [])
+}
+
 /// The rules that meet a condition, in the order of the campaign file.
 fn rules(
     connection: &Connection,

@@ -9,6 +9,7 @@ CREATE TABLE campaign (
     file     TEXT NOT NULL,         -- where that file was
     request  TEXT NOT NULL,         -- hash of the runs that it requests
     grid     TEXT NOT NULL,         -- number and sum of the keys of these runs
+    written  TEXT NOT NULL,         -- JSON: points that share runs, names of start layers
     digest   INTEGER NOT NULL,      -- of all above
     priority TEXT NOT NULL          -- points that come first
 );
