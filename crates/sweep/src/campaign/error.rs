@@ -24,9 +24,7 @@ pub enum CampaignError {
     /// A file that could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
-        /// The file.
         path: PathBuf,
-        /// What the system said.
         source: io::Error,
     },
     /// An invalid file.
@@ -42,17 +40,13 @@ pub enum CampaignError {
 pub struct Fault {
     /// File, line and column.
     place: String,
-    /// What is wrong, with the value.
     message: String,
-    /// What is allowed.
     allowed: String,
-    /// Its subject.
     about: About,
     /// Places in the text, the main one first.
     labels: Vec<LabeledSpan>,
     /// The text, if its lines are short enough to show.
     source_code: Option<NamedSource<String>>,
-    /// The other faults of the file.
     others: Vec<Fault>,
 }
 
@@ -82,7 +76,6 @@ impl Diagnostic for Fault {
 pub(super) struct About {
     pub(super) key: Option<String>,
     pub(super) value: Option<String>,
-    /// The suggested replacement.
     pub(super) suggestion: Option<String>,
 }
 
@@ -137,9 +130,7 @@ pub(super) fn in_file(mut problems: Vec<Problem>, file: &str, text: &str) -> Opt
 /// A [`Fault`] without its file.
 #[derive(Debug, PartialEq)]
 pub(super) struct Problem {
-    /// What is wrong, with the value.
     pub(super) message: String,
-    /// What is allowed.
     pub(super) allowed: String,
     pub(super) about: Box<About>,
     /// Places in the text, each with its label.

@@ -25,7 +25,6 @@ pub(super) struct Located<T> {
 pub(super) struct Values {
     /// The values, at least one, all different.
     pub(super) all: Vec<Located<Value>>,
-    /// The place of the whole.
     pub(super) span: ops::Range<usize>,
 }
 

@@ -23,7 +23,6 @@ const CYCLES: Range = Range::from_to(1.0, 1e6);
 /// A segment and the places of its values.
 pub(super) struct WrittenSegment {
     pub(super) segment: PlannedSegment,
-    /// Its table.
     pub(super) place: ops::Range<usize>,
     places: Vec<(&'static str, ops::Range<usize>)>,
 }
@@ -323,7 +322,6 @@ struct Oscillation {
     cycles: f64,
     /// Number of last cycles that are averaged.
     averaged: f64,
-    /// Place of the amplitude.
     place: ops::Range<usize>,
 }
 

@@ -11,9 +11,7 @@ use std::io::Write;
 /// The object.
 #[derive(Serialize)]
 struct Document<'r> {
-    /// Name of the campaign.
     campaign: &'r str,
-    /// Cases by state.
     cases: Value,
     /// Points, in the units of the program.
     points: Vec<Row<'r>>,
@@ -27,7 +25,6 @@ struct Document<'r> {
 struct Physical<'r> {
     /// Units of the columns that have one, by name.
     units: BTreeMap<&'static str, &'static str>,
-    /// The same points.
     points: Vec<Row<'r>>,
 }
 

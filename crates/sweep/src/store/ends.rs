@@ -40,11 +40,9 @@ pub(super) fn counters() -> impl Iterator<Item = &'static Number> {
 pub(super) struct RunEnd {
     pub(super) steps: u64,
     pub(super) jammed: bool,
-    /// Counters of these steps.
     pub(super) counters: Counters,
     pub(super) wall_time_s: f64,
     pub(super) cpu_time_s: f64,
-    /// Number of times it was resumed from a checkpoint.
     pub(super) resumed: u32,
     pub(super) process: i64,
     pub(super) finished_at: i64,

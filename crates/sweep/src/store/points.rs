@@ -123,7 +123,6 @@ pub(super) fn look(
 pub(super) struct KnownPoint {
     text: String,
     params: Arc<Params>,
-    /// Requested steps.
     steps: u64,
 }
 

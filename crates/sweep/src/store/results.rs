@@ -64,10 +64,8 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
 pub(super) struct Covered {
     pub(super) id: i64,
     pub(super) key: String,
-    /// Digest of its point.
     pub(super) point: i64,
     pub(super) params: Params,
-    /// Digest of its samples.
     pub(super) samples: Option<i64>,
 }
 

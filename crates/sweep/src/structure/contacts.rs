@@ -18,7 +18,6 @@ pub(super) struct Contacts {
     pub(super) forces_by_angle: Vec<f64>,
     /// Sum of n n over the contacts.
     pub(super) fabric: [[f64; 3]; 3],
-    /// Number of contacts.
     pub(super) number: f64,
     /// Normal forces over their mean at this instant, by the bins of [`force_bins`].
     pub(super) normal: Vec<f64>,

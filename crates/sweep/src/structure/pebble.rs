@@ -15,9 +15,7 @@ const FREEDOMS: usize = 3;
 pub(crate) struct PebbleGame {
     /// For each sphere, the spheres at the other ends of its covered constraints: at most three.
     covered: Vec<Vec<usize>>,
-    /// Number of independent constraints.
     independent: usize,
-    /// Number of all constraints.
     all: usize,
     // State of a search: for each sphere the last visit and its predecessor.
     seen: Vec<usize>,
