@@ -24,7 +24,9 @@ pub enum CampaignError {
     /// A file that could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
+        /// The file.
         path: PathBuf,
+        /// What the system said.
         source: io::Error,
     },
     /// An invalid file.

@@ -37,6 +37,7 @@ pub enum Damage {
     /// Of an unknown format.
     #[error("format {found}, and this program reads {VERSION}")]
     Version {
+        /// Its version.
         found: u32,
     },
     /// The checksum does not agree.
