@@ -242,7 +242,7 @@ impl Units {
     pub(super) fn without_scale() -> ReportError {
         refused(
             "at the plateaus, Γ = 0 and Γ = ∞, stresses and velocities are known only as multiples of the shear rate, and have no physical \
-             value; leave --units out, or choose other points",
+             value; leave the units out, or choose other points",
         )
     }
 }
