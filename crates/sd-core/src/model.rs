@@ -309,7 +309,7 @@ mod infinite {
         }
     }
 
-    /// The same for an optional value.
+    /// Infinite numbers of an optional value.
     pub(super) mod optional {
         use serde::{Deserializer, Serializer};
 

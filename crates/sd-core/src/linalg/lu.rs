@@ -195,7 +195,7 @@ fn take_steps(panel: &[f64], n: usize, first: usize, exchanges: &[usize], column
     }
 }
 
-/// The same for all four columns of a panel, on two other columns.
+/// Takes the steps of all four columns of a panel on two other columns.
 #[inline(always)]
 fn take_four_steps(panel: &[f64], first: usize, exchanges: &[usize], columns: [&mut [f64]; 2]) {
     let n = columns[0].len();

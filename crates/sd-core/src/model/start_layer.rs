@@ -20,7 +20,7 @@ pub struct StartLayer {
     /// unstretched.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<(u32, u32, f64)>,
-    /// The same for the springs of rolling friction.
+    /// Stretches of the springs of rolling friction, likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rolling_springs: Vec<(u32, u32, f64)>,
     /// A positive number for all layers of the same origin, such as the ends of all runs of a

@@ -249,6 +249,50 @@ fn comments_and_prose_have_at_most_100_columns() {
     assert!(wide.is_empty(), "lines wider than 100 columns:\n{wide}");
 }
 
+/// The lines on which documentation begins with a reference to other documentation, which editors
+/// and rustdoc do not show beside it.
+fn leaning_comments(text: &str) -> Vec<usize> {
+    const BEGINNINGS: [&str; 4] = ["The same", "As there", "The other", "The reverse"];
+    let mut leaning = Vec::new();
+    let mut before = "";
+    for (line, number) in text.lines().zip(1..) {
+        let line = line.trim_start();
+        let begins = |marker: &str| {
+            let words = line.strip_prefix(marker).unwrap_or_default().trim_start();
+            !before.starts_with(marker) && BEGINNINGS.iter().any(|known| words.starts_with(known))
+        };
+        if begins("///") || begins("//!") {
+            leaning.push(number);
+        }
+        before = line;
+    }
+    leaning
+}
+
+#[test]
+fn documentation_of_the_physics_stands_alone() {
+    assert_eq!(
+        leaning_comments("/// One.\n/// The same.\n\n    /// The same.\n"),
+        [4]
+    );
+    let mut leaning = String::new();
+    let mut paths = vec![root().join("crates/sd-core")];
+    while let Some(path) = paths.pop() {
+        if path.is_dir() {
+            let entries = std::fs::read_dir(path).unwrap();
+            paths.extend(entries.map(|entry| entry.unwrap().path()));
+        } else if has_extension(&path.display().to_string(), "rs") {
+            for line in leaning_comments(&std::fs::read_to_string(&path).unwrap()) {
+                writeln!(leaning, "{}:{line}", path.display()).unwrap();
+            }
+        }
+    }
+    assert!(
+        leaning.is_empty(),
+        "documentation that does not stand alone:\n{leaning}"
+    );
+}
+
 #[test]
 fn every_campaign_is_one() {
     for file in files() {

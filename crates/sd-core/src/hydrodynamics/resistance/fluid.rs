@@ -34,7 +34,7 @@ pub trait Fluid: Space {
     /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
     fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);
 
-    /// The same for all modes, strains first, in the far field.
+    /// Drag of an isolated sphere on each of its modes, strains first, in the far field.
     fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
 
     /// A value for each mode.
@@ -51,7 +51,7 @@ pub trait NearTerm<S: Fluid>: Copy {
     /// Adds another term of the same pair.
     fn add(&mut self, other: &Self);
 
-    /// The same times a factor.
+    /// This term times a factor.
     fn scaled(&self, factor: f64) -> Self;
 
     /// Forces and torque on sphere p from the velocities of sphere q.
@@ -97,7 +97,7 @@ pub trait FarMatrix<S: Fluid>: Sized {
     /// `x ← R_far x`, all modes of all spheres, strains first.
     fn apply(&self, x: &mut [f64]);
 
-    /// The same for the forces and torques alone.
+    /// The forces and torques of `R_far x` alone.
     fn apply_for_forces(&self, x: &mut [f64]);
 }
 

@@ -112,7 +112,7 @@ impl<S: Space> NearMatrix<S> {
         }
     }
 
-    /// The same for the block of a pair.
+    /// Copies the block of a pair from another matrix of the same pattern.
     pub(crate) fn copy_coupling(&mut self, pattern: &NearPattern<S>, other: &Self, number: usize) {
         let (first, parts) = (pattern.between(number), NearPattern::<S>::PARTS);
         for coupling in first..first + parts * parts {

@@ -21,7 +21,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// The same, with all contacts of asperities of that height, in the mean radius of a pair.
+    /// This range with all contacts of asperities of a height, in the mean radius of a pair.
     fn with_contacts(self, height: f64) -> Self {
         let needed = self.needed.max(2.0 + height + self.ahead);
         Self {
@@ -207,7 +207,7 @@ impl<S: Fluid> PairwiseResistance<S> {
         self.multiply(side_by_side::<S>(v), side_by_side_mut::<S>(y));
     }
 
-    /// The same for L motions together, interleaved by sphere, which reads the blocks once.
+    /// `R_FU v` for L motions together, interleaved by sphere, which reads the blocks once.
     pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
         vectorised(
             #[inline(always)]
@@ -262,7 +262,7 @@ pub(crate) fn side_by_side<S: Space>(x: &[f64]) -> &[Motion<S, 1>] {
     S::by_sphere(x.as_chunks().0)
 }
 
-/// The same, mutable.
+/// A mutable vector of all spheres, as one motion.
 pub(crate) fn side_by_side_mut<S: Space>(x: &mut [f64]) -> &mut [Motion<S, 1>] {
     S::by_sphere_mut(x.as_chunks_mut().0)
 }

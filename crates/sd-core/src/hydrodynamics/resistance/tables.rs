@@ -31,7 +31,7 @@ pub struct NearFields {
     tables: Vec<Arc<NearField>>,
     /// Tables for many sizes, by range of size ratios.
     ranges: Arc<[OnceLock<Arc<NearFieldRange>>; RANGES.len()]>,
-    /// The same for twists.
+    /// Tables of twists for many sizes, by range of size ratios.
     twists: Arc<[OnceLock<Arc<TwistRange>>; RANGES.len()]>,
 }
 
@@ -103,7 +103,7 @@ impl NearFields {
         Ok(Arc::clone(place.get_or_init(|| range)))
     }
 
-    /// The same for twists.
+    /// The table of twists for size ratios up to a largest.
     fn twist_range(&self, largest: f64) -> Result<Arc<TwistRange>, Error> {
         let range = range_of(largest)?;
         let made = self.twists[range].get_or_init(|| Arc::new(TwistRange::new(RANGES[range].0)));

@@ -75,7 +75,7 @@ impl PairTerm {
         &self.entries
     }
 
-    /// The same times a factor.
+    /// This term times a factor.
     #[inline]
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         Self {

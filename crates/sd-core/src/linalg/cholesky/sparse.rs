@@ -202,7 +202,7 @@ pub(crate) struct BlockCholesky {
     factor: Vec<f32>,
     factored: Vec<f32>,
     is_new: Vec<bool>,
-    /// The same, in the layout of solves.
+    /// Values of the factor in the layout of solves.
     packed: Vec<lanes::Lanes>,
     /// Right-hand side in the order of a solve.
     ordered: Vec<lanes::Lanes>,
@@ -229,7 +229,7 @@ impl BlockCholesky {
         copy(&mut self.values, &other.values, pattern.diagonal[sphere]);
     }
 
-    /// The same for the block of a coupling.
+    /// Copies the block of a coupling from another matrix of the same pattern.
     pub(crate) fn copy_coupling(&mut self, pattern: &BlockPattern, other: &Self, coupling: usize) {
         copy(&mut self.values, &other.values, pattern.couplings[coupling]);
     }

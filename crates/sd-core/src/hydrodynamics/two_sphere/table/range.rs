@@ -27,7 +27,8 @@ pub(crate) const RANGES: [(f64, usize); 4] = [(4.0, 10), (12.0, 17), (26.0, 22),
 const WIDEST: f64 = 0.25;
 /// Nodes of a cell in ln λ.
 const COARSE: usize = 7;
-/// The same for the coefficients of the singular terms, which must be exact to rounding.
+/// Nodes of a cell in ln λ for the coefficients of the singular terms, which must be exact to
+/// rounding.
 const FINE: usize = 10;
 
 /// Pair terms of the grand resistance at any gap and any size ratio up to a largest.
@@ -44,8 +45,8 @@ pub struct NearFieldRange {
     cells: Cells,
     /// Coefficients of the singular terms: by cell in ln λ, block, term and power.
     singular: Vec<[[[[f64; BLOCK]; FINE]; 3]; BLOCKS]>,
-    /// The same for the regular part: by cell in ln λ and in ln ξ, block, power of ln ξ and of ln
-    /// λ.
+    /// Coefficients of the regular part: by cell in ln λ and in ln ξ, block, power of ln ξ and of
+    /// ln λ.
     regular: Vec<[[[[f64; BLOCK]; COARSE]; NODES]; BLOCKS]>,
 }
 

@@ -22,7 +22,7 @@ use std::ops::Range;
 
 /// Rows per block: with the columns of two spheres, as many independent sums as fit in registers.
 const ROWS: usize = 16;
-/// The same for the last rows.
+/// Rows per block of the last rows.
 const LAST_ROWS: usize = 8;
 /// Columns of a sphere.
 const COLUMNS: usize = 3;

@@ -22,7 +22,7 @@ fn factored(half: usize) -> TiledCholesky {
     cholesky
 }
 
-/// The same matrix by columns, factored.
+/// The matrix of [`entry`] by columns, factored.
 fn reference(n: usize) -> DenseCholesky {
     let mut cholesky = DenseCholesky::new(n);
     let matrix = cholesky.matrix_mut();
