@@ -7,10 +7,8 @@ Units everywhere: mean sphere radius a, viscosity mu and shear rate are 1.
 from ._core import (
     Campaign,
     Layer,
-    Passed,
     Run,
     SimulationError,
-    Solution,
     Store,
     StoreError,
     Suspension,
@@ -20,6 +18,7 @@ from ._core import (
     solve,
 )
 from ._core import __VERSION__ as __version__
+from ._solution import Passed, Solution
 
 __all__ = [
     "Campaign",

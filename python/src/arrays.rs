@@ -5,9 +5,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyImportError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyCapsule, PyList, PyTuple};
-use sd_core::contact::ContactState;
-use sweep::trajectory::{STATES, state_number};
+use pyo3::types::PyCapsule;
 
 /// What arrays of numbers may hold.
 const NUMBERS: &str = "float64, or whole numbers and narrower floats, which are converted";
@@ -151,50 +149,4 @@ pub(crate) fn of_numbers(
     values: impl IntoIterator<Item = f64>,
 ) -> Py<PyArray1<f64>> {
     PyArray1::from_vec(py, values.into_iter().collect()).unbind()
-}
-
-/// A record of a structured array, as bytes.
-#[derive(Default)]
-pub(crate) struct Records(Vec<u8>);
-
-impl Records {
-    pub(crate) fn whole(&mut self, value: i64) {
-        self.0.extend_from_slice(&value.to_ne_bytes());
-    }
-
-    /// Numbers of spheres.
-    pub(crate) fn sphere(&mut self, value: usize) {
-        self.whole(i64::try_from(value).unwrap_or(i64::MAX));
-    }
-
-    pub(crate) fn number(&mut self, value: f64) {
-        self.0.extend_from_slice(&value.to_ne_bytes());
-    }
-
-    /// State of a contact: twelve characters of four bytes.
-    pub(crate) fn state(&mut self, state: ContactState) {
-        let word = STATES[usize::from(state_number(state))];
-        for place in 0..12 {
-            let character = word.chars().nth(place).map_or(0, u32::from);
-            self.0.extend_from_slice(&character.to_ne_bytes());
-        }
-    }
-
-    /// The structured array of these fields: name, type, and for several values of it how many.
-    pub(crate) fn array<'py>(
-        self,
-        py: Python<'py>,
-        fields: &[(&str, &str, usize)],
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let list = PyList::empty(py);
-        for (name, kind, many) in fields {
-            if *many == 1 {
-                list.append((name, kind))?;
-            } else {
-                list.append((name, kind, PyTuple::new(py, [many])?))?;
-            }
-        }
-        let dtype = py.import("numpy")?.call_method1("dtype", (list,))?;
-        PyArray1::from_vec(py, self.0).call_method1("view", (dtype,))
-    }
 }

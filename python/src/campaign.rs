@@ -54,7 +54,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         .collect();
     if grid.contains_key("seeds") {
         return Err(PyTypeError::new_err(
-            "params: `seeds` came: the seed of a run is an argument of its own",
+            "params must not have `seeds`: the seed of a run is an argument of its own",
         ));
     }
     let several = grid.iter().find(|(_, value)| value.is_array());
@@ -120,7 +120,7 @@ impl Campaign {
             },
             (Some(_), Some(axes)) => {
                 return Err(PyTypeError::new_err(format!(
-                    "{} came beside `grid`: axes are keywords, or `grid` has them all",
+                    "{} beside `grid`: axes are keywords, or `grid` has them all",
                     axes.keys()
                 )));
             }
@@ -357,7 +357,7 @@ fn time(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Duratio
         format!("{}s", values::number(name, given)?)
     };
     parse_positive_duration(&text).map(Some).map_err(|words| {
-        PyValueError::new_err(format!("{name}: {} came: {words}", values::shown(given)))
+        PyValueError::new_err(format!("{name}: {words}, got {}", values::shown(given)))
     })
 }
 

@@ -34,7 +34,7 @@ mod _core {
     #[pymodule_export]
     use crate::errors::{SimulationError, StoreError};
     #[pymodule_export]
-    use crate::instant::{Solution, solve};
+    use crate::instant::solve;
     #[pymodule_export]
     use crate::run::{Layer, Run, Suspension};
     #[pymodule_export]
@@ -42,7 +42,7 @@ mod _core {
     #[pymodule_export]
     use crate::table::Table;
     #[pymodule_export]
-    use crate::two_spheres::{Passed, pair, scalars};
+    use crate::two_spheres::{pair, scalars};
 
     /// Version of the package.
     #[pymodule_export]

@@ -349,7 +349,7 @@ impl Run {
         let off = (strain - steps * self.params.time_step).abs() > 1e-6 * self.params.time_step;
         if !(0.0..=1e9).contains(&steps) || off {
             return Err(PyValueError::new_err(format!(
-                "strain: {strain} came: not negative, and a whole number of steps of {}",
+                "strain must be a non-negative multiple of the time step {}, got {strain}",
                 self.params.time_step
             )));
         }
@@ -382,22 +382,12 @@ impl Run {
     /// of a suspension are vectors [3].
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (records, [of_normal, .., across]) = py.detach(|| {
+        let (contacts, [dimensions, ..]) = py.detach(|| {
             let mut run = self.run();
             (run.contacts(&self.params, &self.tables), run.widths())
         });
-        records.map_err(raise)?.array(
-            py,
-            &[
-                ("i", "i8", 1),
-                ("j", "i8", 1),
-                ("normal", "f8", of_normal),
-                ("gap", "f8", 1),
-                ("normal_force", "f8", 1),
-                ("tangential_force", "f8", across),
-                ("state", "U12", 1),
-            ],
-        )
+        let helper = py.import("sheared_layers._solution")?;
+        helper.call_method1("touching", (contacts.map_err(raise)?, dimensions))
     }
 
     /// Present stresslets: array [N, 3] of xx, yy, xy; of a suspension [N, 5], and xz, yz.

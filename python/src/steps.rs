@@ -1,10 +1,13 @@
 //! A run in either space, for the classes of runs.
 
-use crate::arrays::Records;
 use crate::instant::Arrays;
-use sd_core::simulation::{Flow, Frame};
+use sd_core::simulation::{Flow, Frame, FrameContact};
 use sd_core::{Bulk, Error, NearFields, Params, RunSpace, Sample, Simulation, Snapshot};
 use sweep::model::spaces::{AnySnapshot, InSpace};
+use sweep::trajectory::{STATES, state_number};
+
+/// A pair in contact: spheres, normal, gap, normal force, tangential force, state.
+pub(crate) type Touching = (usize, usize, Vec<f64>, f64, f64, Vec<f64>, &'static str);
 
 /// A run in either space.
 pub(crate) trait Steps: Send {
@@ -14,8 +17,8 @@ pub(crate) trait Steps: Send {
     /// Measurements of the next step.
     fn sample(&mut self, params: &Params, tables: &NearFields) -> Result<Sample, Error>;
 
-    /// The pairs in contact, as records of [`Steps::fields`].
-    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error>;
+    /// The pairs in contact.
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<Touching>, Error>;
 
     /// Stresslets, one after the other.
     fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error>;
@@ -32,9 +35,6 @@ pub(crate) trait Steps: Send {
 
 /// A space in which runs are stepped.
 pub(crate) trait Stepped: RunSpace + Arrays {
-    /// The numbers of an orientation.
-    fn angles(orientation: &Self::Orientation) -> &[f64];
-
     /// A snapshot of either space.
     fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot;
 
@@ -43,10 +43,6 @@ pub(crate) trait Stepped: RunSpace + Arrays {
 }
 
 impl Stepped for sd_core::Layer {
-    fn angles(orientation: &f64) -> &[f64] {
-        std::slice::from_ref(orientation)
-    }
-
     fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
         InSpace::Layer(snapshot)
     }
@@ -60,10 +56,6 @@ impl Stepped for sd_core::Layer {
 }
 
 impl Stepped for Bulk {
-    fn angles(orientation: &[f64; 4]) -> &[f64] {
-        orientation
-    }
-
     fn wrapped(snapshot: Snapshot<Self>) -> AnySnapshot {
         InSpace::Suspension(snapshot)
     }
@@ -137,22 +129,20 @@ where
         Ok(self.look(params, tables)?.sample)
     }
 
-    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Records, Error> {
-        let mut records = Records::default();
-        for contact in &self.look(params, tables)?.frame.contacts {
-            records.sphere(contact.i);
-            records.sphere(contact.j);
-            let across = S::across(&contact.tangential_force);
-            let numbers = contact.normal.as_ref().iter().copied();
-            for number in numbers
-                .chain([contact.gap, contact.normal_force])
-                .chain(across)
-            {
-                records.number(number);
-            }
-            records.state(contact.state);
-        }
-        Ok(records)
+    fn contacts(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<Touching>, Error> {
+        let contacts = self.look(params, tables)?.frame.contacts.iter();
+        let touching = |contact: &FrameContact<S>| {
+            (
+                contact.i,
+                contact.j,
+                contact.normal.as_ref().to_vec(),
+                contact.gap,
+                contact.normal_force,
+                S::across(&contact.tangential_force).to_vec(),
+                STATES[usize::from(state_number(contact.state))],
+            )
+        };
+        Ok(contacts.map(touching).collect())
     }
 
     fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error> {
@@ -162,7 +152,7 @@ where
 
     fn place(&self) -> Place {
         let centres = self.run.centres().iter().map(S::point);
-        let angles = self.run.orientations().iter().flat_map(S::angles);
+        let angles = self.run.orientations().iter().flat_map(S::orientation);
         Place {
             steps: self.run.steps(),
             centres: centres.flat_map(|x| x.as_ref().to_vec()).collect(),
@@ -187,12 +177,6 @@ where
     }
 
     fn widths(&self) -> [usize; 4] {
-        let across = S::across(&S::Tangent::default()).len();
-        [
-            S::DIMENSIONS,
-            S::angles(&S::UPRIGHT).len(),
-            S::STRAINS,
-            across,
-        ]
+        [S::DIMENSIONS, S::ORIENTATION, S::STRAINS, S::TANGENT]
     }
 }

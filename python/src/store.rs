@@ -148,12 +148,12 @@ impl Store {
     fn points(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
         let selection = selection(r#where)?;
         let columns = self.read(py, |store| Ok(point_table(&Report::of(store, &selection)?)))?;
-        Table::of(columns)
+        Ok(Table::of(columns))
     }
 
     /// The runs of the campaign, one row each: key, state, axes, seed, and results.
     fn runs(&self, py: Python<'_>) -> PyResult<Table> {
-        Table::of(self.read(py, |store| Ok(store.runs()?))?)
+        Ok(Table::of(self.read(py, |store| Ok(store.runs()?))?))
     }
 
     /// The samples of a run in time; for a running one, up to its last checkpoint.
@@ -165,7 +165,7 @@ impl Store {
     fn samples(&self, py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<Table> {
         let case = name_of(case)?;
         let samples = self.read(py, |store| Ok(store.samples(&store.key_of(&case)?)?))?;
-        Table::of(sweep::measure::sample_table(&samples))
+        Ok(Table::of(sweep::measure::sample_table(&samples)))
     }
 
     /// The spheres of a run at its kept strains, one row per sphere and strain.
@@ -185,7 +185,7 @@ impl Store {
         every: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Table> {
         let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
-        Table::of(sphere_table(&with_steps(&kept)))
+        Ok(Table::of(sphere_table(&with_steps(&kept))))
     }
 
     /// The contacts of the same frames, one row per contact and strain.
@@ -197,7 +197,7 @@ impl Store {
         every: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Table> {
         let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
-        Table::of(contact_table(&with_steps(&kept)))
+        Ok(Table::of(contact_table(&with_steps(&kept))))
     }
 
     /// Structure of the layers: pair distributions, contacts, clusters, percolation, rigid
@@ -223,7 +223,12 @@ impl Store {
         case: Option<&Bound<'_, PyAny>>,
         r#where: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Table> {
-        Table::of(self.structure_of(py, case, r#where, StructureReport::table)?)
+        Ok(Table::of(self.structure_of(
+            py,
+            case,
+            r#where,
+            StructureReport::table,
+        )?))
     }
 
     /// Curves of the structure: pair distributions, angles of contacts, forces, sizes of clusters.
@@ -246,7 +251,12 @@ impl Store {
         case: Option<&Bound<'_, PyAny>>,
         r#where: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Table> {
-        Table::of(self.structure_of(py, case, r#where, StructureReport::curves)?)
+        Ok(Table::of(self.structure_of(
+            py,
+            case,
+            r#where,
+            StructureReport::curves,
+        )?))
     }
 
     /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an
@@ -264,9 +274,8 @@ impl Store {
     #[pyo3(signature = (*, r#where=None))]
     fn segments(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
         let selection = selection(r#where)?;
-        Table::of(self.read(py, |store| {
-            Ok(SegmentReport::of(store, &selection)?.table())
-        })?)
+        let table = |store: &OpenStore| Ok(SegmentReport::of(store, &selection)?.table());
+        Ok(Table::of(self.read(py, table)?))
     }
 
     /// Fit the Wyart-Cates model to the viscosities, as `sweep fit` does.
@@ -446,7 +455,7 @@ fn name_of(case: &Bound<'_, PyAny>) -> PyResult<String> {
     match case.extract::<usize>().map(NonZeroUsize::new) {
         Ok(Some(number)) => Ok(number.to_string()),
         _ => Err(PyTypeError::new_err(format!(
-            "case: {} came: the beginning of a key, or the number of a run, from 1",
+            "case must be the beginning of a key or the number of a run, from 1, got {}",
             values::shown(case)
         ))),
     }

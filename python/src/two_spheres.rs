@@ -4,7 +4,7 @@ use crate::arrays::{need_numpy, with_numbers};
 use crate::errors::raise;
 use crate::instant::tables_of;
 use crate::values;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sd_core::pair::{PairScenario, pass_while};
@@ -60,39 +60,6 @@ pub(crate) fn scalars<'py>(
     Ok(answer)
 }
 
-/// The trajectories of two spheres that pass each other.
-#[pyclass(frozen, module = "sheared_layers")]
-pub(crate) struct Passed {
-    /// y of the first sphere at the end, in radii of the first.
-    #[pyo3(get)]
-    final_offset: f64,
-    /// Rotation of each sphere, in degrees, anticlockwise: array [2].
-    #[pyo3(get)]
-    rotation_degrees: Py<PyArray1<f64>>,
-    /// Smallest gap met.
-    #[pyo3(get)]
-    minimum_gap: f64,
-    /// Time taken, in mu a^2 / force.
-    #[pyo3(get)]
-    time: f64,
-    /// t, x1, y1, theta1, x2, y2, theta2 at each step: array [steps, 7], angles in radians.
-    #[pyo3(get)]
-    path: Py<PyArray2<f64>>,
-}
-
-#[pymethods]
-impl Passed {
-    fn __repr__(&self, py: Python<'_>) -> String {
-        format!(
-            "Passed(final_offset={:?}, minimum_gap={:?}, time={:?}, path=array [{}, 7])",
-            self.final_offset,
-            self.minimum_gap,
-            self.time,
-            self.path.bind(py).shape()[0]
-        )
-    }
-}
-
 /// Move two spheres past each other.
 ///
 /// Unbounded fluid, radii 1 and `size_ratio`, forces +1 and -1 along x from (-start, offset) and
@@ -133,7 +100,7 @@ pub(crate) fn pair<'py>(
     offset: Option<&Bound<'py, PyAny>>,
     start: Option<&Bound<'py, PyAny>>,
     time_step: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Passed> {
+) -> PyResult<Bound<'py, PyAny>> {
     need_numpy(py)?;
     let number = |name, given: Option<&Bound<'py, PyAny>>, default| {
         given.map_or(Ok(default), |given| values::number(name, given))
@@ -169,14 +136,6 @@ pub(crate) fn pair<'py>(
     let passed = passed
         .map_err(raise)?
         .expect("only an interrupt stops them, and there was none");
-    let path: Vec<f64> = passed.path.iter().flatten().copied().collect();
-    Ok(Passed {
-        final_offset: passed.final_offset,
-        rotation_degrees: PyArray1::from_vec(py, passed.rotation_degrees.to_vec()).unbind(),
-        minimum_gap: passed.minimum_gap,
-        time: passed.time,
-        path: PyArray1::from_vec(py, path)
-            .reshape([passed.path.len(), 7])?
-            .unbind(),
-    })
+    let helper = py.import("sheared_layers._solution")?;
+    helper.call_method1("Passed", (values::answer(py, &passed)?,))
 }

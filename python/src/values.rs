@@ -16,7 +16,7 @@ fn read<'a, 'py, T: FromPyObject<'a, 'py>>(
 ) -> PyResult<T> {
     given.extract::<T>().map_err(|error: T::Error| {
         let error: PyErr = error.into();
-        let words = format!("{name}: {} came: {allowed}", shown(given));
+        let words = format!("{name} must be {allowed}, got {}", shown(given));
         if error.is_instance_of::<PyOverflowError>(given.py()) {
             PyValueError::new_err(words)
         } else {
@@ -54,7 +54,9 @@ pub(crate) fn stride(given: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
     };
     let allowed = "a whole number from 1";
     match read("every", given, allowed)? {
-        0 => Err(PyValueError::new_err(format!("every: 0 came: {allowed}"))),
+        0 => Err(PyValueError::new_err(format!(
+            "every must be {allowed}, got 0"
+        ))),
         every => Ok(every),
     }
 }
@@ -133,7 +135,7 @@ pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Val
         return value(name, &given.call_method0("__fspath__")?);
     }
     Err(PyTypeError::new_err(format!(
-        "{name}: {} came: {ALLOWED}",
+        "{name} must be {ALLOWED}, got {}",
         shown(given)
     )))
 }

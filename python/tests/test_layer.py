@@ -139,7 +139,7 @@ def test_params_come_back(params):
 
 @pytest.mark.parametrize(
     ("strain", "every", "word"),
-    [(0.0033, 1, "whole number of steps"), (-0.1, 1, "not negative"), (float("nan"), 1, "strain"), (0.1, 0, "every")],
+    [(0.0033, 1, "multiple of the time step"), (-0.1, 1, "non-negative"), (float("nan"), 1, "strain"), (0.1, 0, "every")],
 )
 def test_strains_that_cannot_be_are_refused(params, strain, every, word):
     layer = sl.Layer(params, 1)

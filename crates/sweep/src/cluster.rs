@@ -25,7 +25,6 @@ use std::path::{Path, PathBuf};
 /// A job for a scheduler: an array of tasks, each computing one slice of a campaign.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
-    /// Name of the campaign.
     pub campaign: String,
     /// Absolute path of the program.
     pub program: PathBuf,
@@ -33,13 +32,10 @@ pub(crate) struct Job {
     pub folder: PathBuf,
     /// Folder of the plan in it: the campaign file, the slices, the script, the logs.
     pub plan_folder: PathBuf,
-    /// Number of tasks.
     pub tasks: usize,
-    /// Cases that each task computes in parallel.
     pub workers: usize,
     /// Maximum number of tasks that run at the same time.
     pub throttle: Option<usize>,
-    /// Time limit of a task.
     pub time: Option<TimeLimit>,
     /// Further arguments of the command that submits the script.
     pub submit_arguments: Vec<String>,
@@ -161,7 +157,6 @@ fn quoted_path(path: &Path) -> Result<String, ClusterError> {
 }
 
 impl Job {
-    /// The script of its tasks.
     pub(crate) fn script_path(&self) -> PathBuf {
         self.plan_folder.join("job.sh")
     }

@@ -104,9 +104,7 @@ pub enum InputError {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 struct Flow<S: Written> {
-    /// Rate of strain.
     rate_of_strain: S::Rates,
-    /// Angular velocity.
     angular_velocity: S::Turning,
 }
 
@@ -292,14 +290,12 @@ fn answer_in<S: Written + Kept>(
     } else {
         NearFields::default()
     };
-    let answer = Answer::of(&solve(configuration, contact, &tables)?);
-    answer.check_finite()?;
-    Ok(answer)
+    Answer::of(&solve(configuration, contact, &tables)?)
 }
 
 /// The result in JSON; its keys are a stable interface.
 #[derive(Serialize)]
-pub(crate) struct Answer {
+pub struct Answer {
     /// Velocities minus the background at the own centre.
     pub(crate) velocity_disturbance: Vec<Vec<f64>>,
     /// Angular velocities minus the background's.
@@ -336,29 +332,20 @@ pub(crate) struct Answer {
 /// One candidate pair in JSON.
 #[derive(Serialize)]
 pub(crate) struct Pair {
-    /// First sphere.
     pub(crate) i: usize,
-    /// Second sphere.
     pub(crate) j: usize,
-    /// Image of the second.
     pub(crate) image: Vec<i32>,
-    /// Gap.
     pub(crate) gap: f64,
     /// Unit vector from the first to the second.
     pub(crate) normal: Vec<f64>,
-    /// Normal force.
     pub(crate) normal_force: f64,
-    /// Tangential force.
     pub(crate) tangential_force: Amount,
     /// Velocity along the normal in the final motion.
     pub(crate) normal_velocity: f64,
-    /// Slip in the final motion.
     pub(crate) slip_velocity: Amount,
     /// Quasi-force of rolling friction.
     pub(crate) rolling_force: Amount,
-    /// Rolling velocity in the final motion.
     pub(crate) rolling_velocity: Amount,
-    /// State of the contact.
     pub(crate) state: ContactState,
 }
 
@@ -414,7 +401,11 @@ impl Answer {
         Ok(())
     }
 
-    fn of<S: Written + Kept>(instant: &SolvedConfiguration<S>) -> Self {
+    /// Of a solved configuration.
+    ///
+    /// # Errors
+    /// [`sd_core::Error::NotFinite`].
+    pub fn of<S: Written + Kept>(instant: &SolvedConfiguration<S>) -> Result<Self, sd_core::Error> {
         let stresslets: Vec<S::Tensor> = instant.stresslets.iter().map(S::tensor).collect();
         let column = |place: usize| -> Vec<f64> { stresslets.iter().map(|s| s[place]).collect() };
         let suspended = |place: usize| (S::STRAINS > place).then(|| column(place));
@@ -422,7 +413,7 @@ impl Answer {
         let turned = |v: &S::PerMode<f64>| Amount::of(&S::turning(&S::rotation(v)));
         let across = |tangent: &S::Tangent| Amount::of(S::across(tangent));
         let stress = instant.stress.as_ref();
-        Self {
+        let answer = Self {
             velocity_disturbance: instant.disturbances.iter().map(moved).collect(),
             angular_velocity_disturbance: instant.disturbances.iter().map(turned).collect(),
             stresslet_xx: column(0),
@@ -455,7 +446,9 @@ impl Answer {
                     state: contact.state,
                 })
                 .collect(),
-        }
+        };
+        answer.check_finite()?;
+        Ok(answer)
     }
 }
 

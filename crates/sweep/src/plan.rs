@@ -25,7 +25,6 @@ use work::Work;
 /// The plan of a campaign.
 #[derive(Debug, Serialize)]
 pub struct Plan {
-    /// Name of the campaign.
     pub(crate) campaign: String,
     /// Number of runs; where a precision is requested, the expected number.
     pub(crate) cases: usize,
@@ -45,7 +44,6 @@ pub struct Plan {
     /// Segments of a run, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) segments: Vec<String>,
-    /// Runs computed in parallel.
     pub(crate) workers: usize,
     /// Kinds of runs that are still to be computed, the cheapest step first.
     pub(crate) kinds: Vec<Kind>,
@@ -90,13 +88,10 @@ pub(crate) struct Kind {
     pub(crate) tangential: &'static str,
     /// A step, in strain.
     pub(crate) time_step: f64,
-    /// Steps of a run.
     pub(crate) steps: u64,
-    /// Number of runs to compute.
     pub(crate) cases: usize,
     /// CPU seconds per step, mean over its points.
     pub(crate) step_s: f64,
-    /// CPU seconds of all its runs.
     pub(crate) computing_time_s: f64,
     /// Memory of one of its runs, in bytes.
     pub(crate) memory_bytes: f64,

@@ -44,7 +44,7 @@ struct Stored {
 }
 
 /// A space with stored frames: its orientations and tangents as numbers.
-pub(crate) trait Kept: Space {
+pub trait Kept: Space {
     /// First byte of its stored frames.
     const VERSION: u8;
     /// Number of components of an orientation.

@@ -31,7 +31,6 @@ struct Converted {
     /// Its values on the axes, in our units; under imposed stress also the resulting rate.
     #[serde(flatten)]
     axes: serde_json::Map<String, serde_json::Value>,
-    /// Number of runs averaged.
     seeds: u64,
     /// Mean radius over that of the small spheres.
     mean_radius: f64,

@@ -32,7 +32,6 @@ pub(crate) struct Arguments {
 struct Answer {
     store: PathBuf,
     removed: u64,
-    /// Their approximate size in bytes.
     bytes: f64,
 }
 

@@ -16,10 +16,7 @@ pub enum ClusterError {
         "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
          on any machine `sweep submit --engine local` runs the tasks in the background"
     ))]
-    Missing {
-        /// The program.
-        program: String,
-    },
+    Missing { program: String },
     /// The scheduler refused.
     #[error("`{command}` was refused: {said}")]
     #[diagnostic(help(
@@ -27,36 +24,21 @@ pub enum ClusterError {
          and --account; fewer --tasks or a shorter --time keep to limits of the site. If Slurm's controller does not \
          answer, check with `squeue --me` whether the job exists, and try again in a while"
     ))]
-    Refused {
-        /// The command.
-        command: String,
-        /// Its answer.
-        said: String,
-    },
+    Refused { command: String, said: String },
     /// An answer that cannot be parsed.
     #[error("`{command}` gave no job number but {said:?}")]
     #[diagnostic(help(
         "the job may still exist: check with `squeue --me` before you repeat the command; computing twice \
          does no harm"
     ))]
-    Answer {
-        /// The command.
-        command: String,
-        /// Its answer.
-        said: String,
-    },
+    Answer { command: String, said: String },
     /// More tasks than a job may have.
     #[error("{asked} tasks are more than the {limit} a job may have here")]
     #[diagnostic(help(
         "nothing was submitted; give --tasks {limit} or fewer, so that each computes more cases. Several workers per task \
          (--workers-per-task) make them faster"
     ))]
-    TooManyTasks {
-        /// Requested tasks.
-        asked: usize,
-        /// Maximum: MaxArraySize of the site.
-        limit: usize,
-    },
+    TooManyTasks { asked: usize, limit: usize },
     /// Results of other builds in the store.
     #[error(
         "the store holds what build {known} of sweep computed, and this is build {build}, whose bits may differ"
@@ -64,19 +46,13 @@ pub enum ClusterError {
     #[diagnostic(help(
         "nothing was submitted; use that build or another --store, or accept it with --allow-mixed-versions"
     ))]
-    OtherBuild {
-        /// This build.
-        build: String,
-        /// The builds of the store.
-        known: String,
-    },
+    OtherBuild { build: String, known: String },
     /// A job whose state is unknown.
     #[error("whether job {job}, submitted before, still runs is unknown: {source}")]
     #[diagnostic(help(
         "repeat the command in a while, or with --again to submit its open cases once more"
     ))]
     Unclear {
-        /// The job.
         job: String,
         /// What the scheduler said.
         #[source]
@@ -85,58 +61,33 @@ pub enum ClusterError {
     /// A job that was not submitted from this store.
     #[error("no job {job} was submitted from this store")]
     #[diagnostic(help("`sweep status` lists the jobs; without --job all of them are cancelled"))]
-    NoJob {
-        /// The job.
-        job: String,
-    },
+    NoJob { job: String },
     /// A word that no command line can hold.
     #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
-    Word {
-        /// The word.
-        word: String,
-    },
+    Word { word: String },
     /// A path that a script cannot name.
     #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
     #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
-    Path {
-        /// The path.
-        path: PathBuf,
-    },
+    Path { path: PathBuf },
     /// A folder that cannot be made.
     #[error("cannot make the folder {}: {source}", path.display())]
     #[diagnostic(help("nothing was computed; make it writable, then repeat the command"))]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    Folder { path: PathBuf, source: io::Error },
     /// The folder of shards is gone.
     #[error("there is no folder of shards at {}", path.display())]
     #[diagnostic(help(
         "running tasks recreate it when they next publish; `sweep submit CAMPAIGN.toml` recomputes what was lost \
          with it, with the same digits"
     ))]
-    Vanished {
-        /// The folder.
-        path: PathBuf,
-    },
+    Vanished { path: PathBuf },
     /// A missing file of slices.
     #[error("there are no slices at {}: the folder of shards was deleted", path.display())]
     #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
-    NoSlices {
-        /// The file.
-        path: PathBuf,
-    },
+    NoSlices { path: PathBuf },
     /// A file of slices that cannot be used.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
-    Slices {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
+    Slices { path: PathBuf, reason: String },
     /// A file of the plan that could not be written.
     #[error("cannot write {}: {source}{}", path.display(), about_room(*full))]
     #[diagnostic(help(
@@ -144,11 +95,8 @@ pub enum ClusterError {
         if *full { "make room" } else { "make the folder writable" }
     ))]
     Plan {
-        /// The file.
         path: PathBuf,
-        /// What the system said.
         source: io::Error,
-        /// Whether the disk is full.
         full: bool,
     },
     /// A shard that could not be written to the shared folder.
@@ -160,13 +108,9 @@ pub enum ClusterError {
         if *full { "make room" } else { "allow writing" }
     ))]
     Publish {
-        /// The shard.
         path: PathBuf,
-        /// The store of the task.
         work: PathBuf,
-        /// What the system said.
         source: io::Error,
-        /// Whether the disk is full.
         full: bool,
     },
     /// A store.

@@ -11,9 +11,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Joined {
     #[serde(flatten)]
     pub(crate) merged: Merged,
-    /// Cases of the store by state.
     pub(crate) cases: Counts,
-    /// Results that disagree.
     pub(crate) disagreements: Vec<Disagreement>,
     /// Shards of other builds in the store.
     pub(crate) mixed_shards: u64,

@@ -16,11 +16,8 @@ const SHARE: u32 = 50;
 /// Publishes the store of a task at intervals.
 #[derive(Debug)]
 pub(crate) struct Publisher {
-    /// The store the task works in.
     work: PathBuf,
-    /// The published shard.
     target: PathBuf,
-    /// Interval between copies.
     every: Duration,
     /// The last copy: its end and its duration.
     last: Mutex<(Instant, Duration)>,
@@ -37,7 +34,6 @@ impl Publisher {
         }
     }
 
-    /// The shard.
     pub(crate) fn target(&self) -> &Path {
         &self.target
     }
@@ -60,7 +56,6 @@ impl Publisher {
         result.map_err(|source| self.explain(source))
     }
 
-    /// Copies the store into the folder.
     fn copy(&self) -> io::Result<()> {
         std::fs::create_dir_all(folder_of(&self.target))?;
         // Under a unique name: a task that was started twice by mistake publishes from the same
@@ -79,7 +74,6 @@ impl Publisher {
         }
     }
 
-    /// The error of a failed copy.
     fn explain(&self, source: io::Error) -> ClusterError {
         ClusterError::Publish {
             full: no_room(&source, &self.target),

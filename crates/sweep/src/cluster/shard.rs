@@ -56,13 +56,10 @@ pub(crate) fn sanitize(word: &str) -> String {
 /// A published shard, parsed from its name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Published {
-    /// The file.
     pub path: PathBuf,
     /// Hash of the slices it belongs to.
     pub plan: String,
-    /// Its publisher.
     pub task: TaskName,
-    /// Time of publication.
     pub at: Option<SystemTime>,
 }
 

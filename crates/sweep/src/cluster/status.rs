@@ -45,9 +45,7 @@ pub(crate) struct Status {
 #[derive(Serialize)]
 pub(crate) struct PrecisionStatus {
     pub(crate) points: usize,
-    /// Points that have reached it.
     pub(crate) reached: usize,
-    /// Points that still need seeds.
     pub(crate) open: usize,
 }
 
@@ -115,7 +113,6 @@ pub(crate) struct TaskStatus {
     pub(crate) node: String,
     /// Number of restarts, as recorded in its shards.
     pub(crate) restarts: u32,
-    /// Seconds since it last published.
     pub(crate) published_s: Option<f64>,
     /// Progress of its slice.
     #[serde(flatten)]

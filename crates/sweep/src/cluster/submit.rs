@@ -25,17 +25,14 @@ pub(crate) struct SubmitOptions {
     pub(crate) engine: Engine,
     /// Number of tasks; by default so many that each needs about half of its time.
     pub(crate) tasks: Option<usize>,
-    /// Cases that each task computes in parallel.
     pub(crate) workers: usize,
     /// Maximum number of tasks that run at the same time.
     pub(crate) throttle: Option<usize>,
-    /// Time limit of a task.
     pub(crate) time: Option<TimeLimit>,
     /// Further arguments of the command that submits.
     pub(crate) submit_arguments: Vec<String>,
     /// Further arguments of `sweep run`.
     pub(crate) run_arguments: Vec<String>,
-    /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
     /// Whether all runs are to keep frames.
     pub(crate) trajectory: bool,
@@ -52,13 +49,11 @@ pub(crate) struct Submitted {
     /// Its name at the scheduler, unless nothing was submitted.
     pub(crate) name: Option<String>,
     pub(crate) cases: usize,
-    /// Hash of the slices.
     pub(crate) plan: String,
     pub(crate) job: Job,
     pub(crate) script: String,
     /// Estimated CPU seconds of the whole job.
     pub(crate) cpu_s: f64,
-    /// Memory of a task, in bytes.
     pub(crate) memory_bytes: f64,
 }
 

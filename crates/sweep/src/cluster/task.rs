@@ -22,15 +22,12 @@ pub(crate) struct Part {
 
 /// Where a task works.
 pub(crate) struct TaskOptions {
-    /// The folder that shards are published in.
     pub(crate) folder: PathBuf,
     /// A folder on a disk of this machine.
     pub(crate) scratch: PathBuf,
-    /// Time between publications.
     pub(crate) publish_every: Duration,
     /// Whether it continues from results of another build of the program.
     pub(crate) mixed: bool,
-    /// Whether failed cases are computed again.
     pub(crate) retry_failed: bool,
     /// Whether runs keep a frame with each sample.
     pub(crate) trajectory: bool,

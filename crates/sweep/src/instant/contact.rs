@@ -12,13 +12,9 @@ const PAIR_LIMIT: usize = 1_000_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Scheme {
-    /// No contact.
     None,
-    /// Listed pairs.
     Listed,
-    /// Rigid scheme.
     Rigid,
-    /// The paper's procedure.
     Procedure,
     /// Laws chosen one by one.
     Laws,
@@ -29,13 +25,10 @@ enum Scheme {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
 pub(super) struct Contact<S: Space> {
-    /// Which one.
     scheme: Scheme,
     /// Pairs of `listed`.
     pairs: Option<Vec<[usize; 2]>>,
-    /// Roughness height.
     roughness: Option<f64>,
-    /// Friction coefficient.
     friction: Option<f64>,
     /// Critical load.
     critical_load: Option<f64>,

@@ -14,7 +14,6 @@ const DEFAULT_SCATTER: f64 = 0.12;
 /// The runs of one point.
 #[derive(Debug)]
 pub(super) struct Point<'c> {
-    /// One of its cases.
     pub(super) case: &'c Case,
     /// All its runs, done or not.
     pub(super) all: f64,
@@ -45,7 +44,6 @@ pub(crate) struct Expected {
     pub(crate) seeds: usize,
     /// Scatter between runs over their mean.
     pub(crate) scatter: f64,
-    /// Whether it was measured.
     pub(crate) measured: bool,
 }
 
@@ -53,7 +51,6 @@ pub(crate) struct Expected {
 #[derive(Debug)]
 pub(super) struct Work<'c> {
     pub(super) points: Vec<Point<'c>>,
-    /// Runs that have ended.
     pub(super) ended: usize,
     pub(super) expected: Option<Expected>,
 }

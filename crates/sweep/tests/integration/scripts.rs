@@ -64,30 +64,11 @@ fn a_program_that_needs_libraries_is_not_released() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
 }
 
-#[test]
-fn the_python_package_is_compiled_as_the_program_is() {
-    let levels = |manifest: &str| {
-        let text = std::fs::read_to_string(scripts().join(manifest)).unwrap();
-        let manifest: toml::Table = toml::from_str(&text).unwrap();
-        manifest["profile"]["release"]["package"]
-            .as_table()
-            .unwrap()
-            .clone()
-    };
-    let of_python = levels("../python/Cargo.toml");
-    for (package, level) in levels("../Cargo.toml") {
-        for (key, value) in level.as_table().unwrap() {
-            assert_eq!(of_python[&package].get(key), Some(value), "{package}");
-        }
-    }
-}
-
 /// The workspace has the version; what cannot read it there repeats it.
 #[test]
 fn every_file_names_the_version_of_the_workspace() {
     let version = env!("CARGO_PKG_VERSION");
     for (file, line) in [
-        ("python/Cargo.toml", format!("version = \"{version}\"\n")),
         ("CITATION.cff", format!("version: {version}\n")),
         ("CHANGELOG.md", format!("\n## {version}")),
         (
