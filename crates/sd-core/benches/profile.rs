@@ -114,7 +114,7 @@ impl Pieces {
             let list = layer.stage.contacts.list.iter();
             let mut rows: Vec<[usize; 2]> = list
                 .filter(|c| kind == 0 || c.state != ContactState::Frictionless)
-                .map(|c| [c.pair.i, c.pair.j].map(|sphere| resistance.row(sphere)))
+                .map(|c| [c.pair.i, c.pair.j].map(|sphere| 3 * sphere))
                 .map(|[i, j]| [i.min(j), i.max(j)])
                 .collect();
             rows.sort_unstable();

@@ -142,12 +142,12 @@
 //! error           why a computation was refused or could not be finished
 //! law             constitutive laws of contact: pure functions of numbers, one file each
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
-//! linalg          dense matrices, lu, cholesky (dense, recursive, tiled, skyline, sparse), gmres, anderson:
+//! linalg          dense matrices, lu, cholesky (dense, tiled, sparse), gmres, anderson:
 //!                 the only room that names the linear-algebra library
 //! space           what differs between a layer and a suspension: vectors, modes, tangents, orientations, the flow; the sheared cell, pairs and
 //!                 lists of them, written once for both; the six planar modes of a sphere in a layer
-//! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense, within a
-//!                 skyline or pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres.
+//! hydrodynamics   two_sphere: near field of a pair; far_field: mobility of all spheres; resistance: their sum, held dense or
+//!                 pair by pair; iterative: the far field put on top of Ball-Melrose by iteration, for many spheres.
 //!                 All generic in the space, but for the sums of the far field and its mobilities
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; solver: the pairs that take part; solve: the
 //!                 one contact problem, its states, and its dense and sparse linear algebra

@@ -388,7 +388,7 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
             ..quality
         };
         // The frictional part is separate where friction depends on the motion without it.
-        match self.contacts.frictionless_motion(&self.input) {
+        match self.contacts.frictionless_motion() {
             Some(isolated) => {
                 for ((v, v_t), v_n) in v.iter_mut().zip(v_t).zip(isolated) {
                     *v_t = *v - v_n;

@@ -189,8 +189,8 @@ impl<S: Fluid> ContactSolver<S> {
     }
 
     /// The motion under normal forces alone, if the law depends on it.
-    pub(crate) fn frictionless_motion(&self, input: &StageInput<'_, S>) -> Option<&[f64]> {
-        match (&self.backend, input.laws.uses_frictionless_slip()) {
+    pub(crate) fn frictionless_motion(&self) -> Option<&[f64]> {
+        match (&self.backend, self.problem.uses_frictionless_slip) {
             (Backend::Sparse(system), true) => Some(system.velocities()[1]),
             _ => None,
         }

@@ -17,8 +17,8 @@
 //! Vectors are then `[6N]`, `(U, Ω)` sphere by sphere, where this module writes `[3N]` for a layer.
 //! The differences are in [`fluid`]'s implementations for the two spaces.
 //!
-//! `R_FU` is held in one of three forms: full with the far field in it, within a skyline, or pair
-//! by pair without a factor.
+//! `R_FU` is held in one of two forms: full, with the far field in it under Stokesian Dynamics, or
+//! pair by pair without a factor.
 
 mod bulk;
 mod dense;
@@ -29,11 +29,10 @@ mod layer;
 mod near_matrix;
 mod pair_terms;
 mod pairwise;
-mod skyline;
 mod tables;
 
 use crate::error::Error;
-use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::model::Hydrodynamics;
 use crate::space::Layer;
 use crate::space::cell::{Cell, LUBRICATION_RANGE};
@@ -46,7 +45,6 @@ pub(crate) use fluid::{FarMatrix, FarProduct, ModeBlock, NearTerm};
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
 pub(crate) use pairwise::PairwiseResistance;
 pub(crate) use pairwise::{Motion, side_by_side_mut};
-use skyline::SkylineResistance;
 
 pub use tables::NearFields;
 pub(crate) use tables::NearTerms;
@@ -54,10 +52,8 @@ use tables::Twists;
 
 /// Storage of `R_FU`.
 enum Form<S: Fluid> {
-    /// Stokesian Dynamics, full and factored.
+    /// Full and factored.
     Dense(Box<DenseResistance<S>>),
-    /// Ball-Melrose or lubrication, factored within a skyline.
-    Skyline(Box<SkylineResistance<S>>),
     /// Ball-Melrose or lubrication, pair by pair.
     Pairwise(Box<PairwiseResistance<S>>),
 }
@@ -104,8 +100,7 @@ impl<S: Fluid> Resistance<S> {
             }
             Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => {
                 Self::with_form(hydrodynamics, cell, radii, tables, || {
-                    let skyline = SkylineResistance::new(radii.len());
-                    Ok(Form::Skyline(Box::new(skyline)))
+                    Ok(Form::Dense(Box::new(DenseResistance::new(None, radii))))
                 })
             }
         }
@@ -125,8 +120,8 @@ impl<S: Fluid> Resistance<S> {
         Self::with_form(hydrodynamics, cell, radii, tables, || {
             let far = S::Far::new(cell, radii, tolerance)?;
             Ok(Form::Dense(Box::new(DenseResistance::new(
-                far,
-                radii.len(),
+                Some(far),
+                radii,
             ))))
         })
     }
@@ -253,10 +248,6 @@ impl<S: Fluid> Resistance<S> {
         }
         match &mut self.form {
             Form::Dense(dense) => dense.assemble(cell, centres, pairs, terms),
-            Form::Skyline(skyline) => {
-                skyline.assemble(cell, centres, radii, pairs, terms);
-                Ok(())
-            }
             Form::Pairwise(pairwise) => pairwise.assemble(pairs, terms, radii),
         }
     }
@@ -267,7 +258,6 @@ impl<S: Fluid> Resistance<S> {
     pub fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         match &mut self.form {
             Form::Dense(dense) => dense.add_spring(pair, slope),
-            Form::Skyline(skyline) => skyline.add_spring(pair, slope),
             Form::Pairwise(pairwise) => pairwise.add_spring(pair, slope),
         }
     }
@@ -283,16 +273,12 @@ impl<S: Fluid> Resistance<S> {
         }
         let factored = match &mut self.form {
             Form::Dense(dense) => dense.factor(),
-            Form::Skyline(skyline) => skyline.factor(),
             Form::Pairwise(_) => Ok(()),
         };
         factored.map_err(|bad| Error::NotPositiveDefinite {
             matrix: "force-velocity resistance",
             pivot: bad.pivot,
-            sphere: match &self.form {
-                Form::Skyline(skyline) => skyline.spheres()[bad.pivot / S::MODES],
-                Form::Dense(_) | Form::Pairwise(_) => bad.pivot / S::MODES,
-            },
+            sphere: bad.pivot / S::MODES,
         })
     }
 
@@ -300,7 +286,7 @@ impl<S: Fluid> Resistance<S> {
     pub fn pairwise(&self) -> Option<&PairwiseResistance<S>> {
         match &self.form {
             Form::Pairwise(pairwise) => Some(pairwise),
-            Form::Dense(_) | Form::Skyline(_) => None,
+            Form::Dense(_) => None,
         }
     }
 
@@ -308,7 +294,7 @@ impl<S: Fluid> Resistance<S> {
     pub(crate) fn pairwise_mut(&mut self) -> Option<&mut PairwiseResistance<S>> {
         match &mut self.form {
             Form::Pairwise(pairwise) => Some(pairwise),
-            Form::Dense(_) | Form::Skyline(_) => None,
+            Form::Dense(_) => None,
         }
     }
 
@@ -350,50 +336,14 @@ impl<S: Fluid> Resistance<S> {
         self.neighbours.closest_at(cell, centres, &self.radii)
     }
 
-    /// Factor of R_FU, `[3N × 3N]`, its rows in the order of [`Resistance::row`].
+    /// Factor of R_FU, `[3N × 3N]`, its rows in the order of the spheres.
     ///
     /// # Panics
     /// If `R_FU` is stored pair by pair, without a factor: check [`Resistance::pairwise`] first.
-    pub fn solver(&self) -> &SkylineCholesky {
+    pub fn solver(&self) -> &DenseCholesky {
         match &self.form {
             Form::Dense(dense) => dense.solver(),
-            Form::Skyline(skyline) => skyline.solver(),
             Form::Pairwise(_) => unreachable!("pairwise storage has no factor"),
-        }
-    }
-
-    /// First row of a sphere in the factor.
-    pub fn row(&self, sphere: usize) -> usize {
-        match &self.form {
-            Form::Skyline(skyline) => skyline.row(sphere),
-            Form::Dense(_) | Form::Pairwise(_) => S::MODES * sphere,
-        }
-    }
-
-    /// Permutes a vector `[3N]` to the order of the factor's rows.
-    pub fn to_rows(&self, vector: &[f64], rows: &mut Vec<f64>) {
-        rows.clear();
-        match &self.form {
-            Form::Skyline(skyline) => {
-                let vector = S::by_sphere(vector);
-                for &sphere in skyline.spheres() {
-                    rows.extend_from_slice(vector[sphere].as_ref());
-                }
-            }
-            Form::Dense(_) | Form::Pairwise(_) => rows.extend_from_slice(vector),
-        }
-    }
-
-    /// Permutes a vector `[3N]` from the order of the factor's rows to that of the spheres.
-    pub fn from_rows(&self, rows: &[f64], vector: &mut [f64]) {
-        match &self.form {
-            Form::Skyline(skyline) => {
-                let (rows, vector) = (S::by_sphere(rows), S::by_sphere_mut(vector));
-                for (row, &sphere) in rows.iter().zip(skyline.spheres()) {
-                    vector[sphere] = *row;
-                }
-            }
-            Form::Dense(_) | Form::Pairwise(_) => vector.copy_from_slice(rows),
         }
     }
 
@@ -408,7 +358,7 @@ impl<S: Fluid> Resistance<S> {
     pub fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
         match &mut self.form {
             Form::Dense(dense) => dense.background_forces(strain, forces),
-            Form::Skyline(_) | Form::Pairwise(_) => forces.fill(0.0),
+            Form::Pairwise(_) => forces.fill(0.0),
         }
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strain, forces);
     }
@@ -429,12 +379,8 @@ impl<S: Fluid> Resistance<S> {
         stresslets.clear();
         match &self.form {
             Form::Dense(dense) => dense.apply(velocities, strain, work, forces, stresslets),
-            Form::Skyline(_) | Form::Pairwise(_) => {
-                for (v, &a) in S::by_sphere(velocities).iter().zip(&self.radii) {
-                    let (drag, stresslet) = S::isolated(a);
-                    forces.extend((0..S::MODES).map(|m| drag[m] * v[m]));
-                    stresslets.push(*strain * stresslet);
-                }
+            Form::Pairwise(_) => {
+                dense::add_isolated::<S>(&self.radii, velocities, strain, forces, stresslets);
             }
         }
         let (pairs, terms) = (self.neighbours.pairs(), &self.terms);

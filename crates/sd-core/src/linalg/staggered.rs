@@ -5,7 +5,7 @@
 //! product of two blocks of columns only the rows below both starts: half to a third of the dense
 //! cost.
 
-use super::cholesky::skyline::{PANEL, SkylineCholesky};
+use super::cholesky::dense::DenseCholesky;
 use super::dense::Matrix;
 use super::simd::vectorised;
 use super::vector;
@@ -13,6 +13,8 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Par};
 
+/// Columns of the factor eliminated together.
+const PANEL: usize = 24;
 /// Columns multiplied together.
 const COLUMNS: usize = 24;
 
@@ -97,7 +99,7 @@ impl StaggeredColumns {
     }
 
     /// Replaces the columns B by `L⁻¹ B`.
-    pub fn solve_lower(&mut self, cholesky: &SkylineCholesky) {
+    pub fn solve_lower(&mut self, cholesky: &DenseCholesky) {
         let n = self.matrix.rows();
         let lower = cholesky.lower();
         let mut columns = 0;
@@ -117,17 +119,11 @@ impl StaggeredColumns {
                 block.as_mut(),
                 Par::Seq,
             );
-            let mut below = below;
-            for rows in cholesky.rows(first / PANEL) {
-                if rows.is_empty() {
-                    continue;
-                }
+            if end < n {
                 matmul(
-                    below
-                        .as_mut()
-                        .submatrix_mut(rows.start - end, 0, rows.len(), columns),
+                    below,
                     Accum::Add,
-                    lower.view(rows.start, first, rows.len(), end - first),
+                    lower.view(end, first, n - end, end - first),
                     block.as_ref(),
                     -1.0,
                     Par::Seq,
@@ -232,8 +228,8 @@ mod tests {
 
     #[test]
     fn solves_are_those_of_whole_columns() {
-        let mut cholesky = SkylineCholesky::new(120);
-        let matrix = cholesky.full_matrix();
+        let mut cholesky = DenseCholesky::new(120);
+        let matrix = cholesky.matrix_mut();
         matrix.reset(120, 120);
         for j in 0..120 {
             for i in j..120 {

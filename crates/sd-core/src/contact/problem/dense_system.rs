@@ -25,10 +25,8 @@ use std::marker::PhantomData;
 /// Matrices, columns and workspace.
 #[derive(Default)]
 pub(crate) struct DenseSystem<S: Space> {
-    /// `L⁻¹ F` with the forces F other than contact forces. Its rows, like those of all columns
-    /// here, are in the order of [`Resistance::row`].
+    /// `L⁻¹ F` with the forces F other than contact forces.
     free: Vec<f64>,
-    /// The motion, in the same order of rows.
     motion: Vec<f64>,
     /// `Y_n`, `[3N × K]`, ordered by the first nonzero row.
     normal_columns: StaggeredColumns,
@@ -115,11 +113,12 @@ impl<S: Fluid> DenseSystem<S> {
         forces: &[f64],
     ) {
         let solver = resistance.solver();
-        resistance.to_rows(forces, &mut self.free);
+        self.free.clear();
+        self.free.extend_from_slice(forces);
         solver.solve_lower_vector(&mut self.free);
         let rows = problem.normal.iter().map(|entry| entry.row);
         let ([order, _], [place, _]) = (&mut self.order, &mut self.place);
-        sort(resistance, rows.clone(), order, place);
+        sort(rows, order, place);
         let columns = &mut self.normal_columns;
         fill(columns, resistance, self.free.len(), order, |k| {
             problem.normal[k].row
@@ -134,7 +133,7 @@ impl<S: Fluid> DenseSystem<S> {
     pub(crate) fn set_up_friction(&mut self, resistance: &Resistance<S>, problem: &Problem<S>) {
         let rows = problem.tangential.iter().map(|entry| entry.row);
         let ([_, order], [_, place]) = (&mut self.order, &mut self.place);
-        sort(resistance, rows, order, place);
+        sort(rows, order, place);
         let columns = &mut self.tangential_columns;
         fill(columns, resistance, self.free.len(), order, |m| {
             problem.tangential[m].row
@@ -165,7 +164,7 @@ impl<S: Fluid> DenseSystem<S> {
         self.tangential_columns
             .add_product(&self.by_column[1], &mut self.motion);
         resistance.solver().solve_upper_vector(&mut self.motion);
-        resistance.from_rows(&self.motion, velocities);
+        velocities.copy_from_slice(&self.motion);
     }
 
     /// Copies forces to the order of the columns.
@@ -178,21 +177,20 @@ impl<S: Fluid> DenseSystem<S> {
     }
 }
 
-/// First rows in the factor of the two spheres of a row.
-fn starts<S: Fluid>(resistance: &Resistance<S>, row: &Row<S>) -> [usize; 2] {
-    row.spheres.map(|sphere| resistance.row(sphere))
+/// First rows of the two spheres of a row among those of all spheres.
+fn starts<S: Space>(row: &Row<S>) -> [usize; 2] {
+    row.spheres.map(|sphere| S::MODES * sphere)
 }
 
 /// Sorts rows by the first nonzero row of their columns; also returns the inverse permutation.
-fn sort<S: Fluid>(
-    resistance: &Resistance<S>,
+fn sort<S: Space>(
     rows: impl Iterator<Item = Row<S>>,
     order: &mut Vec<usize>,
     place: &mut Vec<usize>,
 ) {
     place.clear();
     place.extend(rows.map(|row| {
-        let [i, j] = starts(resistance, &row);
+        let [i, j] = starts(&row);
         i.min(j)
     }));
     order.clear();
@@ -212,13 +210,13 @@ fn fill<S: Fluid>(
     row: impl Fn(usize) -> Row<S>,
 ) {
     let begin = |&at: &usize| {
-        let [i, j] = starts(resistance, &row(at));
+        let [i, j] = starts(&row(at));
         i.min(j)
     };
     columns.reset(size, order.iter().map(begin));
     for (column, &at) in order.iter().enumerate() {
         let row = row(at);
-        row.add_at(1.0, starts(resistance, &row), columns.column_mut(column));
+        row.add_at(1.0, starts(&row), columns.column_mut(column));
     }
     columns.solve_lower(resistance.solver());
 }

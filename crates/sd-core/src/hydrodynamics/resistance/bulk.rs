@@ -10,7 +10,7 @@ use crate::hydrodynamics::far_field::suspension::{DenseMobility, MobilityOperato
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
 use crate::hydrodynamics::free_space::spatial::self_mobility;
 use crate::hydrodynamics::two_sphere::PairTerm;
-use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::cholesky::trailing::trailing_inverse;
 use crate::linalg::dense::Matrix;
 use crate::space::Bulk;
@@ -155,7 +155,7 @@ impl NearTerm<Bulk> for BulkTerm {
 pub struct BulkFarMatrix {
     mobility: DenseMobility,
     /// M, then its factor.
-    factor: SkylineCholesky,
+    factor: DenseCholesky,
     /// Scratch of the inverse of a block.
     inverse: Matrix,
 }
@@ -166,7 +166,7 @@ impl FarMatrix<Bulk> for BulkFarMatrix {
     fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         Ok(Self {
             mobility: DenseMobility::new(cell, radii, tolerance)?,
-            factor: SkylineCholesky::default(),
+            factor: DenseCholesky::default(),
             inverse: Matrix::default(),
         })
     }
@@ -179,7 +179,7 @@ impl FarMatrix<Bulk> for BulkFarMatrix {
     ) -> Result<(), Error> {
         let n = centres.len();
         let factor = &mut self.factor;
-        self.mobility.fill(cell, centres, factor.full_matrix())?;
+        self.mobility.fill(cell, centres, factor.matrix_mut())?;
         factor.factor().map_err(|bad| Error::NotPositiveDefinite {
             matrix: "far-field mobility",
             pivot: bad.pivot,

@@ -1,28 +1,32 @@
-//! Stokesian Dynamics: the far field of all spheres, and `R_FU` as a full matrix with its factor.
+//! `R_FU` as a full matrix with its factor; under Stokesian Dynamics, with the far field of all
+//! spheres in it.
 
 use super::fluid::{FarMatrix, Fluid};
 use super::pair_terms;
 use crate::error::Error;
-use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::error::BadPivot;
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 
 /// The far field and the full `R_FU`, rows in the order of the spheres.
 pub(super) struct DenseResistance<S: Fluid> {
-    far: S::Far,
+    /// The far field of Stokesian Dynamics; without it, the drag of isolated spheres.
+    far: Option<S::Far>,
+    radii: Vec<f64>,
     /// `R_FU`, then its factor.
-    factor: SkylineCholesky,
+    factor: DenseCholesky,
     /// Scratch of the far field, all modes of all spheres, strains first.
     vector: Vec<f64>,
 }
 
 impl<S: Fluid> DenseResistance<S> {
-    /// Workspace around a planned far field.
-    pub(super) fn new(far: S::Far, spheres: usize) -> Self {
+    /// Workspace around a planned far field, or without one.
+    pub(super) fn new(far: Option<S::Far>, radii: &[f64]) -> Self {
         Self {
             far,
-            factor: SkylineCholesky::new(S::MODES * spheres),
+            radii: radii.to_vec(),
+            factor: DenseCholesky::new(S::MODES * radii.len()),
             vector: Vec::new(),
         }
     }
@@ -43,8 +47,19 @@ impl<S: Fluid> DenseResistance<S> {
         pairs: &[Neighbours<S>],
         terms: &[S::Term],
     ) -> Result<(), Error> {
-        let matrix = self.factor.full_matrix();
-        self.far.fill(cell, centres, matrix)?;
+        let matrix = self.factor.matrix_mut();
+        if let Some(far) = &mut self.far {
+            far.fill(cell, centres, matrix)?;
+        } else {
+            let n = S::MODES * self.radii.len();
+            matrix.reset(n, n);
+            for (i, &a) in self.radii.iter().enumerate() {
+                for (m, drag) in S::isolated(a).0.as_ref().iter().enumerate() {
+                    let row = Self::row(i) + m;
+                    matrix[(row, row)] = *drag;
+                }
+            }
+        }
         pair_terms::add_to_matrix(pairs, terms, Self::row, matrix);
         Ok(())
     }
@@ -52,19 +67,23 @@ impl<S: Fluid> DenseResistance<S> {
     /// Adds `slope` n nᵀ of a pair's relative velocity.
     pub(super) fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
         let rows = [pair.i, pair.j].map(Self::row);
-        pair_terms::add_spring(pair, slope, rows, self.factor.filled_matrix());
+        pair_terms::add_spring(pair, slope, rows, self.factor.matrix_mut());
     }
 
     pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }
 
-    pub(super) fn solver(&self) -> &SkylineCholesky {
+    pub(super) fn solver(&self) -> &DenseCholesky {
         &self.factor
     }
 
     /// Forces with which the background strain drives the spheres through the far field.
     pub(super) fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
+        let Some(far) = &mut self.far else {
+            forces.fill(0.0);
+            return;
+        };
         let strains = S::STRAINS * (forces.len() / S::MODES);
         self.vector.clear();
         self.vector.resize(strains + forces.len(), 0.0);
@@ -73,7 +92,7 @@ impl<S: Fluid> DenseResistance<S> {
                 *e = strain[k];
             }
         }
-        self.far.apply_for_forces(&mut self.vector);
+        far.apply_for_forces(&mut self.vector);
         forces.copy_from_slice(&self.vector[strains..]);
     }
 
@@ -86,6 +105,10 @@ impl<S: Fluid> DenseResistance<S> {
         forces: &mut Vec<f64>,
         stresslets: &mut Vec<S::Strain>,
     ) {
+        let Some(far) = &self.far else {
+            add_isolated::<S>(&self.radii, velocities, strain, forces, stresslets);
+            return;
+        };
         let strains = S::STRAINS * (velocities.len() / S::MODES);
         work.clear();
         work.resize(strains + velocities.len(), 0.0);
@@ -95,7 +118,7 @@ impl<S: Fluid> DenseResistance<S> {
             }
         }
         work[strains..].copy_from_slice(velocities);
-        self.far.apply(work);
+        far.apply(work);
         forces.extend_from_slice(&work[strains..]);
         stresslets.extend(work[..strains].chunks_exact(S::STRAINS).map(|s| {
             let mut stresslet = S::Strain::default();
@@ -104,5 +127,20 @@ impl<S: Fluid> DenseResistance<S> {
             }
             stresslet
         }));
+    }
+}
+
+/// Appends the counterforces and stresslets of isolated spheres.
+pub(super) fn add_isolated<S: Fluid>(
+    radii: &[f64],
+    velocities: &[f64],
+    strain: &S::Strain,
+    forces: &mut Vec<f64>,
+    stresslets: &mut Vec<S::Strain>,
+) {
+    for (v, &a) in S::by_sphere(velocities).iter().zip(radii) {
+        let (drag, stresslet) = S::isolated(a);
+        forces.extend((0..S::MODES).map(|m| drag[m] * v[m]));
+        stresslets.push(*strain * stresslet);
     }
 }

@@ -30,10 +30,8 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
         pairwise.add_spring(pair, slope);
     }
     factored.factor().unwrap();
-    let (mut rows, mut velocities) = (Vec::new(), vec![0.0; 12]);
-    factored.to_rows(&forces, &mut rows);
-    factored.solver().solve(&mut rows);
-    factored.from_rows(&rows, &mut velocities);
+    let mut velocities = forces.clone();
+    factored.solver().solve(&mut velocities);
     let mut found = vec![0.0; 12];
     pairwise.pairwise().unwrap().apply(&velocities, &mut found);
     for (force, found) in forces.iter().zip(&found) {

@@ -1,14 +1,15 @@
 //! Cholesky factorization of a dense matrix stored by columns.
 
-use super::recursive;
 use crate::linalg::dense::Matrix;
 use crate::linalg::error::BadPivot;
-use faer::dyn_stack::MemBuffer;
+use crate::linalg::simd::vectorised;
+use crate::linalg::vector;
+use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::{Par, Spec};
 
 /// Cholesky factorization `A = L Lᵀ` of a symmetric positive definite matrix, with its workspace.
-pub(crate) struct DenseCholesky {
+pub struct DenseCholesky {
     /// L in the lower triangle; the upper triangle is undefined.
     factor: Matrix,
     /// Scratch, sized for the largest matrix so far.
@@ -25,7 +26,7 @@ impl Default for DenseCholesky {
 
 impl DenseCholesky {
     /// Workspace for matrices up to `[n × n]`; grows for larger ones.
-    pub(crate) fn new(n: usize) -> Self {
+    pub fn new(n: usize) -> Self {
         let mut factor = Matrix::zeros(n, n);
         factor.reset(0, 0);
         Self {
@@ -36,12 +37,12 @@ impl DenseCholesky {
     }
 
     /// The matrix to fill (lower triangle) before [`DenseCholesky::factor`]; holds L afterwards.
-    pub(crate) fn matrix_mut(&mut self) -> &mut Matrix {
+    pub fn matrix_mut(&mut self) -> &mut Matrix {
         &mut self.factor
     }
 
     /// L, in the lower triangle.
-    pub(crate) fn lower(&self) -> &Matrix {
+    pub fn lower(&self) -> &Matrix {
         &self.factor
     }
 
@@ -49,90 +50,80 @@ impl DenseCholesky {
     ///
     /// # Errors
     /// [`BadPivot`] with the row at which it broke down.
-    pub(crate) fn factor(&mut self) -> Result<(), BadPivot> {
-        let (matrix, scratch) = self.parts();
-        recursive::factor(matrix.view_mut(), scratch)
-    }
-
-    /// The matrix and the scratch of its factorization.
-    pub(in crate::linalg) fn parts(&mut self) -> (&mut Matrix, &mut MemBuffer) {
+    pub fn factor(&mut self) -> Result<(), BadPivot> {
         let n = self.factor.rows();
         if n > self.capacity {
             self.scratch = scratch(n);
             self.capacity = n;
         }
-        (&mut self.factor, &mut self.scratch)
+        llt::factor::cholesky_in_place(
+            self.factor.view_mut(),
+            llt::factor::LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        )
+        .map(|_| ())
+        .map_err(|llt::factor::LltError::NonPositivePivot { index }| BadPivot { pivot: index })
     }
-}
 
-/// Solves, against which other factors are tested.
-#[cfg(test)]
-mod solves {
-    use super::DenseCholesky;
-    use crate::linalg::simd::vectorised;
-    use crate::linalg::vector;
+    /// `x ← A⁻¹ x` for one vector.
+    pub fn solve(&self, x: &mut [f64]) {
+        self.solve_lower_vector(x);
+        self.solve_upper_vector(x);
+    }
 
-    impl DenseCholesky {
-        /// `x ← A⁻¹ x` for one vector.
-        pub(crate) fn solve(&self, x: &mut [f64]) {
-            self.solve_lower_vector(x);
-            self.solve_upper_vector(x);
-        }
-
-        /// `x ← L⁻¹ x` for one vector.
-        pub(crate) fn solve_lower_vector(&self, x: &mut [f64]) {
-            let n = self.factor.rows();
-            vectorised(
-                #[inline(always)]
-                || {
-                    for j in (0..n).step_by(4) {
-                        let end = (j + 4).min(n);
-                        for k in j..end {
-                            let column = self.factor.column(k);
-                            let xk = x[k] / column[k];
-                            x[k] = xk;
-                            for row in k + 1..end {
-                                x[row] -= column[row] * xk;
-                            }
-                        }
-                        if end - j == 4 && end < n {
-                            let (done, rest) = x.split_at_mut(end);
-                            let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                            vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
+    /// `x ← L⁻¹ x` for one vector.
+    pub fn solve_lower_vector(&self, x: &mut [f64]) {
+        let n = self.factor.rows();
+        vectorised(
+            #[inline(always)]
+            || {
+                for j in (0..n).step_by(4) {
+                    let end = (j + 4).min(n);
+                    for k in j..end {
+                        let column = self.factor.column(k);
+                        let xk = x[k] / column[k];
+                        x[k] = xk;
+                        for row in k + 1..end {
+                            x[row] -= column[row] * xk;
                         }
                     }
-                },
-            );
-        }
+                    if end - j == 4 && end < n {
+                        let (done, rest) = x.split_at_mut(end);
+                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                        vector::add_four(rest, columns, [0, 1, 2, 3].map(|k| -done[j + k]));
+                    }
+                }
+            },
+        );
+    }
 
-        /// `x ← L⁻ᵀ x` for one vector.
-        pub(crate) fn solve_upper_vector(&self, x: &mut [f64]) {
-            let n = self.factor.rows();
-            vectorised(
-                #[inline(always)]
-                || {
-                    for j in (0..n).step_by(4).rev() {
-                        let end = (j + 4).min(n);
-                        if end - j == 4 && end < n {
-                            let (open, rest) = x.split_at_mut(end);
-                            let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
-                            for (xk, sum) in
-                                open[j..].iter_mut().zip(vector::dot_four(columns, rest))
-                            {
-                                *xk -= sum;
-                            }
-                        }
-                        for k in (j..end).rev() {
-                            let column = self.factor.column(k);
-                            for row in k + 1..end {
-                                x[k] -= column[row] * x[row];
-                            }
-                            x[k] /= column[k];
+    /// `x ← L⁻ᵀ x` for one vector.
+    pub fn solve_upper_vector(&self, x: &mut [f64]) {
+        let n = self.factor.rows();
+        vectorised(
+            #[inline(always)]
+            || {
+                for j in (0..n).step_by(4).rev() {
+                    let end = (j + 4).min(n);
+                    if end - j == 4 && end < n {
+                        let (open, rest) = x.split_at_mut(end);
+                        let columns = [0, 1, 2, 3].map(|k| &self.factor.column(j + k)[end..n]);
+                        for (xk, sum) in open[j..].iter_mut().zip(vector::dot_four(columns, rest)) {
+                            *xk -= sum;
                         }
                     }
-                },
-            );
-        }
+                    for k in (j..end).rev() {
+                        let column = self.factor.column(k);
+                        for row in k + 1..end {
+                            x[k] -= column[row] * x[row];
+                        }
+                        x[k] /= column[k];
+                    }
+                }
+            },
+        );
     }
 }
 

@@ -42,14 +42,6 @@ pub(super) struct DenseContacts<'a> {
     found: DVector<f64>,
 }
 
-/// `x ← R_BM⁻¹ x`, `[3N]`, by the factor.
-fn solve(near: &Resistance, x: &mut [f64]) {
-    let mut rows = Vec::new();
-    near.to_rows(x, &mut rows);
-    near.solver().solve(&mut rows);
-    near.from_rows(&rows, x);
-}
-
 impl<'a> DenseContacts<'a> {
     /// The problem of all pairs that may touch.
     pub(super) fn new(near: &'a Resistance, surface: &Surface, time_span: f64) -> Self {
@@ -78,7 +70,7 @@ impl<'a> DenseContacts<'a> {
         });
         let columns = rows.clone().map(|mut columns| {
             for column in &mut columns {
-                solve(near, column);
+                near.solver().solve(column);
             }
             columns
         });
@@ -182,7 +174,7 @@ impl<'a> DenseContacts<'a> {
     fn free(&self, forces: &[f64]) -> Vec<f64> {
         let mut free = forces.to_vec();
         for part in free.chunks_exact_mut(forces.len() / 2) {
-            solve(self.near, part);
+            self.near.solver().solve(part);
         }
         free
     }

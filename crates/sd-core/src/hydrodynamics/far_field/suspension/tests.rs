@@ -1,7 +1,7 @@
 //! The mobility of a suspension: splitting, images, closed forms of lattices.
 
 use super::*;
-use crate::linalg::cholesky::skyline::SkylineCholesky;
+use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::dense::Matrix;
 use crate::space::Bulk;
 use crate::space::cell::{Cell, Lattice};
@@ -135,8 +135,8 @@ fn lattice(name: &str, phi: f64) -> (Cell<Bulk>, Vec<Vector3<f64>>) {
 fn far_response(name: &str, phi: f64, modes: [f64; 11]) -> [f64; 11] {
     let (cell, centres) = lattice(name, phi);
     let n = centres.len();
-    let mut factor = SkylineCholesky::default();
-    *factor.full_matrix() = filled(&cell, &centres, &vec![1.0; n], 2.0 * phi.cbrt());
+    let mut factor = DenseCholesky::default();
+    *factor.matrix_mut() = filled(&cell, &centres, &vec![1.0; n], 2.0 * phi.cbrt());
     factor.factor().unwrap();
     let mut rows = vec![0.0; 11 * n];
     for i in 0..n {
