@@ -452,7 +452,12 @@ fn frictionless_spheres_far_apart_move_as_under_the_dense_far_field() {
             memory: &mut ContactMemory::default(),
         };
         let quality = stage
-            .solve(&, &[], contact, SolvePass::First)
+            .solve(
+                &VelocityGradient::simple_shear(1.0),
+                &[],
+                contact,
+                SolvePass::First,
+            )
             .unwrap();
         assert!(quality.converged(), "{quality:?}");
         stage.velocities().to_vec()
