@@ -1,6 +1,6 @@
 //! Campaigns of sheared layers: all of the `sweep` program but its `main`.
 //!
-//! One way through: a [`campaign`] file is laid out as [`case`]s, the [`runner`] computes them and
+//! One way through: a [`campaign`] file is laid out as `case`s, the [`runner`] computes them and
 //! keeps every state of every case in the [`store`], and a [`report`] averages what the store
 //! holds. The store is the only state: a process may die at any point, and the next one continues.
 //! On a cluster a scheduler of the `cluster` starts tasks that compute slices of the campaign in

@@ -1,8 +1,8 @@
 //! The plan of a campaign: runs, estimated time on this machine, memory, and size on disk.
 //!
 //! The time of a step is measured: by runs of the store that this build has computed on this
-//! machine, or else by a short run. It is measured for each [`Class`] of runs, as its ratio to the
-//! rough estimate [`step_cost`], which knows how the methods scale with the number of spheres.
+//! machine, or else by a short run. It is measured for each class of runs, as its ratio to the
+//! rough estimate `step_cost`, which knows how the methods scale with the number of spheres.
 
 mod memory;
 mod trials;

@@ -237,7 +237,7 @@ fn move_under<S: Fluid>(
     Ok(())
 }
 
-/// The method by which [`solve`] computes this instant.
+/// The method by which [`solve`](crate::instant::solve) computes this instant.
 pub fn method<S: Space>(configuration: &Configuration<S>, request: &InstantContacts<S>) -> Method {
     let is_soft = match request {
         InstantContacts::HeldPairs { .. } | InstantContacts::Procedure { .. } => {
