@@ -174,8 +174,12 @@ fn layer(count: u32, hydrodynamics: Hydrodynamics) -> Configuration {
         cell: Cell::periodic(Vector2::repeat(f64::from(count) * side), 1.1 * side).unwrap(),
         hydrodynamics,
         background: VelocityGradient::simple_shear(1.0),
+        // In pairs of opposite ones: the fluid around a layer bears no net force.
         forces: (0..n)
-            .map(|k| Vector2::new((0.7 * k as f64).sin(), 0.3))
+            .map(|k| {
+                let force = Vector2::new((0.7 * (k / 2) as f64).sin(), 0.3);
+                if k % 2 == 0 { force } else { -force }
+            })
             .collect(),
         torques: vec![0.1; n],
         centres,
