@@ -22,10 +22,10 @@ impl<S: Space> VelocityGradient<S> {
     /// [`Error::Refused`] unless the numbers are finite and, in a suspension, the trace is 0.
     ///
     /// ```
-    /// use sd_core::VelocityGradient;
     /// use sd_core::modes::Vec2;
+    /// use sd_core::{Layer, VelocityGradient};
     ///
-    /// let shear = VelocityGradient::new(&[Vec2::new(0.0, 1.0), Vec2::zeros()])?;
+    /// let shear = VelocityGradient::<Layer>::new(&[Vec2::new(0.0, 1.0), Vec2::zeros()])?;
     /// assert_eq!(shear, VelocityGradient::simple_shear(1.0));
     /// assert_eq!(shear.velocity(&Vec2::new(3.0, 2.0)), Vec2::new(2.0, 0.0));
     /// # Ok::<(), sd_core::Error>(())
