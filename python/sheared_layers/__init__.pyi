@@ -66,53 +66,35 @@ def pair(
 ) -> Passed:
     """Move two spheres past each other."""
 
-@final
 class Solution:
     """Motion, stresslets and contacts of a configuration."""
 
-    @property
-    def velocity_disturbance(self) -> _Numbers: ...
-    @property
-    def angular_velocity_disturbance(self) -> _Numbers: ...
-    @property
-    def stresslet_xx(self) -> _Numbers: ...
-    @property
-    def stresslet_yy(self) -> _Numbers: ...
-    @property
-    def stresslet_xy(self) -> _Numbers: ...
-    @property
-    def viscosity(self) -> float | None: ...
-    @property
-    def viscosity_stresslet(self) -> float | None: ...
-    @property
-    def dissipation(self) -> float | None: ...
-    @property
-    def n1(self) -> float | None: ...
-    @property
-    def n2(self) -> float | None: ...
-    @property
-    def particle_pressure(self) -> float | None: ...
-    @property
-    def stress(self) -> dict[str, dict[str, float]] | None: ...
-    @property
-    def computing_time_s(self) -> float: ...
+    velocity_disturbance: _Numbers
+    angular_velocity_disturbance: _Numbers
+    stresslet_xx: _Numbers
+    stresslet_yy: _Numbers
+    stresslet_xy: _Numbers
+    viscosity: float | None
+    viscosity_stresslet: float | None
+    dissipation: float | None
+    n1: float | None
+    n2: float | None
+    particle_pressure: float | None
+    stress: dict[str, dict[str, float]] | None
+    computing_time_s: float
+    def __init__(self, answer: dict[str, Any], dimensions: int, computing_time_s: float) -> None: ...
     @property
     def contacts(self) -> NDArray[np.void]: ...
 
-@final
 class Passed:
     """The trajectories of two spheres that pass each other."""
 
-    @property
-    def final_offset(self) -> float: ...
-    @property
-    def rotation_degrees(self) -> _Numbers: ...
-    @property
-    def minimum_gap(self) -> float: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def path(self) -> _Numbers: ...
+    def __init__(self, answer: dict[str, Any]) -> None: ...
+    final_offset: float
+    rotation_degrees: _Numbers
+    minimum_gap: float
+    time: float
+    path: _Numbers
 
 class Run:
     """Base of `Layer` and `Suspension`: rough spheres under shear, step by step."""

@@ -1,6 +1,10 @@
-"""Results of `solve` and `pair`."""
+"""Results of `solve` and `pair`. numpy is imported when it is needed: the package can be imported without."""
 
-import numpy as np
+
+def _arrays(lists):
+    import numpy as np
+
+    return {name: np.array(value) if isinstance(value, list) else value for name, value in lists.items()}
 
 
 def _kinds(dimensions):
@@ -13,6 +17,8 @@ def _records(rows, fields):
         if not isinstance(value, list):
             return value
         return tuple(value) if field[2:] and field[2] else value[0]
+
+    import numpy as np
 
     records = [tuple(entry(value, field) for value, field in zip(row, fields)) for row in rows]
     return np.array(records, dtype=fields)
@@ -56,8 +62,7 @@ class Solution:
         self._dimensions = dimensions
         for name in ("stresslet_xz", "stresslet_yz"):
             answer.setdefault(name, None)
-        for name, value in answer.items():
-            setattr(self, name, np.array(value) if isinstance(value, list) else value)
+        self.__dict__.update(_arrays(answer))
         # Also without any sphere.
         self.velocity_disturbance = self.velocity_disturbance.reshape(-1, dimensions)
         self.computing_time_s = computing_time_s
@@ -98,8 +103,7 @@ class Passed:
     """
 
     def __init__(self, answer):
-        for name, value in answer.items():
-            setattr(self, name, np.array(value) if isinstance(value, list) else value)
+        self.__dict__.update(_arrays(answer))
 
     def __repr__(self):
         numbers = ", ".join(f"{name}={getattr(self, name)!r}" for name in ("final_offset", "minimum_gap", "time"))

@@ -13,7 +13,7 @@ use pyo3::exceptions::{PyKeyError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyCapsule, PyDict};
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use sweep::data::{Cells, DataColumn};
 
 /// A table, which pandas, polars and pyarrow read without copies.
@@ -21,15 +21,19 @@ use sweep::data::{Cells, DataColumn};
 /// ``pandas.DataFrame.from_arrow(table)``, ``polars.DataFrame(table)``, ``pyarrow.table(table)``;
 /// ``table["viscosity"]`` is a column as an array of numpy.
 #[pyclass(frozen, module = "sheared_layers")]
-pub(crate) struct Table(Vec<DataColumn>);
+pub(crate) struct Table(Vec<DataColumn>, OnceLock<RecordBatch>);
 
 impl Table {
     pub(crate) fn of(columns: Vec<DataColumn>) -> Self {
-        Self(columns)
+        Self(columns, OnceLock::new())
     }
 
-    /// As Arrow; units and meanings are metadata of the fields.
+    /// As Arrow, made once: all readers share its numbers. Units and meanings are metadata of the
+    /// fields.
     fn batch(&self) -> PyResult<RecordBatch> {
+        if let Some(made) = self.1.get() {
+            return Ok(made.clone());
+        }
         let (mut fields, mut arrays): (Vec<Field>, Vec<ArrayRef>) = Default::default();
         for column in &self.0 {
             let (kind, array): (_, ArrayRef) = match &column.cells {
@@ -51,7 +55,9 @@ impl Table {
             fields.push(Field::new(column.name.to_string(), kind, true).with_metadata(about));
             arrays.push(array);
         }
-        RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays).map_err(arrow_error)
+        let made =
+            RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays).map_err(arrow_error)?;
+        Ok(self.1.get_or_init(|| made).clone())
     }
 
     /// A text about each column that has one.

@@ -161,7 +161,7 @@ except KeyboardInterrupt:
     print(layer.steps)
 threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 try:
-    sl.pair(time_step=1e-6)
+    sl.pair(time_step=5e-4)
 except KeyboardInterrupt:
     print("pair")
 """
@@ -217,8 +217,8 @@ def test_points_put_first_are_computed_first(tmp_path):
         # The done runs are the first ones of the order, whatever their number.
         with closing(sqlite3.connect(path)) as store:
             order = (
-                "SELECT shear_rate FROM cases JOIN points ON points.id = cases.point "
-                "WHERE state = 'done' ORDER BY changed_at"
+                "SELECT runs.shear_rate FROM runs JOIN cases ON cases.key = runs.key "
+                "WHERE cases.state = 'done' ORDER BY cases.changed_at"
             )
             assert store.execute(order).fetchone()[0] == first
 
