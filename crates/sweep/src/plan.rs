@@ -351,8 +351,8 @@ mod tests {
         let (step_s, source) = costs.step(&with(40));
         assert_eq!(source, Source::Runs);
         assert!((step_s / 3e-3 - 1.0).abs() < 1e-12, "{step_s}");
-        let ratio = step_cost(&with(60)) / step_cost(&with(40));
-        let (larger, source) = costs.step(&with(60));
+        let ratio = step_cost(&with(56)) / step_cost(&with(40));
+        let (larger, source) = costs.step(&with(56));
         assert_eq!(source, Source::Runs);
         assert!((larger / step_s / ratio - 1.0).abs() < 1e-12);
         assert_eq!(costs.step(&with(64)).1, Source::Rough);
