@@ -15,9 +15,9 @@
 //! ```
 //!
 //! Every law supplies the coefficients of one problem, which is stated at the top of
-//! `contact/problem.rs`. `laws` evaluates the laws at a stage; `contact_solver` chooses the pairs that
-//! take part, sets up the problem and stores its solution. `procedure` is separate because
-//! it is a time-stepping procedure and not a law.
+//! `contact/problem.rs`. `laws` evaluates the laws at a stage; `contact_solver` chooses the pairs
+//! that take part, sets up the problem and stores its solution. `procedure` is separate because it
+//! is a time-stepping procedure and not a law.
 
 pub(crate) mod adhesive_pairs;
 pub(crate) mod contact_pair;

@@ -144,8 +144,8 @@ pub enum Error {
         /// Its purpose.
         purpose: &'static str,
     },
-    /// The paper's steps, which stop all pairs simultaneously, with a resistance that is stored pair
-    /// by pair.
+    /// The paper's steps, which stop all pairs simultaneously, with a resistance that is stored
+    /// pair by pair.
     #[error("the paper's steps need dense matrices: no resistance stored pair by pair")]
     ProcedureNeedsDense,
     /// A number that is not finite came out of a computation.

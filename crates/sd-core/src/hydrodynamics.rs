@@ -1,4 +1,5 @@
-//! Hydrodynamics: spheres in unbounded fluid, two spheres, the far field, and the grand resistance composed of both.
+//! Hydrodynamics: spheres in unbounded fluid, two spheres, the far field, and the grand resistance
+//! composed of both.
 
 pub(crate) mod applied_forces;
 pub(crate) mod far_field;

@@ -82,8 +82,9 @@
 //! | compute more coarsely or more exactly | [`model::SolverSettings`] |
 //!
 //! `cargo run --release -p sd-core --example layer` shears a layer, `suspension` a suspension,
-//! `cone` a layer under a law of its own, `pair` two spheres, `sedimentation` sinks a suspension. Parameter sweeps with error bars are
-//! the task of the program `sweep`, which is built on this crate.
+//! `cone` a layer under a law of its own, `pair` two spheres, `sedimentation` sinks a suspension.
+//! Parameter sweeps with error bars are the task of the program `sweep`, which is built on this
+//! crate.
 //!
 //! # The physics
 //! N spheres in the plane z = 0 of an unbounded viscous fluid, doubly periodic in the plane, under

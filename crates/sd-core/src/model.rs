@@ -111,8 +111,8 @@ pub struct Params {
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub direction: f64,
     /// Whether no shear is imposed, and the fluid is at rest but for the spheres. The unit of time
-    /// is then free: with forces in units of F0 it is mu·a²/F0. Lengths are in a, the time step is in
-    /// that unit and F_crit = 6π/Γ in mu·a² over it.
+    /// is then free: with forces in units of F0 it is mu·a²/F0. Lengths are in a, the time step is
+    /// in that unit and F_crit = 6π/Γ in mu·a² over it.
     #[serde(default, skip_serializing_if = "is_default")]
     pub at_rest: bool,
     /// The start layer; `None` for the one made from the seed.

@@ -1,5 +1,5 @@
-//! Campaigns on other machines: the open cases are cut into [`slices`], a scheduler starts a task for
-//! each, tasks publish what they compute as [`shard`]s, and shards are merged into the store.
+//! Campaigns on other machines: the open cases are cut into [`slices`], a scheduler starts a task
+//! for each, tasks publish what they compute as [`shard`]s, and shards are merged into the store.
 //!
 //! An [`Engine`] is a scheduler: one file that writes a script, submits it, lists the remaining
 //! tasks, and cancels them. It does not decide which task computes which case.

@@ -1,5 +1,5 @@
-//! Spheres in unbounded fluid at the level of force, torque and stresslet: their modes, the coupling
-//! of two, and the mobility of one and of two.
+//! Spheres in unbounded fluid at the level of force, torque and stresslet: their modes, the
+//! coupling of two, and the mobility of one and of two.
 //!
 //! - `kernels`: radial functions and lanes of the planar modes, and the effect of finite size
 //! - `planar`: mobility in the plane of a layer

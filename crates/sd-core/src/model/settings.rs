@@ -41,8 +41,8 @@ pub struct SolverSettings {
     pub inexact_friction: f64,
     /// Most bisections of a step, at most 20, in which a gap becomes too small; 6 by default.
     pub halvings: u32,
-    /// Most bisections of a step, at most 20, with a stage of inexact friction or without admissible
-    /// motion; 2 by default.
+    /// Most bisections of a step, at most 20, with a stage of inexact friction or without
+    /// admissible motion; 2 by default.
     pub halvings_in_doubt: u32,
 }
 

@@ -1,8 +1,9 @@
 //! What users call of runs and instants, compiled in this crate.
 //!
-//! Generic code is compiled in the crate that uses it, with the optimisation of that crate: a program
-//! optimised for size would take three times as long per step. So the two spaces are instantiated
-//! here, by [`RunSpace`]. All that computes is called from here, and nothing of it calls back.
+//! Generic code is compiled in the crate that uses it, with the optimisation of that crate: a
+//! program optimised for size would take three times as long per step. So the two spaces are
+//! instantiated here, by [`RunSpace`]. All that computes is called from here, and nothing of it
+//! calls back.
 
 use super::instant::{self, Configuration, InstantContacts, SolvedConfiguration};
 use super::simulation::{Frame, Sample, Simulation, Snapshot};

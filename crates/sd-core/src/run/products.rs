@@ -25,8 +25,9 @@
 //! In a periodic suspension the mean flow of spheres and fluid is zero; velocities are relative to
 //! it. A periodic layer in unbounded fluid would move infinitely fast under a net force in the full
 //! far field: forces must then sum to zero, and only differences of velocities have a meaning, as a
-//! translation common to all spheres meets no resistance. Without a far field (Ball-Melrose and lubrication) every sphere has a drag of
-//! its own against the fluid at rest, and net forces are allowed.
+//! translation common to all spheres meets no resistance. Without a far field (Ball-Melrose and
+//! lubrication) every sphere has a drag of its own against the fluid at rest, and net forces are
+//! allowed.
 
 use crate::contact::SolvePass;
 use crate::error::Error;

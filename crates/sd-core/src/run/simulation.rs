@@ -103,8 +103,8 @@ struct Before<S: Space> {
 }
 
 impl<S: Starts> Simulation<S> {
-    /// Puts a law of the normal force in place of the spring law of the parameters. It is no part of
-    /// a snapshot: a run that is resumed needs it again.
+    /// Puts a law of the normal force in place of the spring law of the parameters. It is no part
+    /// of a snapshot: a run that is resumed needs it again.
     ///
     /// `examples/cone.rs` shears a layer with one.
     ///
@@ -288,9 +288,9 @@ impl<S: Starts> Simulation<S> {
         &self.state.centres
     }
 
-    /// Centres, in a, followed from the start of the run without being moved back into the cell: the
-    /// image of each sphere that the flow has carried from its place at strain 0. Differences in
-    /// time are displacements, those of the background flow included.
+    /// Centres, in a, followed from the start of the run without being moved back into the cell:
+    /// the image of each sphere that the flow has carried from its place at strain 0. Differences
+    /// in time are displacements, those of the background flow included.
     ///
     /// ```
     /// # use sd_core::{Hydrodynamics, Layer, NearFields, Params, Simulation};

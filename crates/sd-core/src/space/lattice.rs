@@ -318,8 +318,8 @@ impl<S: Space> Lattice<S> {
         }
     }
 
-    /// The nearest image, by steps to closer ones, counted in the vectors given. Of a reduced basis, the vectors to the faces of
-    /// the Voronoi cell have the coefficients −1, 0, 1.
+    /// The nearest image, by steps to closer ones, counted in the vectors given. Of a reduced
+    /// basis, the vectors to the faces of the Voronoi cell have the coefficients −1, 0, 1.
     fn descend(&self, (mut vector, mut image): (S::Vector, S::Image)) -> (S::Vector, S::Image) {
         while S::norm_squared(&vector) >= self.reach * self.reach {
             let mut best = (S::norm_squared(&vector), [0; 3]);
@@ -409,7 +409,8 @@ impl<S: Space> Lattice<S> {
         self.out_of_frame([x, y, z]) * (2.0 * PI)
     }
 
-    /// Reciprocal vectors b of the reduced ones: `b_i·a_j = δ_ij`, the gradients of the coordinates, in 1/a.
+    /// Reciprocal vectors b of the reduced ones: `b_i·a_j = δ_ij`, the gradients of the
+    /// coordinates, in 1/a.
     pub(crate) fn reciprocal(&self) -> [S::Vector; 3] {
         let [x, y, z] = self.lengths.map(f64::recip);
         let offset = self.offset - self.cross_offset * z * self.tilt;

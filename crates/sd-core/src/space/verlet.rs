@@ -9,8 +9,8 @@
 //! H = H₀ F,   w = x F⁻¹ − x₀:      d − d₀ = w_j − w_i + d (1 − F⁻¹)
 //! valid while   2 max |w| + ‖1 − F⁻¹‖ r ≤ s r       for the shortest range r and the skin s r of any pair
 //! ```
-//! H₀ is, of all bases of the earlier lattice, the one closest to the present basis H: the offset of
-//! a sheared cell is known up to whole sides, and another lattice may have been reduced since.
+//! H₀ is, of all bases of the earlier lattice, the one closest to the present basis H: the offset
+//! of a sheared cell is known up to whole sides, and another lattice may have been reduced since.
 
 use super::Space;
 use super::cell::Cell;

@@ -13,7 +13,8 @@ use std::path::Path;
 /// Largest file of slices, in bytes: the keys of 10^7 cases have 350 MB.
 const SIZE_LIMIT: u64 = 1 << 30;
 
-/// The keys of the cases of every task, in the order of work. As JSON it is the file that tasks read.
+/// The keys of the cases of every task, in the order of work. As JSON it is the file that tasks
+/// read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Slices {
     /// Hash of the slices and of the campaign they were cut from: names the plan.

@@ -214,8 +214,8 @@ pub(super) fn this_task(task: usize) -> Option<TaskName> {
     })
 }
 
-/// Requeues a task, unless it was cancelled. `in_advance`: the signal was the one requested ahead of
-/// the time limit, which has no other sender; TERM may mean the limit, a preemption or a
+/// Requeues a task, unless it was cancelled. `in_advance`: the signal was the one requested ahead
+/// of the time limit, which has no other sender; TERM may mean the limit, a preemption or a
 /// cancellation.
 pub(super) fn start_again(task: &TaskName, in_advance: bool) -> Requeue {
     let name = format!("{}_{}", task.job, task.task);

@@ -57,8 +57,9 @@ pub(crate) struct Submitted {
     pub(crate) memory_bytes: f64,
 }
 
-/// Merges the published shards and submits the open cases of a campaign; `None` if there are none. A
-/// dry run works on a copy of the store, and writes nothing else. Notes for the user go to `note`.
+/// Merges the published shards and submits the open cases of a campaign; `None` if there are none.
+/// A dry run works on a copy of the store, and writes nothing else. Notes for the user go to
+/// `note`.
 pub(crate) fn submit(
     wanted: SubmitOptions,
     campaign: &Campaign,

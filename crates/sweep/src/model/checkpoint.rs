@@ -1,5 +1,5 @@
-//! The format of a checkpoint: the state of a run, versioned, with a checksum. The samples and frames
-//! before it are rows of the store.
+//! The format of a checkpoint: the state of a run, versioned, with a checksum. The samples and
+//! frames before it are rows of the store.
 
 use crate::model::spaces::AnySnapshot;
 use sd_core::Sample;

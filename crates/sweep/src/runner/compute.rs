@@ -10,8 +10,8 @@ use crate::system::clock::{Clock, ElapsedTime};
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
 
-/// Minimum computing time between checkpoints, as a multiple of the time that the last one took: they
-/// take less than 5 % of a run, however slow the disk.
+/// Minimum computing time between checkpoints, as a multiple of the time that the last one took:
+/// they take less than 5 % of a run, however slow the disk.
 const CHECKPOINT_SHARE: u32 = 20;
 /// Maximum number of samples in memory: a checkpoint is stored after these.
 const SAMPLES_IN_MEMORY: usize = 1 << 14;

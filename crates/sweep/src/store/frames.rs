@@ -1,7 +1,7 @@
 //! Frames of runs.
 //!
-//! A run that keeps frames has one of each sampled step in an interval of its steps, which is stored
-//! with its case: so a missing one is noticed.
+//! A run that keeps frames has one of each sampled step in an interval of its steps, which is
+//! stored with its case: so a missing one is noticed.
 
 use super::digest::{DigestMismatch, Sealed, whole};
 use super::statements::Statements;

@@ -130,9 +130,9 @@ impl Computed {
     }
 }
 
-/// Stores the end of a run whose samples are in the store, and sets the state and the result that the
-/// protocol requests. The samples are read again unless they are given. For a discarded strain chosen
-/// by point, see [`settle_point_of`].
+/// Stores the end of a run whose samples are in the store, and sets the state and the result that
+/// the protocol requests. The samples are read again unless they are given. For a discarded strain
+/// chosen by point, see [`settle_point_of`].
 pub(super) fn keep(
     connection: &Connection,
     (case, key): (i64, &str),

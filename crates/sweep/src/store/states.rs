@@ -66,8 +66,8 @@ pub(super) fn reopen(
     free_where(connection, condition, parameters)
 }
 
-/// Deletes all of a case but its failures, to be computed again from its start; it keeps frames if it
-/// did before.
+/// Deletes all of a case but its failures, to be computed again from its start; it keeps frames if
+/// it did before.
 pub(super) fn delete_data(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     for table in ["samples", "frames", "checkpoints", "results", "ends"] {
         connection.run(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;

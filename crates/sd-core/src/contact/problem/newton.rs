@@ -121,8 +121,8 @@ impl<S: Space> ProblemSolver<S> {
     /// Shortens the last step to the largest of the fractions 1, ½, ¼, … at which the violation is
     /// below `previous_violation`.
     ///
-    /// Where slip has one component the step is not shortened. Returns the violation, and whether the step is
-    /// complete.
+    /// Where slip has one component the step is not shortened. Returns the violation, and whether
+    /// the step is complete.
     fn backtrack(
         &mut self,
         problem: &Problem<S>,

@@ -316,8 +316,8 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Maximum range of the near part: beyond half a side, or half the shortest lattice vector, a sphere
-/// would have two images of one neighbour in range.
+/// Maximum range of the near part: beyond half a side, or half the shortest lattice vector, a
+/// sphere would have two images of one neighbour in range.
 fn longest(lattice: &Lattice) -> f64 {
     0.998 * lattice.reach()
 }

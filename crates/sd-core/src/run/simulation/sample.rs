@@ -96,7 +96,8 @@ pub struct Counters {
     pub worst_residual: f64,
     /// Largest inconsistency of a friction force with its law, over the largest force of its stage.
     pub worst_friction_error: f64,
-    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the run.)
+    /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the
+    /// run.)
     pub minimum_gap: f64,
     /// Number of times the viscosity rose above [`JAM_VISCOSITY`], or no admissible motion existed.
     pub jam_events: u64,

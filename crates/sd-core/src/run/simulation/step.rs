@@ -249,9 +249,9 @@ impl<S: Starts> Simulation<S> {
     /// Moves rigid spheres over a part of the step; in two halves if a gap becomes too
     /// small within it or at its end, or if the motion is doubtful.
     ///
-    /// If a gap is still too small in the smallest part, the spheres move with the velocities of the
-    /// first stage, whose contact problem constrains the gaps at the end of exactly this motion.
-    /// Without such a motion, they stay where they are.
+    /// If a gap is still too small in the smallest part, the spheres move with the velocities of
+    /// the first stage, whose contact problem constrains the gaps at the end of exactly this
+    /// motion. Without such a motion, they stay where they are.
     fn advance_rigid(
         &mut self,
         method: &mut Midpoint<S>,

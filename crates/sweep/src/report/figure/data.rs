@@ -1,4 +1,5 @@
-//! The data of a figure: the points of reports, or runs in time, as series of points, without style.
+//! The data of a figure: the points of reports, or runs in time, as series of points, without
+//! style.
 
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};

@@ -5,8 +5,9 @@
 //! ```
 //! DIR has `slurm-local.sh`, which starts a throwaway Slurm on this host: `up` starts its daemons,
 //! `env` prints the `SLURM_CONF` to use, `fail-node n2` kills a node's daemon and all its tasks,
-//! `heal-node n2` starts the daemon again, `down` stops all. It gets its folder in `SLURM_LOCAL_DIR`
-//! and the seconds after which a silent node counts as down in `SLURM_LOCAL_NODE_TIMEOUT`.
+//! `heal-node n2` starts the daemon again, `down` stops all. It gets its folder in
+//! `SLURM_LOCAL_DIR` and the seconds after which a silent node counts as down in
+//! `SLURM_LOCAL_NODE_TIMEOUT`.
 
 use crate::harness::{dump, folder, json, program, run, sweep};
 use std::path::{Path, PathBuf};

@@ -30,8 +30,8 @@ struct NearPair {
     coupling: Coupling,
 }
 
-/// The periodic mobility, planned for a cell's volume, radii and tolerance; applied at the positions
-/// last given.
+/// The periodic mobility, planned for a cell's volume, radii and tolerance; applied at the
+/// positions last given.
 pub(crate) struct MobilityOperator {
     sizes: Vec<FiniteSize>,
     /// Volume of the cell that was planned for, in a³.
@@ -118,8 +118,8 @@ impl MobilityOperator {
         })
     }
 
-    /// Whether the range of near pairs is less than half of every side, or half the shortest lattice
-    /// vector, so that no sphere has two images of another in range.
+    /// Whether the range of near pairs is less than half of every side, or half the shortest
+    /// lattice vector, so that no sphere has two images of another in range.
     pub(super) fn reaches_one_image(&self, lattice: &Lattice<Bulk>) -> bool {
         self.splitting.distance < 0.998 * lattice.reach()
     }

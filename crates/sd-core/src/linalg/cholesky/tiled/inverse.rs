@@ -39,8 +39,8 @@ impl TiledCholesky {
 }
 
 impl Shape<'_> {
-    /// Rows of `V = L₂₂⁻ᵀ`, whose tiles begin with `first`, each a strip of all columns of the half:
-    /// `V_t L₂₂ᵀ = e_t`, column after column.
+    /// Rows of `V = L₂₂⁻ᵀ`, whose tiles begin with `first`, each a strip of all columns of the
+    /// half: `V_t L₂₂ᵀ = e_t`, column after column.
     fn invert(&self, lower: &[f64], inverse: &mut [f64], first: usize) {
         let half = self.starts[first];
         let strips = inverse.chunks_exact_mut((TILE * half).max(1));
