@@ -56,10 +56,8 @@ fn every_parameter_is_an_axis() {
         let key = match key.as_str() {
             "normal" => "contact",
             "onset" => "friction_onset",
-            // Of the protocol, not of the grid.
-            "segments" => continue,
-            // Of the library alone: every campaign shears.
-            "at_rest" => continue,
+            // Of the protocol, and of the library alone: every campaign shears.
+            "segments" | "at_rest" => continue,
             same => same,
         };
         assert!(Axis::of_key(key).is_some(), "{key}");
