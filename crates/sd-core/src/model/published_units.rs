@@ -1,17 +1,20 @@
-//! Conversion from and to units and conventions of most published simulations of sheared layers.
+//! Conversion from and to units and conventions of most published simulations of sheared spheres.
 //!
 //! These use the radius `a_s` of the small spheres, a layer one small radius thick, and a viscosity
 //! without the stresslets of isolated spheres. We use the mean radius a, a layer 2a thick, and the
 //! full viscosity:
 //!
 //! ```text
-//! η' = 1 + 2r (η − 1 − s),   Γ' = Γ/r²,   σ' = η' Γ'/(6π),   r = a/a_s,   s = (5/3) c ⟨a³⟩/(⟨a⟩⟨a²⟩)
+//! η' = 1 + t (η − 1 − s),   Γ' = Γ/r²,   σ' = η' Γ'/(6π),   r = a/a_s
+//!
+//! layers:        t = 2r,   s = (5/3) c ⟨a³⟩/(⟨a⟩⟨a²⟩)
+//! suspensions:   t = 1,    s = (5/2) φ
 //! ```
 
 use super::Params;
 use std::f64::consts::PI;
 
-/// The conversion for one kind of layer.
+/// The conversion for one kind of layer or suspension.
 ///
 /// ```
 /// use sd_core::model::PublishedUnits;
@@ -34,24 +37,32 @@ use std::f64::consts::PI;
 pub struct PublishedUnits {
     /// r: mean radius over that of the small spheres.
     pub mean_radius: f64,
+    /// t: our thickness of a layer over theirs; 1 for suspensions, which have a volume.
+    pub thickness: f64,
     /// s: contribution of isolated spheres to our viscosity.
     pub isolated: f64,
 }
 
 impl PublishedUnits {
-    /// The conversion for the layers of a run.
+    /// The conversion for the layer or suspension of a run.
     pub fn of(params: &Params) -> Self {
-        let isolated = |moment: &dyn Fn(i32) -> f64| {
-            5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2))
+        let new = |mean_radius: f64, moment: &dyn Fn(i32) -> f64| match params.volume_fraction {
+            Some(volume_fraction) => Self {
+                mean_radius,
+                thickness: 1.0,
+                isolated: 2.5 * volume_fraction,
+            },
+            None => Self {
+                mean_radius,
+                thickness: 2.0 * mean_radius,
+                isolated: 5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2)),
+            },
         };
         if let Some(sizes) = params.sizes {
             // Without small spheres their unit is the mean radius.
             let radii = sizes.radii(params.spheres);
             let sum = |power: i32| radii.iter().map(|a| a.powi(power)).sum::<f64>();
-            return Self {
-                mean_radius: 1.0,
-                isolated: isolated(&|power| sum(power) / radii.len() as f64),
-            };
+            return new(1.0, &|power| sum(power) / radii.len() as f64);
         }
         let large = if params.size_ratio > 1.0 {
             params.large_fraction
@@ -60,10 +71,7 @@ impl PublishedUnits {
         };
         // Moments of the radii, in those of the small spheres.
         let moment = |power: i32| 1.0 - large + large * params.size_ratio.powi(power);
-        Self {
-            mean_radius: moment(1),
-            isolated: isolated(&moment),
-        }
+        new(moment(1), &moment)
     }
 
     /// Viscosity in published units.
@@ -73,12 +81,12 @@ impl PublishedUnits {
 
     /// Difference or error of viscosities in published units.
     pub fn difference(&self, ours: f64) -> f64 {
-        2.0 * self.mean_radius * ours
+        self.thickness * ours
     }
 
     /// Our viscosity.
     pub fn our_viscosity(&self, theirs: f64) -> f64 {
-        1.0 + self.isolated + (theirs - 1.0) / (2.0 * self.mean_radius)
+        1.0 + self.isolated + (theirs - 1.0) / self.thickness
     }
 
     /// Their rate `6π μ a_s² × rate / F_crit` from Γ.
@@ -109,6 +117,23 @@ mod tests {
         assert!((units.our_viscosity(20.0) - ours).abs() < 1e-12);
         assert!((units.viscosity(ours) - 20.0).abs() < 1e-12);
         assert_eq!(units.shear_rate(0.3), 0.3);
+    }
+
+    #[test]
+    fn suspensions_lose_the_isolated_stresslets_alone() {
+        let params = Params {
+            area_fraction: 0.0,
+            volume_fraction: Some(0.05),
+            size_ratio: 1.4,
+            large_fraction: 0.25,
+            ..Params::UNWRITTEN
+        };
+        let units = PublishedUnits::of(&params);
+        assert!((units.viscosity(1.1321) - 1.0071).abs() < 1e-12);
+        assert!((units.our_viscosity(1.0071) - 1.1321).abs() < 1e-12);
+        assert_eq!(units.difference(0.0038), 0.0038);
+        // The rate has the radius of the small spheres there too.
+        assert!((units.shear_rate(2.0) - 2.0 / (1.1 * 1.1)).abs() < 1e-14);
     }
 
     #[test]

@@ -6,14 +6,15 @@ use crate::error::Error;
 use crate::model::axes::{AXES, Axis};
 use crate::report::{Point, Report, Selection, table};
 use crate::system::exit;
-use crate::text::format::significant;
+use crate::text::format::{significant, wrapped};
 use sd_core::model::PublishedUnits;
 use serde::Serialize;
 
 /// Print results in the units of published soft-sphere simulations
 ///
 /// Lengths in radii of the small spheres, a layer one small radius thick, viscosities without the
-/// stresslets of isolated spheres; the formulas are in docs/published-models.md. Reads only.
+/// stresslets of isolated spheres; the formulas for layers and suspensions are in
+/// docs/published-models.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: sweep convert sweeps/quickstart.toml --where shear_rate=0.1,inf")]
 pub(crate) struct Arguments {
@@ -117,10 +118,20 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let out = &mut *output.out;
     writeln!(out, "{}", report.campaign)?;
     writeln!(out, "{table}")?;
-    writeln!(
-        out,
-        "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s² (papers often give 6π σ' = η' Γ'); η': viscosity of a layer one\n\
-         a_s thick, without the stresslets of isolated spheres, ± half the 95 % Student interval. a_s: radius of the small spheres. Axes before them are ours."
-    )?;
+    let suspensions = report
+        .points
+        .iter()
+        .filter(|point| point.params.volume_fraction.is_some());
+    let of_what = match suspensions.count() {
+        0 => " of a layer one a_s thick",
+        number if number == report.points.len() => "",
+        _ => " (of layers: one a_s thick)",
+    };
+    let note = format!(
+        "Γ': rate, 6π μ a_s² × rate / F_crit; σ': shear stress, in F_crit/a_s² (papers often give 6π σ' = η' Γ'); \
+         η': viscosity{of_what}, without the stresslets of isolated spheres, ± half the 95 % Student interval. \
+         a_s: radius of the small spheres. Axes before them are ours.\n"
+    );
+    out.write_all(wrapped(&note, output.width).as_bytes())?;
     Ok(exit::DONE)
 }

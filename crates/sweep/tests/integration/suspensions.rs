@@ -190,3 +190,36 @@ fn centres_and_cell_of_other_spaces_are_refused() {
         assert!(error.contains("give all vectors"), "{error}");
     }
 }
+
+#[test]
+fn published_units_of_suspensions_leave_out_the_isolated_stresslets() {
+    let directory = folder("bulk.toml", CONVERTED);
+    let at = directory.path();
+    sweep(at, &["run", "bulk.toml", "--quiet"]);
+    let [ours, theirs] = ["report", "convert"].map(|command| {
+        let answer = json(at, &[command, "bulk.toml", "--json"]);
+        answer["points"][0].clone()
+    });
+    let of = |point: &serde_json::Value, name: &str| point[name].as_f64().unwrap();
+    let expected = of(&ours, "viscosity") - 2.5 * 0.3;
+    assert!((of(&theirs, "published_viscosity") / expected - 1.0).abs() < 1e-12);
+    let [ours, theirs] = [
+        of(&ours, "viscosity_ci95"),
+        of(&theirs, "published_viscosity_ci95"),
+    ];
+    assert_eq!(ours, theirs);
+}
+
+const CONVERTED: &str = r#"name = "bulk"
+[protocol]
+strain = 0.1
+discard = 0.0
+[[grid]]
+volume_fraction = 0.3
+friction = 0.3
+roughness = 0.01
+shear_rate = 1.0
+seeds = 2
+spheres = 60
+hydrodynamics = "ball-melrose"
+"#;
