@@ -7,7 +7,7 @@ use crate::model::campaign::Campaign;
 use crate::model::order::Order;
 use crate::plan::memory_bytes;
 use crate::store::{self, OpenCase, Store, Submission};
-use crate::system::files::write_whole;
+use crate::system::files::{is_left_behind, temporary_file, write_whole};
 use crate::system::process::build;
 use std::collections::HashSet;
 use std::io::Write as _;
@@ -112,6 +112,13 @@ pub(crate) fn submit(
     let script = engine.script(&job)?;
     let mut name = None;
     if !dry_run {
+        clear_unsubmitted(&job.folder, &store)?;
+        let plan = &job.plan_folder;
+        let of_plan = |error| ClusterError::of_plan(plan, error);
+        std::fs::create_dir_all(plan).map_err(of_plan)?;
+        // Until the job is recorded: after a kill it tells the next submission that the folder of
+        // the plan is of no use.
+        let _unsubmitted = temporary_file(plan).map_err(of_plan)?;
         write_plan(&job, &text, &slices, &script)?;
         write_begun(&job, &store, campaign, &open)?;
         name = Some(submit_job(engine, &job, &slices, &mut store)?);
@@ -203,6 +210,26 @@ fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usiz
     }
 }
 
+/// Deletes the folders of plans that submissions wrote before they were killed. A plan of a
+/// recorded job stays.
+fn clear_unsubmitted(folder: &Path, store: &Store) -> Result<(), ClusterError> {
+    let submissions = store.submissions()?.into_iter();
+    let recorded: HashSet<String> = submissions.map(|job| job.plan).collect();
+    let plans = std::fs::read_dir(folder.join("plans"));
+    for plan in plans.into_iter().flatten().flatten() {
+        if recorded.contains(plan.file_name().to_string_lossy().as_ref()) {
+            continue;
+        }
+        let _ = if is_left_behind(&plan.path()) {
+            std::fs::remove_dir_all(plan.path())
+        } else {
+            // Fails unless it is empty.
+            std::fs::remove_dir(plan.path())
+        };
+    }
+    Ok(())
+}
+
 /// Writes what the tasks read into the folder of shards: the program, the campaign, the slices, and
 /// the script.
 fn write_plan(
@@ -212,7 +239,6 @@ fn write_plan(
     script: &str,
 ) -> Result<(), ClusterError> {
     let folder = &job.plan_folder;
-    std::fs::create_dir_all(folder).map_err(|error| ClusterError::of_plan(folder, error))?;
     // Its name has the hash of the program.
     if !job.program.exists() {
         write_whole(&job.program, |copy| {

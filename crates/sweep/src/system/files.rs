@@ -129,9 +129,22 @@ pub(crate) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
         .tempfile_in(folder)
 }
 
-/// Deletes the temporary files of processes that no longer run, and the old ones of other machines.
-/// What cannot be read or deleted stays.
+/// Deletes the temporary files that killed processes left in a folder. What cannot be read or
+/// deleted stays.
 fn clear_temporary_files(folder: &Path, me: &Identity) {
+    for path in left_behind(folder, me) {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// Whether a killed process left a temporary file in a folder.
+pub(crate) fn is_left_behind(folder: &Path) -> bool {
+    !left_behind(folder, &Identity::of_this_process()).is_empty()
+}
+
+/// Temporary files of processes that no longer run, and the old ones of other machines.
+fn left_behind(folder: &Path, me: &Identity) -> Vec<PathBuf> {
+    let mut found = Vec::new();
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in names {
         let name = entry.file_name();
@@ -154,9 +167,10 @@ fn clear_temporary_files(folder: &Path, me: &Identity) {
             age.is_some_and(|age| age > LEFT_BEHIND)
         };
         if is_dead {
-            let _ = std::fs::remove_file(entry.path());
+            found.push(entry.path());
         }
     }
+    found
 }
 
 /// A short name of the machine, its boot and the namespace in which a pid has meaning.

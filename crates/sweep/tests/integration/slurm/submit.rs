@@ -203,6 +203,53 @@ fn errors_of_slurm_are_named_and_the_same_command_recovers() {
 }
 
 #[test]
+fn plans_of_killed_submissions_are_cleared_by_the_next_one() {
+    let cluster = Cluster::new(QUICK);
+    let plans = || -> Vec<String> {
+        let entries = std::fs::read_dir(cluster.shards().join("plans"));
+        let names = entries.into_iter().flatten();
+        names
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect()
+    };
+    let mut left = 0;
+    for seeds in 1..=5 {
+        // The copy of the program takes a while, in which the submission is killed.
+        let _ = std::fs::remove_dir_all(cluster.shards());
+        let campaign = QUICK.replace("seeds = 3", &format!("seeds = {seeds}"));
+        std::fs::write(cluster.home().join("small.toml"), campaign).unwrap();
+        let mut child = cluster
+            .command(&["submit", "small.toml", "--tasks", "2", "--quiet"])
+            .spawn()
+            .unwrap();
+        while plans().is_empty() && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let folder = cluster.shards().join("plans");
+        left += plans()
+            .iter()
+            .filter(|plan| !folder.join(plan).join("job.sh").exists())
+            .count();
+        // Another plan, so that none replaces the one left behind.
+        let campaign = QUICK.replace("seeds = 3", &format!("seeds = {}", seeds + 10));
+        std::fs::write(cluster.home().join("small.toml"), campaign).unwrap();
+        let script = cluster.submit(&["--tasks", "2", "--again"]);
+        let store = rusqlite::Connection::open(cluster.store()).unwrap();
+        for plan in plans() {
+            let known = "SELECT count(*) FROM submissions WHERE plan = ?1";
+            let known: i64 = store.query_row(known, [&plan], |row| row.get(0)).unwrap();
+            assert!(known > 0, "{plan} is of no job");
+        }
+        let names = std::fs::read_dir(script.parent().unwrap()).unwrap();
+        let mut names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        assert!(names.all(|name| !name.starts_with('.')));
+    }
+    assert!(left > 0, "no submission was killed in time");
+}
+
+#[test]
 fn cases_of_tasks_at_work_are_left_to_them() {
     let cluster = Cluster::new(QUICK);
     cluster.submit(&["--tasks", "3"]);
