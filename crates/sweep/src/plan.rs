@@ -1,8 +1,9 @@
 //! The plan of a campaign: runs, estimated time on this machine, memory, and size on disk.
 //!
 //! The time of a step is measured: by runs of the store that this build has computed on this
-//! machine, or else by a short run. It is measured for each class of runs, as its ratio to the
-//! rough estimate `step_cost`, which knows how the methods scale with the number of spheres.
+//! machine, or else by a short run. It is measured for each class of runs and each fraction of
+//! spheres, as its ratio to the rough estimate `step_cost`, which knows how the methods scale with
+//! the number of spheres. Between measured fractions the ratio is interpolated.
 
 mod memory;
 mod trials;
@@ -132,37 +133,80 @@ fn words(params: &Params) -> [&'static str; 3] {
     ]
 }
 
-/// Measured times of steps by class: CPU seconds, and their rough estimate.
+/// Area fraction of a layer, volume fraction of a suspension.
+fn fraction(params: &Params) -> f64 {
+    params.volume_fraction.unwrap_or(params.area_fraction)
+}
+
+/// Steps of one class and fraction: their CPU seconds, and their rough estimate.
+#[derive(Debug)]
+struct Measured {
+    class: Class,
+    fraction: f64,
+    source: Source,
+    cpu_s: f64,
+    rough_s: f64,
+}
+
+impl Measured {
+    fn log_ratio(&self) -> f64 {
+        (self.cpu_s / self.rough_s).ln()
+    }
+}
+
 #[derive(Debug, Default)]
-struct Costs(Vec<(Class, Source, f64, f64)>);
+struct Costs(Vec<Measured>);
 
 impl Costs {
     fn learn(&mut self, params: &Params, source: Source, steps: f64, cpu_s: f64) {
-        let (class, rough) = (Class::of(params), steps * step_cost(params));
-        if rough <= 0.0 || cpu_s <= 0.0 {
+        let (class, fraction) = (Class::of(params), fraction(params));
+        let rough_s = steps * step_cost(params);
+        if rough_s <= 0.0 || cpu_s <= 0.0 {
             return;
         }
-        match self.0.iter_mut().find(|(known, ..)| *known == class) {
-            Some((.., cpu, estimate)) => {
-                *cpu += cpu_s;
-                *estimate += rough;
+        let is_same = |known: &&mut Measured| known.class == class && known.fraction == fraction;
+        match self.0.iter_mut().find(is_same) {
+            Some(known) => {
+                known.cpu_s += cpu_s;
+                known.rough_s += rough_s;
             }
-            None => self.0.push((class, source, cpu_s, rough)),
+            None => self.0.push(Measured {
+                class,
+                fraction,
+                source,
+                cpu_s,
+                rough_s,
+            }),
         }
+    }
+
+    /// Whether steps of this class and fraction were measured.
+    fn knows(&self, params: &Params) -> bool {
+        let (class, fraction) = (Class::of(params), fraction(params));
+        let is_same = |known: &Measured| known.class == class && known.fraction == fraction;
+        self.0.iter().any(is_same)
     }
 
     /// CPU seconds of a step, and how they are known.
     fn step(&self, params: &Params) -> (f64, Source) {
-        let class = Class::of(params);
-        let own = self.0.iter().find(|(known, ..)| *known == class);
-        let (ratio, source) = if let Some((_, source, cpu_s, rough)) = own {
-            (cpu_s / rough, *source)
-        } else {
-            let logarithms = self.0.iter().map(|(.., cpu_s, rough)| (cpu_s / rough).ln());
-            let mean = logarithms.sum::<f64>() / self.0.len().max(1) as f64;
-            (mean.exp(), Source::Rough)
+        let (class, fraction) = (Class::of(params), fraction(params));
+        let own = || self.0.iter().filter(|known| known.class == class);
+        let by_fraction = |a: &&Measured, b: &&Measured| a.fraction.total_cmp(&b.fraction);
+        let below = own().filter(|known| known.fraction <= fraction);
+        let above = own().filter(|known| known.fraction >= fraction);
+        let (log_ratio, source) = match (below.max_by(by_fraction), above.min_by(by_fraction)) {
+            (Some(a), Some(b)) if a.fraction < b.fraction => {
+                let weight = (fraction - a.fraction) / (b.fraction - a.fraction);
+                let log_ratio = a.log_ratio() + weight * (b.log_ratio() - a.log_ratio());
+                (log_ratio, a.source.max(b.source))
+            }
+            (Some(known), _) | (None, Some(known)) => (known.log_ratio(), known.source),
+            (None, None) => {
+                let sum: f64 = self.0.iter().map(Measured::log_ratio).sum();
+                (sum / self.0.len().max(1) as f64, Source::Rough)
+            }
         };
-        (ratio * step_cost(params), source)
+        (log_ratio.exp() * step_cost(params), source)
     }
 }
 
@@ -194,17 +238,9 @@ pub fn plan(
     let work = Work::of(campaign, store)?;
     let open = || work.points.iter().filter(|point| point.open > 0.0);
     let (mut warnings, failed) = trials::starts(open().map(|point| point.case));
-    let is_unknown = |case: &&Case| {
-        let (_, source) = costs.step(&case.params);
-        source == Source::Rough && !failed(&case.params)
-    };
+    let is_unknown = |case: &&Case| !costs.knows(&case.params) && !failed(&case.params);
     let unknown = open().map(|point| point.case).filter(is_unknown);
-    let middle = |mut cases: Vec<&Case>| {
-        cases.sort_by(|a, b| trials::covered(&a.params).total_cmp(&trials::covered(&b.params)));
-        cases[cases.len() / 2].clone()
-    };
-    let classes = grouped(unknown, |case| Class::of(&case.params));
-    let runs = trials::short_runs(classes.into_iter().map(middle).collect());
+    let runs = trials::short_runs(to_time(unknown));
     let mut least = f64::INFINITY;
     for run in runs {
         match run.step_s {
@@ -245,7 +281,7 @@ pub fn plan(
         ended: work.ended,
         folded: campaign.folded,
         points: work.points.len(),
-        axes: axes(campaign),
+        axes: axes(campaign, &work.points),
         segments: campaign
             .protocol
             .segments
@@ -265,6 +301,24 @@ pub fn plan(
         warnings,
         kinds,
     })
+}
+
+/// A case of each class and fraction, those first that tell most: the densest and the most dilute
+/// of every class.
+fn to_time<'c>(cases: impl Iterator<Item = &'c Case>) -> Vec<Case> {
+    let mut ranked = Vec::new();
+    for class in grouped(cases, |case| Class::of(&case.params)) {
+        let fractions = grouped(class.into_iter(), |case| fraction(&case.params).to_bits());
+        let mut ones: Vec<&Case> = fractions.into_iter().map(|cases| cases[0]).collect();
+        ones.sort_by(|a, b| fraction(&b.params).total_cmp(&fraction(&a.params)));
+        if ones.len() > 2 {
+            let most_dilute = ones.remove(ones.len() - 1);
+            ones.insert(1, most_dilute);
+        }
+        ranked.extend(ones.into_iter().enumerate());
+    }
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.into_iter().map(|(_, case)| case.clone()).collect()
 }
 
 /// Items with the same key, in the order of the first of each.
@@ -317,8 +371,8 @@ fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
 
 /// Axes with all their values in the order of first use, without those that have no effect on these
 /// cases.
-fn axes(campaign: &Campaign) -> Vec<Values> {
-    let params = || campaign.cases.iter().map(|(_, case)| &case.params);
+fn axes(campaign: &Campaign, points: &[work::Point<'_>]) -> Vec<Values> {
+    let params = || points.iter().map(|point| &point.case.params);
     let mut seen = HashSet::new();
     let seeds = campaign.cases.iter().map(|(_, case)| case.seed);
     let seeds = seeds.filter(|seed| seen.insert(*seed)).map(Into::into);
@@ -356,5 +410,19 @@ mod tests {
         assert_eq!(source, Source::Runs);
         assert!((larger / step_s / ratio - 1.0).abs() < 1e-12);
         assert_eq!(costs.step(&with(64)).1, Source::Rough);
+        // Twice as dear at a larger fraction, and between them the geometric mean.
+        let at = |area_fraction| Params {
+            area_fraction,
+            ..with(40)
+        };
+        let first = with(40).area_fraction;
+        costs.learn(&at(first + 0.1), Source::Trial, 1000.0, 6.0);
+        let ratio = |params: &Params| costs.step(params).0 / step_cost(params);
+        let [low, middle, high, beyond] =
+            [0.0, 0.05, 0.1, 0.2].map(|more| ratio(&at(first + more)));
+        assert!((middle / (low * high).sqrt() - 1.0).abs() < 1e-12);
+        assert_eq!(high, beyond);
+        assert_eq!(costs.step(&at(first + 0.05)).1, Source::Trial);
+        assert!(costs.knows(&at(first)) && !costs.knows(&at(first + 0.05)));
     }
 }

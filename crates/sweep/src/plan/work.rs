@@ -58,18 +58,24 @@ pub(super) struct Work<'c> {
 impl<'c> Work<'c> {
     /// The work of a campaign that a store does not hold.
     pub(super) fn of(campaign: &'c Campaign, store: Option<&Store>) -> Result<Self, StoreError> {
-        let (mut points, mut place_of) = (Vec::new(), HashMap::new());
+        let (mut points, mut place_of) = (Vec::<Point<'c>>::new(), HashMap::new());
+        let mut last = None;
         let mut enter = |case: &'c Case, [all, open, done]: [f64; 3]| {
-            let place = *place_of.entry(identity(&case.params)).or_insert_with(|| {
-                let [all, open, done] = [0.0; 3];
-                points.push(Point {
-                    case,
-                    all,
-                    open,
-                    done,
-                });
-                points.len() - 1
+            // Seeds of a point follow each other, perhaps a million of them.
+            let known = last.filter(|place: &usize| points[*place].case.params == case.params);
+            let place = known.unwrap_or_else(|| {
+                *place_of.entry(identity(&case.params)).or_insert_with(|| {
+                    let [all, open, done] = [0.0; 3];
+                    points.push(Point {
+                        case,
+                        all,
+                        open,
+                        done,
+                    });
+                    points.len() - 1
+                })
             });
+            last = Some(place);
             points[place].all += all;
             points[place].open += open;
             points[place].done += done;
