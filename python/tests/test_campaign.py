@@ -180,10 +180,7 @@ def test_failed_runs_are_a_warning(tmp_path):
     path = tmp_path / "failed.sqlite"
     file = write(campaign, tmp_path)
     # The command line ends runs that take too long: here all of them.
-    for limit in ["1e-6", "0.000001s"]:
-        done = subprocess.run([SWEEP, "run", file, "--store", path, "--quiet", "--max-wall-time", limit], capture_output=True)
-        if done.returncode != 2:
-            break
+    done = subprocess.run([SWEEP, "run", file, "--store", path, "--quiet", "--max-wall-time", "1e-6s"], capture_output=True)
     assert done.returncode == 1, done.stderr
     with pytest.warns(RuntimeWarning, match="4 of 4 runs failed; the first"):
         store = campaign.run(path, progress=False)

@@ -201,7 +201,7 @@ fn check(arguments: &Arguments) -> Result<(), Error> {
 fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
     let mut run = vec![
         "--publish-every".to_owned(),
-        arguments.publish_every.as_secs_f64().to_string(),
+        format!("{}s", arguments.publish_every.as_secs_f64()),
     ];
     if let Some(scratch) = &arguments.scratch {
         let scratch = std::path::absolute(scratch)
@@ -215,7 +215,7 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
     if let Some(limit) = arguments.max_wall_time {
         run.extend([
             "--max-wall-time".to_owned(),
-            limit.as_secs_f64().to_string(),
+            format!("{}s", limit.as_secs_f64()),
         ]);
     }
     for (given, name) in [

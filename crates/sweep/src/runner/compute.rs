@@ -83,7 +83,7 @@ impl WallLimit {
         if self.is_default {
             format!(
                 "took longer than {} of computing, {WALL_FACTOR} times its estimate; \
-                 `sweep run --retry-failed --max-wall-time SECONDS` gives it longer",
+                 `sweep run --retry-failed --max-wall-time TIME` gives it longer",
                 crate::text::format::duration(self.seconds)
             )
         } else {

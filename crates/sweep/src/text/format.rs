@@ -254,9 +254,17 @@ pub(crate) fn counted<N: Copy + Display + From<u8> + PartialEq>(number: N, thing
     format!("{number} {thing}{plural}")
 }
 
-/// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`; a bare number is seconds.
+/// Reads a time such as `90s`, `15m`, `2h` or `1h 30m`. A bare number other than 0 is refused, as
+/// some programs take it for seconds and others for minutes.
 pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
-    let seconds = text.trim().parse::<f64>().ok();
+    let text = text.trim();
+    if let Ok(number) = text.parse::<f64>()
+        && number != 0.0
+    {
+        return Err(format!("give a unit, as in {text}s or {text}m"));
+    }
+    // Fractions of a second, which programs write.
+    let seconds = text.strip_suffix('s').unwrap_or(text).parse::<f64>().ok();
     let read = match seconds {
         Some(seconds) => Duration::try_from_secs_f64(seconds).ok(),
         None => humantime::parse_duration(text).ok(),
@@ -371,12 +379,13 @@ mod tests {
             ("15m", 900.0),
             ("2h", 7200.0),
             ("1h 30m", 5400.0),
-            ("0.5", 0.5),
-            ("60", 60.0),
+            ("0.5s", 0.5),
+            ("1e-6s", 1e-6),
+            ("0", 0.0),
         ] {
             assert_eq!(parse_duration(text).unwrap().as_secs_f64(), seconds);
         }
-        for text in ["", "-1", "2 hours ago", "nan", "1e300"] {
+        for text in ["", "-1s", "2 hours ago", "nan", "1e300s", "30", "0.5", "s"] {
             assert!(parse_duration(text).is_err(), "{text}");
         }
         assert!(parse_positive_duration("0s").is_err());

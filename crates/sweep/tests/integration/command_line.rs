@@ -211,7 +211,7 @@ fn unwritable_output_ends_with_3_and_a_closed_pipe_with_the_code_of_the_runs() {
         String::from_utf8(output.stdout).unwrap()
     };
     // Every run takes too long.
-    let failing = "sweep run small.toml --max-wall-time 1e-6 --retry-failed 2>&1 | head -n 0; echo ${PIPESTATUS[0]}";
+    let failing = "sweep run small.toml --max-wall-time 1e-6s --retry-failed 2>&1 | head -n 0; echo ${PIPESTATUS[0]}";
     assert_eq!(shell(failing), "1\n");
     assert_eq!(
         shell("sweep run small.toml --retry-failed 2>&1 | head -n 0; echo ${PIPESTATUS[0]}"),

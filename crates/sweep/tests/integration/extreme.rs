@@ -196,7 +196,7 @@ fn extreme(wanted: usize, blocks: usize) {
         refused += write_accepted(at, grids);
         let ran = program(at)
             .args(["run", "extreme.toml", "-q", "--store", "s.sqlite"])
-            .args(["--max-wall-time", "5"])
+            .args(["--max-wall-time", "5s"])
             .output()
             .unwrap();
         assert!(matches!(ran.status.code(), Some(0 | 1)), "{ran:?}");

@@ -256,7 +256,7 @@ fn failed_run_leaves_a_state_that_solve_reads() {
     let directory = directory_with(PUBLISHED);
     let ran = run(
         directory.path(),
-        &["run", "small.toml", "--quiet", "--max-wall-time", "0.5"],
+        &["run", "small.toml", "--quiet", "--max-wall-time", "0.5s"],
     );
     assert_eq!(ran.status.code(), Some(1));
     let status = run(directory.path(), &["status", "small.toml", "--json"]);

@@ -107,7 +107,7 @@ fn command_at_the_end_receives_the_outcome_of_the_run() {
     let directory = directory();
     let hook = "echo $SWEEP_OUTCOME $SWEEP_EXIT_CODE $SWEEP_CAMPAIGN >> outcomes";
     for (arguments, code) in [
-        (&["--max-wall-time", "1e-6"][..], 1),
+        (&["--max-wall-time", "1e-6s"][..], 1),
         (&["--retry-failed", "--time-limit", "1ms"][..], 4),
         (&["--retry-failed"][..], 0),
         (&["--store", "/proc/none/small.sqlite"][..], 2),

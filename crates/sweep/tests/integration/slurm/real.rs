@@ -110,7 +110,7 @@ impl Cluster {
                 "--store",
                 &store,
                 "--publish-every",
-                "5",
+                "5s",
                 "-q",
                 "--json",
             ])

@@ -248,7 +248,7 @@ fn slices_by_hand_need_no_engine() {
 #[test]
 fn failed_cases_are_retried_only_on_request() {
     let cluster = Cluster::new(QUICK);
-    let script = cluster.submit(&["--tasks", "1", "--max-wall-time", "0.000001"]);
+    let script = cluster.submit(&["--tasks", "1", "--max-wall-time", "0.000001s"]);
     let output = cluster.start(&script, Task::FIRST).wait_with_output();
     assert_eq!(output.unwrap().status.code(), Some(1));
     contains(&cluster.ok(&["merge", "small.toml"]), &["6 failed"]);
