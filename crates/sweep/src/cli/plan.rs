@@ -146,12 +146,13 @@ fn listed(values: &[serde_json::Value], most: usize) -> String {
         (None, Some(number)) if value.is_f64() => digits.write(number),
         _ => value.to_string(),
     };
-    let words: Vec<String> = values.iter().map(word).collect();
+    // There may be a million seeds, of which a line shows few.
+    let words: Vec<String> = values.iter().take(most.max(2)).map(word).collect();
     let whole = words.join(", ");
-    if whole.chars().count() <= most {
+    if words.len() == values.len() && whole.chars().count() <= most {
         return whole;
     }
-    let last = words.last().cloned().unwrap_or_default();
+    let last = values.last().map(word).unwrap_or_default();
     let with = |number: usize| format!("{}, … {last}", words[..number].join(", "));
     let fits = |number: &usize| with(*number).chars().count() <= most;
     with((1..words.len()).rev().find(fits).unwrap_or(1))
@@ -198,4 +199,17 @@ fn kinds(kinds: &[Kind], width: Option<u16>) -> String {
         )
     });
     table(width, heads, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::listed;
+
+    #[test]
+    fn a_list_of_a_million_values_is_short_and_comes_at_once() {
+        let seeds: Vec<serde_json::Value> = (1..=1_000_000).map(Into::into).collect();
+        assert_eq!(listed(&seeds, 30), "1, 2, 3, 4, 5, 6, 7, … 1000000");
+        assert_eq!(listed(&seeds[..3], 30), "1, 2, 3");
+        assert_eq!(listed(&seeds[..3], 5), "1, … 3");
+    }
 }
