@@ -21,7 +21,7 @@ mod plane;
 pub(super) mod scale;
 mod svg;
 
-pub(super) use graph::{FitCurve, draw_fit, draw_graphs_of};
+pub(super) use graph::{FitCurve, GraphForm, MeasuredGraph, draw_fit, draw_graphs_of};
 pub use graph::{Graph, draw_graphs};
 pub(super) use origin::Origin;
 pub use outline::Outline;

@@ -4,7 +4,7 @@ use super::axis_words::columns_of_axes;
 use super::columns::point_row;
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Origin, draw_graphs_of, mean_trace};
+use super::figure::{GraphForm, MeasuredGraph, Origin, draw_graphs_of, mean_trace};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
@@ -457,7 +457,7 @@ impl SegmentReport {
             units: self.report.units,
             starts: &self.report.starts,
         };
-        let mut graphs: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
+        let mut graphs: Vec<(String, Vec<(f64, Estimate)>)> = Vec::new();
         for (label, place) in labels(&all, shared).iter().zip(&places) {
             for name in ["eta_prime", "eta_double_prime"] {
                 let Some((k, number)) = NUMBERS.iter().enumerate().find(|(_, n)| n.name == name)
@@ -465,24 +465,28 @@ impl SegmentReport {
                     continue;
                 };
                 let own = self.rows.iter().filter(|row| row.0 == *place);
-                let mut spots: Vec<[f64; 2]> = own
+                let mut spots: Vec<(f64, Estimate)> = own
                     .filter_map(|(_, segment, of)| {
                         let amplitude = self.segments[*segment].imposed.amplitude?;
-                        Some([amplitude, of.numbers[k]?.mean])
+                        Some((amplitude, of.numbers[k]?))
                     })
                     .collect();
-                spots.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                spots.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let comma = if label.words.is_empty() { "" } else { ", " };
                 graphs.push((format!("{}{comma}{}", label.words, number.heading), spots));
             }
         }
-        let graphs: Vec<(&str, Vec<[f64; 2]>)> = graphs
+        let graphs: Vec<MeasuredGraph<'_>> = graphs
             .iter()
             .map(|(label, spots)| (label.as_str(), spots.clone()))
             .collect();
         let origin = Origin::of(std::slice::from_ref(&self.report));
-        let axes = ["amplitude γ0", "η′, η″ (mu)"];
-        Ok(draw_graphs_of(&graphs, axes, false, &origin))
+        let axes = ["amplitude γ₀", "η′, η″ (μ)"];
+        let form = GraphForm {
+            has_markers: true,
+            ..GraphForm::default()
+        };
+        Ok(draw_graphs_of(&graphs, axes, form, &origin))
     }
 }
 

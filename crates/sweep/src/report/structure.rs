@@ -5,10 +5,13 @@ mod data;
 use super::axis_words::{all_named, columns_of_axes};
 use super::curves::{Shared, labels};
 use super::error::ReportError;
-use super::figure::{Colour, Key, Mark, Origin, PlanePicture, draw_graphs_of, draw_plane};
+use super::figure::{
+    Colour, GraphForm, Key, Mark, MeasuredGraph, Origin, PlanePicture, draw_graphs_of, draw_plane,
+};
 use super::points::Report;
 use super::selection::Selection;
 use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
+use crate::measure::Estimate;
 use crate::measure::PointRun;
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
@@ -240,19 +243,29 @@ impl StructureReport {
         };
         let labels = labels(&all, shared);
         let mut axes = ["", ""];
-        let mut graphs = Vec::with_capacity(labels.len());
-        for (label, (_, structure)) in labels.iter().zip(&self.points) {
+        let is_of_sizes = kind == StructureKind::ClusterSize;
+        let mut graphs: Vec<MeasuredGraph<'_>> = Vec::with_capacity(labels.len());
+        let points = labels.iter().zip(&self.points).zip(self.params());
+        for ((label, (_, structure)), params) in points {
             let (names, places) = graph(structure, kind);
             axes = names;
-            graphs.push((label.words.as_str(), places));
+            let places = places.into_iter();
+            // No cluster has more spheres than there are.
+            let places = places.filter(|[x, _]| !is_of_sizes || *x <= params.spheres as f64);
+            let places = places.map(|[x, y]| (x, Estimate::bare(y)));
+            graphs.push((label.words.as_str(), places.collect()));
         }
         let origin = Origin::of(std::slice::from_ref(&self.report));
         // Shares by angle differ by their shape, not by their decades.
-        let is_linear = matches!(
-            kind,
-            StructureKind::ContactAngle | StructureKind::ForceAngle
-        );
-        Ok(draw_graphs_of(&graphs, axes, is_linear, &origin))
+        let form = GraphForm {
+            is_linear: matches!(
+                kind,
+                StructureKind::ContactAngle | StructureKind::ForceAngle
+            ),
+            is_log_along: is_of_sizes,
+            has_markers: is_of_sizes,
+        };
+        Ok(draw_graphs_of(&graphs, axes, form, &origin))
     }
 
     /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite

@@ -9,6 +9,9 @@ use super::scalars::{NAMED, SCALARS, scalars};
 use crate::measure::Estimate;
 use sd_core::Space;
 
+/// Distance below contact of the smallest spheres at which g(r, θ) begins, in a: spheres of soft
+/// contacts overlap.
+const OVERLAP: f64 = 0.1;
 /// Cluster sizes up to which there are bins: 1, 2 to 3, 4 to 7, and so on.
 const SIZES: usize = 14;
 
@@ -17,6 +20,8 @@ const SIZES: usize = 14;
 pub(crate) struct RunStructure {
     dimensions: usize,
     frames: u64,
+    /// Radius of the smallest sphere, in a.
+    smallest: f64,
     radial_bins: Bins,
     with_angle_bins: Bins,
     pairs: Pairs,
@@ -36,6 +41,7 @@ impl RunStructure {
         Self {
             dimensions: S::DIMENSIONS,
             frames: 0,
+            smallest: network.radii.iter().copied().fold(1.0, f64::min),
             pairs: Pairs {
                 radial: vec![0.0; radial_bins.len()],
                 with_angle: vec![0.0; with_angle_bins.len() * ANGLES],
@@ -178,6 +184,12 @@ impl Structure {
             .map(|b| b.map_or(0.0, |b| b.mean))
             .collect();
         let angles = angle_bins().middles();
+        // The same bins for all runs, whose smallest spheres may differ.
+        let smallest = runs.iter().map(|run| run.smallest).fold(1.0, f64::min);
+        let nearest = first
+            .with_angle_bins
+            .place(2.0 * smallest - OVERLAP + 1e-9)
+            .unwrap_or(0);
         let scalars = (0..NAMED.len()).map(|place| {
             let of_run = |run: &&RunStructure| {
                 let (sum, number) = run.scalars[place];
@@ -199,9 +211,13 @@ impl Structure {
                 y: per_frame(|run| &run.pairs.radial),
             },
             with_angle: (
-                first.with_angle_bins.middles(),
+                first.with_angle_bins.middles().split_off(nearest),
                 angles.clone(),
-                with_angle.chunks(ANGLES).map(<[f64]>::to_vec).collect(),
+                with_angle
+                    .chunks(ANGLES)
+                    .skip(nearest)
+                    .map(<[f64]>::to_vec)
+                    .collect(),
             ),
             contact_angle: Curve {
                 x: angles.clone(),

@@ -31,17 +31,18 @@ fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     cell.lattice().map_or(0.0, Lattice::reach)
 }
 
-/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where the first peak
-/// is, and of 0.02 beyond.
+/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where their first peak
+/// is, and of 0.02 beyond and down to 1, where smaller spheres touch.
 pub(super) fn radial_bins<S: Space>(cell: &Cell<S>) -> Bins {
-    Bins::equal(0.0, 1.9, 19)
+    Bins::equal(0.0, 1.0, 10)
+        .and_then(1.9, 0.02)
         .and_then(2.1, 1e-3)
         .and_then(reach(cell).min(FARTHEST), 0.02)
 }
 
-/// Distances of g(r, θ), in a: of width 0.05.
+/// Distances of g(r, θ), in a: of width 0.05, from contact of spheres of half the mean radius.
 pub(super) fn radial_bins_with_angle<S: Space>(cell: &Cell<S>) -> Bins {
-    Bins::equal(1.9, 2.0, 2).and_then(reach(cell).min(FARTHEST_WITH_ANGLE), 0.05)
+    Bins::equal(1.0, 2.0, 20).and_then(reach(cell).min(FARTHEST_WITH_ANGLE), 0.05)
 }
 
 /// Angles from the flow direction towards the gradient direction, in [0, π).

@@ -275,3 +275,27 @@ fn contacts_along_the_compression_axis_are_at_three_quarters_of_a_half_turn() {
         0.0
     );
 }
+
+#[test]
+fn pair_distributions_begin_below_contact_of_the_smallest_spheres() {
+    // Radii 0.75 and 1: pairs at 1.5, 1.75 and 2.
+    let cell = Cell::<Layer>::equal_sides(20.0, 0.0).unwrap();
+    let centres = [2.0, 3.51, 8.0, 9.76, 14.0, 16.01].map(|x| [x, 5.0].into());
+    let radii = vec![0.75, 0.75, 0.75, 1.0, 1.0, 1.0];
+    let structure = of(&Network::<Layer>::new(cell, centres.to_vec(), radii, []));
+    let (distances, _, rows) = &structure.with_angle;
+    assert!((distances[0] - 1.425).abs() < 1e-9, "{}", distances[0]);
+    let is_peak = |row: &&Vec<f64>| row.iter().any(|g| *g > 0.0);
+    let near = rows.iter().zip(distances).filter(|(_, r)| **r < 2.1);
+    assert_eq!(near.filter(|(row, _)| is_peak(row)).count(), 3);
+    let radial = structure.radial.x.iter().zip(&structure.radial.y);
+    let peaks = radial.filter(|(r, g)| **r < 2.1 && g.unwrap().mean > 0.0);
+    let peaks: Vec<f64> = peaks.map(|(r, _)| *r).collect();
+    for (found, wanted) in peaks.iter().zip([1.51, 1.76, 2.01]) {
+        assert!((found - wanted).abs() <= 0.011, "{peaks:?}");
+    }
+    assert_eq!(peaks.len(), 3);
+    // Equal spheres: from a little below 2.
+    let equal = of(&hexagonal(12, 12, 0.0));
+    assert!((equal.with_angle.0[0] - 1.925).abs() < 1e-9);
+}

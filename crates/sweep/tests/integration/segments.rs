@@ -110,6 +110,23 @@ fn tables_and_figures_are_written() {
     let mut names: Vec<&str> = csv.lines().next().unwrap().split(',').collect();
     names.sort_unstable();
     assert!(names.windows(2).all(|two| two[0] != two[1]), "{names:?}");
+    let figure = std::fs::read_to_string(at.join("s.svg")).unwrap();
+    for words in ["ν = 0.5, η′<", "ν = 0.5, η″<", "η′, η″ (μ)"] {
+        assert!(figure.contains(words), "{words}: {figure}");
+    }
+    // The caps of the intervals of two oscillations of four curves.
+    let caps = figure.matches("stroke-width=\"0.72\"").count();
+    assert!(caps >= 4 * 2 * 3, "{caps}");
+    // Curves with intervals at the same amplitude are drawn at it: two amplitudes, two positions.
+    let bars = figure.split("<path d=\"M").skip(1).filter_map(|path| {
+        let (path, style) = path.split_once('"')?;
+        let (from, to) = path.split_once('L')?;
+        let is_bar = style.split_once("/>")?.0.contains("stroke-width=\"0.72\"");
+        let (x, along) = (from.split_once(' ')?.0, to.split_once(' ')?.0);
+        (is_bar && x == along).then(|| x.to_owned())
+    });
+    let places: std::collections::BTreeSet<String> = bars.collect();
+    assert_eq!(places.len(), 2, "{places:?}");
     let trace = [
         "report",
         "s.sqlite",

@@ -174,6 +174,30 @@ fn tables_files_and_figures_have_the_same_numbers() {
 }
 
 #[test]
+fn sizes_of_clusters_are_drawn_on_a_logarithmic_axis_up_to_all_spheres() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let sizes = ["structure", "s.sqlite", "--figure", "f.svg"];
+    sweep(at, &[&sizes[..], &["--kind", "cluster-size"]].concat());
+    let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    let marks = words_of_figure(&figure);
+    assert!(marks.contains(&"1") && marks.contains(&"10"), "{marks:?}");
+    assert!(
+        marks
+            .iter()
+            .all(|mark| mark.parse::<f64>().unwrap_or(0.0) < 100.0),
+        "{marks:?}"
+    );
+}
+
+/// The texts of a figure.
+fn words_of_figure(svg: &str) -> Vec<&str> {
+    let texts = svg.split("<text ").skip(1);
+    let texts = texts.filter_map(|text| text.split_once('>')?.1.split_once('<'));
+    texts.map(|(text, _)| text).collect()
+}
+
+#[test]
 fn without_frames_the_command_that_keeps_them_is_named() {
     let folder = folder("structure.toml", CAMPAIGN);
     let at = folder.path();

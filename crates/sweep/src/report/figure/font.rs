@@ -11,7 +11,8 @@ const PER_SIZE: f64 = 2048.0;
 const OTHERS: u32 = 1255;
 /// Widths of characters in DejaVu Sans 2.37.
 #[rustfmt::skip]
-const WIDTHS: [(u32, &str); 63] = [
+const WIDTHS: [(u32, &str); 65] = [
+    (465, "′"),
     (563, "'"),
     (569, "ijl"),
     (604, "IJ"),
@@ -21,6 +22,7 @@ const WIDTHS: [(u32, &str); 63] = [
     (739, "-"),
     (799, "()[]"),
     (803, "t"),
+    (763, "″"),
     (821, "!₁₂⁰¹²³⁴⁵⁶⁷⁸⁹"),
     (842, "r"),
     (942, "\""),
@@ -126,7 +128,7 @@ mod tests {
 
     #[test]
     fn every_sign_of_labels_and_ticks_has_its_width() {
-        for character in "0123456789.,−-–+±×·ηνΓσμ∞=()/*₁₂⁰¹²³⁴⁵⁶⁷⁸⁹⁻ΠφκÅéü°".chars()
+        for character in "0123456789.,−-–+±×·′″ηνΓσμ∞=()/*₁₂⁰¹²³⁴⁵⁶⁷⁸⁹⁻ΠφκÅéü°".chars()
         {
             assert!(
                 WIDTHS.iter().any(|(_, all)| all.contains(character)),

@@ -1,53 +1,89 @@
 //! Curves that are not points of a campaign, in the style of its figures.
 
-use super::data::{DataPoint, FigureData, PanelData, PlottedValue, Series, SeriesKind};
+use super::data::{DataPoint, FigureData, PanelData, Series, SeriesKind};
 use super::layout::draw;
 use super::origin::Origin;
 use super::outline::Outline;
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::refused;
 use super::scale::LogAxis;
+use crate::measure::Estimate;
 use crate::report::curves::Label;
 use crate::report::error::ReportError;
 
 /// A path: its entry in the legend and its points.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-fn data_point(x: f64, y: f64) -> DataPoint {
+/// Values along an axis, with the entry of their curve in the legend.
+pub(in crate::report) type MeasuredGraph<'a> = (&'a str, Vec<(f64, Estimate)>);
+
+/// Axes and marks of curves that are not points of a campaign.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::report) struct GraphForm {
+    /// Whether the vertical axis is linear whatever its values.
+    pub(in crate::report) is_linear: bool,
+    /// Whether the horizontal axis is logarithmic.
+    pub(in crate::report) is_log_along: bool,
+    /// Whether points have markers and intervals.
+    pub(in crate::report) has_markers: bool,
+}
+
+fn data_point(x: f64, value: Estimate) -> DataPoint {
     DataPoint {
         x,
-        y: y.is_finite().then(|| PlottedValue::bare(y)),
+        y: value.mean.is_finite().then(|| value.into()),
         across: None,
     }
 }
 
 /// Draws paths between axes with these names as SVG, with this title in the metadata of the file.
 pub fn draw_graphs(graphs: &[Graph<'_>], axes: [&str; 2], title: &str) -> Vec<u8> {
-    draw_graphs_of(graphs, axes, false, &Origin::of_lines(title, &[]))
+    let mut measured: Vec<MeasuredGraph<'_>> = Vec::with_capacity(graphs.len());
+    for (label, points) in graphs {
+        let points = points.iter().map(|[x, y]| (*x, Estimate::bare(*y)));
+        measured.push((label, points.collect()));
+    }
+    let origin = Origin::of_lines(title, &[]);
+    draw_graphs_of(&measured, axes, GraphForm::default(), &origin)
 }
 
-/// Draws paths of a campaign; `is_linear`: the vertical axis is linear whatever its values.
+/// Draws curves of a campaign.
 pub(in crate::report) fn draw_graphs_of(
-    graphs: &[Graph<'_>],
+    graphs: &[MeasuredGraph<'_>],
     [x, y]: [&str; 2],
-    is_linear: bool,
+    form: GraphForm,
     origin: &Origin,
 ) -> Vec<u8> {
-    let series = |(index, (label, points)): (usize, &Graph<'_>)| Series {
-        index,
-        ..Series::new(
-            Label::of_words(label),
-            points.iter().map(|[x, y]| data_point(*x, *y)).collect(),
-            SeriesKind::Trace,
-            0,
-        )
+    let all = graphs.iter().flat_map(|(_, points)| points);
+    let log = form
+        .is_log_along
+        .then(|| LogAxis::of(&all.map(|(x, _)| *x).collect::<Vec<_>>()));
+    let kind = if form.has_markers {
+        SeriesKind::Curve
+    } else {
+        SeriesKind::Trace
+    };
+    let series = |(index, (label, points)): (usize, &MeasuredGraph<'_>)| {
+        let points = points.iter().map(|(x, value)| {
+            let value = if form.has_markers {
+                *value
+            } else {
+                Estimate::bare(value.mean)
+            };
+            data_point(log.map_or(*x, |log| log.place(*x)), value)
+        });
+        Series {
+            index,
+            ..Series::new(Label::of_words(label), points.collect(), kind, 0)
+        }
     };
     let data = FigureData {
         series: graphs.iter().enumerate().map(series).collect(),
         panels: vec![PanelData::default()],
         x: x.into(),
         y: y.into(),
-        is_linear,
+        log,
+        is_linear: form.is_linear,
         ..FigureData::default()
     };
     draw(&Outline::of(&data), origin)
@@ -90,7 +126,9 @@ pub(in crate::report) fn draw_fit(
             (label, &curve.data, SeriesKind::Points),
             (Label::default(), &curve.fit, SeriesKind::Trace),
         ] {
-            let points = points.iter().map(|[x, y]| data_point(log.place(*x), *y));
+            let points = points
+                .iter()
+                .map(|[x, y]| data_point(log.place(*x), Estimate::bare(*y)));
             series.push(Series {
                 index,
                 ..Series::new(label, points.collect(), kind, 0)
@@ -117,9 +155,14 @@ mod tests {
     /// How often the axes of a path from 1.9 to 6 with heights of two decades have the labels 0,
     /// 0.00 and 0.001.
     fn labels(is_linear: bool) -> [usize; 3] {
-        let graph = [("", vec![[1.9, 0.001], [4.0, 0.1], [6.0, 0.02]])];
+        let points = [(1.9, 0.001), (4.0, 0.1), (6.0, 0.02)];
+        let graph = [("", points.map(|(x, y)| (x, Estimate::bare(y))).to_vec())];
         let origin = Origin::of_lines("a path", &[]);
-        let svg = draw_graphs_of(&graph, ["r", "g"], is_linear, &origin);
+        let form = GraphForm {
+            is_linear,
+            ..GraphForm::default()
+        };
+        let svg = draw_graphs_of(&graph, ["r", "g"], form, &origin);
         let svg = String::from_utf8(svg).unwrap();
         ["0", "0.00", "0.001"].map(|label| svg.matches(&format!(">{label}<")).count())
     }

@@ -2,7 +2,7 @@
 //!
 //! The SVG files of this program and the figures of Python are drawn from it.
 
-use super::data::{DataPoint, FigureData, PanelData, PlottedValue, Series, SeriesKind};
+use super::data::{FigureData, PanelData, PlottedValue, Series, SeriesKind};
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use super::scale::{Scale, extent};
 use super::svg::PER_MM;
@@ -21,10 +21,6 @@ const MARKER_SIZE: f64 = 2.3;
 const DASHES: [Option<[f64; 2]>; 4] = [None, Some([4.0, 1.2]), Some([1.4, 1.0]), Some([8.0, 1.6])];
 /// Margin of a logarithmic axis beyond its numbers, over its length.
 const MARGIN: f64 = 0.05;
-/// Distance of bars of several curves at the same point, over the width of the axis.
-const DODGE: f64 = 0.013;
-/// Maximum distance between the first and the last of them.
-const DODGE_IN_ALL: f64 = 0.055;
 
 /// A figure. Numbers of points are in the units of their axes; lengths in points, 72 to an inch.
 #[derive(Debug, Serialize)]
@@ -123,11 +119,10 @@ impl Outline {
         let labelled = data.panels.iter().position(|p| !p.dilute.is_empty());
         let formula = labelled.map_or("", |index| data.panels[index].formula);
         let panel = |(index, panel): (usize, &PanelData)| {
-            let series: Vec<&Series> = data.series.iter().filter(|s| s.panel == index).collect();
-            let shifts = dodges(&series, &x);
-            let curves = series.iter().zip(shifts).map(|(series, shift)| Curve {
+            let series = data.series.iter().filter(|s| s.panel == index);
+            let curves = series.map(|series| Curve {
                 discard: series.discard.filter(|d| shaded.is_none() && *d > 0.0),
-                ..Curve::of(series, shift, [&x, &y], data.ordered)
+                ..Curve::of(series, [&x, &y], data.ordered)
             });
             Panel {
                 title: panel.title.clone(),
@@ -258,34 +253,8 @@ fn horizontal(data: &FigureData) -> Scale {
     Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
 }
 
-/// Shift of each series along the axis, so that bars at the same point are side by side.
-fn dodges(series: &[&Series], x: &Scale) -> Vec<f64> {
-    let has_bars = |series: &Series| {
-        let mut values = series.points.iter().filter_map(|point| point.y);
-        series.kind == SeriesKind::Curve && values.any(|value| value.interval.is_some())
-    };
-    let barred: Vec<usize> = (0..series.len()).filter(|n| has_bars(series[*n])).collect();
-    let span = x.high - x.low;
-    let meets = |a: usize, b: usize| {
-        let is_near = |s: &DataPoint| {
-            let others = &series[b].points;
-            others.iter().any(|t| (s.x - t.x).abs() < 0.02 * span)
-        };
-        series[a].points.iter().any(is_near)
-    };
-    let mut shifts = vec![0.0; series.len()];
-    if (1..barred.len()).any(|n| (0..n).any(|m| meets(barred[n], barred[m]))) {
-        let number = barred.len() as f64 - 1.0;
-        let each = DODGE.min(DODGE_IN_ALL / number) * span;
-        for (n, index) in barred.into_iter().enumerate() {
-            shifts[index] = each * (n as f64 - 0.5 * number);
-        }
-    }
-    shifts
-}
-
 impl Curve {
-    fn of(series: &Series, shift: f64, [x, y]: [&Scale; 2], ordered: usize) -> Self {
+    fn of(series: &Series, [x, y]: [&Scale; 2], ordered: usize) -> Self {
         let mut points: Vec<(f64, f64, f64, f64)> = Vec::new();
         let mut pieces: Vec<(usize, usize)> = Vec::new();
         let mut missing = Vec::new();
@@ -294,7 +263,7 @@ impl Curve {
         for point in &series.points {
             let Some(value) = point.y.filter(|value| !y.logarithmic || value.number > 0.0) else {
                 if series.kind == SeriesKind::Curve {
-                    missing.push(point.x + shift);
+                    missing.push(point.x);
                 }
                 before = None;
                 continue;
@@ -305,10 +274,10 @@ impl Curve {
                 down = down.min(0.999 * value.number);
             }
             if let Some([from, to]) = point.across {
-                across.push([from + shift, to + shift, value.number]);
+                across.push([from, to, value.number]);
             }
             let index = points.len();
-            points.push((point.x + shift, value.number, down, up));
+            points.push((point.x, value.number, down, up));
             match (before, pieces.last_mut()) {
                 (Some(last), Some(piece)) if !x.breaks_between(last, point.x) => piece.1 = index,
                 _ => pieces.push((index, index)),
