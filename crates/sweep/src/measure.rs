@@ -8,7 +8,6 @@ pub(crate) mod segments;
 mod steady;
 mod stopping;
 mod tables;
-pub(crate) mod wyart_cates;
 
 pub use run::PointRun;
 pub(crate) use run::RunData;
@@ -52,7 +51,7 @@ pub(crate) fn mean(values: &[f64]) -> Option<f64> {
 
 /// Quantile of sorted values, interpolated between neighbours (type 7 of Hyndman and Fan, the
 /// default of R and `NumPy`).
-fn quantile(sorted: &[f64], probability: f64) -> Option<f64> {
+pub(crate) fn quantile(sorted: &[f64], probability: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let place = probability * last as f64;
     #[expect(

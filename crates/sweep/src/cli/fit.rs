@@ -46,6 +46,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = FitReport::of(&store, &selection, arguments.replicates as usize)?;
+    if let Some(note) = report.note() {
+        output.note(&note);
+    }
     if let Some(path) = &arguments.figure {
         save(path, &report.draw()?, output)?;
     }

@@ -1,18 +1,20 @@
 //! The Wyart-Cates model fitted to a campaign.
 
+mod wyart_cates;
+
 use super::error::ReportError;
 use super::figure::{FitCurve, Origin, draw_fit};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::data::Tag;
 use crate::data::{DataColumn, Kind, Value};
-use crate::measure::wyart_cates::{Datum, Fit, NAMES, PARAMETERS, fit};
 use crate::model::axes::{AXES, identity};
 use crate::store::Store;
 use sd_core::Params;
 use serde_json::{Value as Json, json};
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use wyart_cates::{Datum, Fit, NAMES, PARAMETERS, fit};
 
 /// Minimum numbers of points and area fractions that determine the parameters.
 const MIN_POINTS: usize = PARAMETERS + 1;
@@ -58,14 +60,19 @@ impl FitReport {
                 entry.1.push(viscosity);
             }
         }
-        let points: Vec<(Params, Vec<f64>)> =
+        let mut points: Vec<(Params, Vec<f64>)> =
             order.iter().filter_map(|key| runs.remove(key)).collect();
+        // Whatever the order of the file, since the bootstrap draws point by point.
+        points.sort_by(|(a, of_a), (b, of_b)| {
+            let fractions = fraction(a).total_cmp(&fraction(b));
+            fractions.then(stress(a, of_a).total_cmp(&stress(b, of_b)))
+        });
         let params: Vec<Params> = points.iter().map(|(params, _)| params.clone()).collect();
         check(&params)?;
         let data: Vec<Datum> = points
             .into_iter()
             .map(|(params, runs)| Datum {
-                fraction: params.volume_fraction.unwrap_or(params.area_fraction),
+                fraction: fraction(&params),
                 stress: stress(&params, &runs),
                 runs,
             })
@@ -87,6 +94,17 @@ impl FitReport {
     pub fn parameters(&self) -> impl Iterator<Item = (&'static str, f64, Option<[f64; 2]>)> {
         let interval = |k: usize| self.fit.intervals.map(|intervals| intervals[k]);
         (0..PARAMETERS).map(move |k| (NAMES[k], self.fit.values[k], interval(k)))
+    }
+
+    /// A warning about parameters that the points do not determine.
+    pub fn note(&self) -> Option<String> {
+        let names = self.fit.undetermined.join(", ");
+        (!names.is_empty()).then(|| {
+            format!(
+                "not determined by these points: {names}; their values are no results. Points at more fractions near jamming, or at more \
+                 stresses around the onset of friction, would determine them"
+            )
+        })
     }
 
     /// Root mean square of ln η minus that of the fit.
@@ -143,6 +161,11 @@ impl FitReport {
     /// The object for programs.
     pub fn json(&self) -> Json {
         let number = |value: f64| json!(Value::Number(value));
+        // Without friction only the plateau Γ = 0 has a rate.
+        let has_rate = |params: &Params| {
+            let is_free = params.friction == 0.0 && params.shear_rate > 0.0;
+            params.shear_stress.is_none() && !is_free
+        };
         let parameters: serde_json::Map<String, Json> = self
             .parameters()
             .map(|(name, value, interval)| {
@@ -154,18 +177,20 @@ impl FitReport {
         let points: Vec<Json> = self
             .rows()
             .zip(&self.params)
-            .map(|([fraction, stress, viscosity, fitted, residual], params)| {
-                let key = fraction_key(params);
-                json!({
-                    key: fraction, "shear_stress": number(stress),
-                    "shear_rate": params.shear_stress.is_none().then(|| number(params.shear_rate)),
-                    "viscosity": viscosity, "fitted": number(fitted), "residual": residual,
-                })
-            })
+            .map(
+                |([fraction, stress, viscosity, fitted, residual], params)| {
+                    let key = fraction_key(params);
+                    json!({
+                        key: fraction, "shear_stress": number(stress),
+                        "shear_rate": has_rate(params).then(|| number(params.shear_rate)),
+                        "viscosity": viscosity, "fitted": number(fitted), "residual": residual,
+                    })
+                },
+            )
             .collect();
         json!({
             "campaign": self.campaign, "model": "wyart-cates", "parameters": parameters, "rms": self.rms(),
-            "replicates": self.fit.replicates, "points": points,
+            "replicates": self.fit.replicates, "undetermined": self.fit.undetermined, "points": points,
         })
     }
 
@@ -205,8 +230,17 @@ impl FitReport {
     }
 }
 
+/// The fraction of these spheres.
+fn fraction(params: &Params) -> f64 {
+    params.volume_fraction.unwrap_or(params.area_fraction)
+}
+
 /// σ* of a point: imposed, or from the mean viscosity at the rate; 0 and infinity at the plateaus.
+/// Without friction it has no effect, and no contact is frictional: 0, as on the lower plateau.
 fn stress(params: &Params, runs: &[f64]) -> f64 {
+    if params.friction == 0.0 {
+        return 0.0;
+    }
     let (rate, stress) = params.last_shear();
     stress.unwrap_or_else(|| {
         let mean = runs.iter().sum::<f64>() / runs.len() as f64;

@@ -151,3 +151,22 @@ hydrodynamics = "ball-melrose"
     let error = refused(several.folder().path(), &["fit", "s.sqlite"]);
     assert!(error.contains("friction has 0.5, 1"), "{error}");
 }
+
+#[test]
+fn points_without_friction_are_the_lower_plateau_in_any_order_of_the_file() {
+    let grid = |rates: &str| {
+        let grid = format!(
+            "[[grid]]\narea_fraction = [0.45, 0.6, 0.68]\nfriction = [0, 1.0]\nroughness = 0.01\nshear_rate = {rates}\n\
+             seeds = 2\nspheres = 24\nhydrodynamics = \"ball-melrose\"\n"
+        );
+        let computed = Computed::new(campaign("orders", [0.4, 0.1], &grid), &[]);
+        let folder = computed.folder();
+        json(folder.path(), &["fit", "s.sqlite", "--replicates", "20"])
+    };
+    let rising = grid("[0.1, 1.0, 10.0, inf]");
+    let falling = grid("[inf, 10.0, 1.0, 0.1]");
+    assert_eq!(rising, falling);
+    let points = rising["points"].as_array().unwrap();
+    let resting = points.iter().filter(|point| point["shear_stress"] == 0.0);
+    assert_eq!(resting.count(), 3, "{points:?}");
+}

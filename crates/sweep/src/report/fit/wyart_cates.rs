@@ -8,7 +8,7 @@
 //! fraction of contacts above the critical load. The fit uses logarithms of viscosities, weighted
 //! by the scatter of runs.
 
-use super::{quantile, student_95};
+use crate::measure::{quantile, student_95};
 use nalgebra::{SMatrix, SVector};
 
 /// Number of parameters.
@@ -22,11 +22,16 @@ const STEPS: usize = 200;
 const CONVERGED: f64 = 1e-10;
 /// The quantile of the normal distribution for a 95 % interval.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
+/// Standard errors above which the points do not determine a parameter: of a fraction, and of a
+/// logarithm, whose 95 % interval then covers two decades. Intervals must be as narrow.
+const VAGUE_FRACTION: f64 = 0.1;
+const VAGUE_LOGARITHM: f64 = 1.2;
 /// Number of starts that are iterated to convergence.
 const FOLLOWED: usize = 6;
 
 /// Fitted parameters: c_0, c_m, ln σ_c, ln β, ln A.
 type Inner = SVector<f64, PARAMETERS>;
+type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
 /// A point: its area or volume fraction, its shear stress in F_crit/a², 0 and infinity included,
 /// and the viscosities of its runs.
@@ -51,6 +56,8 @@ pub(crate) struct Fit {
     pub residuals: Vec<f64>,
     /// Number of bootstrap replicates of the intervals.
     pub replicates: usize,
+    /// Names of the parameters that the points do not determine.
+    pub undetermined: Vec<&'static str>,
 }
 
 impl Fit {
@@ -103,8 +110,10 @@ pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
     let fitted = data
         .iter()
         .map(|datum| logarithm(&best, datum.fraction, datum.stress).unwrap_or(f64::NAN));
+    let values: [f64; PARAMETERS] = std::array::from_fn(|k| outer(k, best[k]));
     Some(Fit {
-        values: std::array::from_fn(|k| outer(k, best[k])),
+        undetermined: problem.undetermined(&best, &values, intervals.as_ref()),
+        values,
         intervals,
         residuals: problem
             .heights
@@ -265,22 +274,7 @@ impl Problem<'_> {
         let (mut inner, mut cost) = (start, self.cost(&start)?);
         let mut damping = 1e-3;
         for _ in 0..STEPS {
-            let residuals = self.residuals(&inner)?;
-            let (mut normal, mut gradient) = (
-                SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros(),
-                Inner::zeros(),
-            );
-            let columns: Vec<Vec<f64>> = (0..PARAMETERS)
-                .map(|k| self.derivative(&inner, &residuals, k))
-                .collect::<Option<_>>()?;
-            for (place, residual) in residuals.iter().enumerate() {
-                for a in 0..PARAMETERS {
-                    gradient[a] += columns[a][place] * residual;
-                    for b in 0..PARAMETERS {
-                        normal[(a, b)] += columns[a][place] * columns[b][place];
-                    }
-                }
-            }
+            let (normal, gradient) = self.normal(&inner)?;
             let before = cost;
             while damping < 1e12 {
                 let mut damped = normal;
@@ -302,6 +296,55 @@ impl Problem<'_> {
             }
         }
         Some((inner, cost))
+    }
+
+    /// The normal matrix and the gradient of half the cost.
+    fn normal(&self, inner: &Inner) -> Option<(Normal, Inner)> {
+        let residuals = self.residuals(inner)?;
+        let (mut normal, mut gradient) = (Normal::zeros(), Inner::zeros());
+        let columns: Vec<Vec<f64>> = (0..PARAMETERS)
+            .map(|k| self.derivative(inner, &residuals, k))
+            .collect::<Option<_>>()?;
+        for (place, residual) in residuals.iter().enumerate() {
+            for a in 0..PARAMETERS {
+                gradient[a] += columns[a][place] * residual;
+                for b in 0..PARAMETERS {
+                    normal[(a, b)] += columns[a][place] * columns[b][place];
+                }
+            }
+        }
+        Some((normal, gradient))
+    }
+
+    /// The parameters with a large error, a fraction above 1, or an interval without them.
+    fn undetermined(
+        &self,
+        inner: &Inner,
+        values: &[f64; PARAMETERS],
+        intervals: Option<&[[f64; 2]; PARAMETERS]>,
+    ) -> Vec<&'static str> {
+        let covariance = self
+            .normal(inner)
+            .and_then(|(normal, _)| normal.try_inverse());
+        let is_vague = |k: &usize| {
+            let k = *k;
+            let most = if k < 2 {
+                VAGUE_FRACTION
+            } else {
+                VAGUE_LOGARITHM
+            };
+            let variance = covariance.map_or(f64::INFINITY, |matrix| matrix[(k, k)]);
+            let is_known = (0.0..most * most).contains(&variance);
+            // The bootstrap sees more than the curvature at the best parameters.
+            let is_wide = |of: &[[f64; 2]; PARAMETERS]| {
+                let [low, high] = of[k];
+                let width = if k < 2 { high - low } else { (high / low).ln() };
+                let is_narrow = (0.0..2.0 * NORMAL_95 * most).contains(&width);
+                !is_narrow || !(low..=high).contains(&values[k])
+            };
+            !is_known || (k < 2 && values[k] > 1.0) || intervals.is_some_and(is_wide)
+        };
+        (0..PARAMETERS).filter(is_vague).map(|k| NAMES[k]).collect()
     }
 
     /// Derivatives of the residuals by a parameter, with a difference in the direction away from
@@ -336,6 +379,7 @@ mod tests {
             intervals: None,
             residuals: Vec::new(),
             replicates: 0,
+            undetermined: Vec::new(),
         };
         let mut data = Vec::new();
         for fraction in [0.5, 0.58, 0.64, 0.68, 0.7] {
@@ -364,6 +408,7 @@ mod tests {
             assert!((value / truth - 1.0).abs() < 1e-5, "{name}: {value}");
         }
         assert_eq!((fit.intervals, fit.replicates), (None, 0));
+        assert_eq!(fit.undetermined, [""; 0]);
         assert!(fit.residuals.iter().all(|residual| residual.abs() < 1e-6));
         // Both plateaus.
         let high = fit.viscosity(0.6, f64::INFINITY);
@@ -391,5 +436,26 @@ mod tests {
     fn the_same_data_have_the_same_intervals() {
         let data = synthetic(7, 0.1, 4);
         assert_eq!(fit(&data, 30), fit(&data, 30));
+    }
+
+    #[test]
+    fn parameters_that_the_points_do_not_determine_are_named() {
+        // Both plateaus, and one stress just above the lower: neither onset nor its steepness.
+        let mut data = synthetic(3, 0.02, 3);
+        data.retain(|datum| [0.0, 0.03, f64::INFINITY].contains(&datum.stress));
+        let found = fit(&data, 40).unwrap().undetermined;
+        assert!(
+            found.contains(&"sigma_c") && found.contains(&"beta"),
+            "{found:?}"
+        );
+        assert!(!found.contains(&"c_m"), "{found:?}");
+        // The lower plateau alone.
+        data.retain(|datum| datum.stress < 1.0);
+        let found = fit(&data, 40).map(|fit| fit.undetermined);
+        assert!(found.is_none_or(|found| found.contains(&"c_m")));
+        assert_eq!(
+            fit(&synthetic(3, 0.08, 6), 40).unwrap().undetermined,
+            [""; 0]
+        );
     }
 }
