@@ -98,7 +98,7 @@ pub enum Error {
     },
     /// No layer or suspension of this fraction could be made.
     #[error(
-        "no start could be made of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; {advice}"
+        "no start could be made of {spheres} spheres at {kind} fraction {fraction} with gaps of at least {gap}: reached {reached:.4}; lower the {kind} fraction or the roughness, use other numbers of spheres, or two sizes"
     )]
     CannotPack {
         /// Number of spheres.
@@ -111,8 +111,6 @@ pub enum Error {
         gap: f64,
         /// Fraction reached.
         reached: f64,
-        /// Advice.
-        advice: &'static str,
     },
     /// A matrix that must be positive definite is not.
     #[error("the {matrix} matrix is not positive definite (pivot {pivot}, of sphere {sphere})")]

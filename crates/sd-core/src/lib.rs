@@ -156,7 +156,7 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 products: mobility and resistance, planned once; pair: two spheres alone; verify: known results, recomputed
+//!                 products: mobility and resistance, planned once; pair: two spheres alone
 //! ```
 //! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
 //! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
@@ -183,7 +183,7 @@ pub use model::{
 };
 pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::{pair, products, simulation, start, verify};
+pub use run::{pair, products, simulation, start};
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{Bulk, Layer, Space, VelocityGradient, bulk, cell, modes};
 pub use stage::{Method, memory_bytes};
@@ -197,7 +197,7 @@ pub mod instant {
     };
 }
 
-/// What the tests and benchmarks of this crate measure one by one. No part of the interface: it may
+/// What tests, benchmarks and `sweep verify` measure one by one. No part of the interface: it may
 /// change in any version.
 #[doc(hidden)]
 pub mod internals {

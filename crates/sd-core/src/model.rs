@@ -6,7 +6,7 @@
 mod builder;
 mod contact_laws;
 mod hydrodynamics;
-mod parameters;
+pub(crate) mod parameters;
 mod published_units;
 mod segments;
 mod settings;
@@ -25,7 +25,7 @@ pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
 pub use segments::{CrossShear, CrossStrain, Imposed, Segment, phase};
 pub use settings::SolverSettings;
-pub use sizes::{Distribution, Kind as KindOfSizes, Sizes};
+pub use sizes::{Distribution, Sizes};
 pub use start_layer::StartLayer;
 pub use surface::Surface;
 

@@ -9,4 +9,3 @@ pub mod simulation;
 pub(crate) mod spaces;
 pub mod start;
 pub(crate) mod steppers;
-pub mod verify;

@@ -18,6 +18,7 @@
 //! structure          frames as pair distributions and networks of contacts
 //! trajectory         kept frames in the formats of other programs
 //! instant            one instant of one configuration, and the two-sphere functions
+//! verify             known results, recomputed
 //! store              SQLite: cases, checkpoints, samples, results
 //! campaign           the TOML file, which may name runs of a store to begin with
 //! plan               estimates of what is left to compute
@@ -62,6 +63,7 @@ mod structure;
 pub mod system;
 pub mod text;
 pub mod trajectory;
+mod verify;
 
 #[cfg(test)]
 mod test_support;

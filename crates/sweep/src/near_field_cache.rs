@@ -27,7 +27,7 @@ pub fn ratios<'p>(params: impl Iterator<Item = &'p Params>) -> Result<Vec<f64>, 
             p.spheres,
             p.size_ratio.to_bits(),
             p.large_fraction.to_bits(),
-            p.sizes.map(Sizes::text),
+            p.sizes.as_ref().map(Sizes::to_string),
         );
         if !seen.insert(kind) {
             continue;

@@ -17,13 +17,10 @@ use super::quantity::Range;
 /// F_A, in units in which it is a property of the material while Γ varies.
 pub static ADHESION: Quantity = Quantity {
     key: "adhesion",
-    symbol: "F_A",
     unit: "F_crit",
     meaning: "adhesion F_A",
     range: Range::from_to(0.0, 1e6),
     note: "in F_crit, the force that pulls a contact apart",
-    example: "1",
-    logarithmic: false,
 };
 
 /// Separation up to which rigid asperities count as touching, over the roughness height: gaps are

@@ -87,26 +87,20 @@ impl NormalLaw {
 /// Stiffness k of springs, in units chosen by [`super::StiffnessUnit`].
 pub static STIFFNESS: Quantity = Quantity {
     key: "stiffness",
-    symbol: "k",
     unit: "F/a",
     meaning: "stiffness k of contacts; inf is rigid",
     range: Range::above(0.0),
     note: "in F/a, under `hertz` F/a^(3/2), where F is F_crit, or 6 pi mu a^2 rate if `stiffness_unit` = \"flow\"; inf is rigid",
-    example: "1e4",
-    logarithmic: true,
 };
 
 /// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never
 /// pulls.
 pub static DASHPOT: Quantity = Quantity {
     key: "dashpot",
-    symbol: "dashpot",
     unit: "mu a",
     meaning: "dashpot of contacts",
     range: Range::from_to(0.0, 1e6),
     note: "in mu a",
-    example: "10",
-    logarithmic: false,
 };
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! A physical quantity of the input: its key, unit and range, declared once.
 
+use crate::error::Refusal;
 use std::fmt;
 
 /// An interval of numbers, used both for checks and for messages.
@@ -116,8 +117,6 @@ impl fmt::Display for Short {
 pub struct Quantity {
     /// Its key in files, tables and JSON.
     pub key: &'static str,
-    /// Its symbol, the heading of a column.
-    pub symbol: &'static str,
     /// Its unit; `1` for pure numbers, empty for keywords.
     pub unit: &'static str,
     /// Its meaning; up to a semicolon the label of an axis.
@@ -126,10 +125,6 @@ pub struct Quantity {
     pub range: Range,
     /// A note to the range, such as the unit or the meaning of the ends.
     pub note: &'static str,
-    /// A value to show as an example.
-    pub example: &'static str,
-    /// Whether its values span decades, so that figures use a logarithmic axis.
-    pub logarithmic: bool,
 }
 
 impl Quantity {
@@ -139,6 +134,20 @@ impl Quantity {
             "" => self.range.to_string(),
             note => format!("{} ({note})", self.range),
         }
+    }
+
+    /// Refuses a value out of range, under this name of the quantity.
+    pub(crate) fn check(&self, key: &'static str, value: f64) -> Result<(), Refusal> {
+        if self.range.contains(value) {
+            return Ok(());
+        }
+        Err(Refusal {
+            key,
+            value: value.to_string(),
+            problem: "is out of range".into(),
+            allowed: self.allowed(),
+            because: None,
+        })
     }
 }
 

@@ -14,25 +14,19 @@ use super::quantity::Range;
 /// F0, in units in which it is a property of the material while Γ varies.
 pub static REPULSION: Quantity = Quantity {
     key: "repulsion",
-    symbol: "F0",
     unit: "F_crit",
     meaning: "repulsion F0",
     range: Range::from_to(0.0, 1e6),
     note: "in F_crit",
-    example: "1",
-    logarithmic: false,
 };
 
 /// Decay length l.
 pub static REPULSION_LENGTH: Quantity = Quantity {
     key: "repulsion_length",
-    symbol: "l",
     unit: "a",
     meaning: "decay length of the repulsion",
     range: Range::above_to(0.0, 0.5),
     note: "in a",
-    example: "0.02",
-    logarithmic: false,
 };
 
 /// Default of F0 where only the repulsion separates the spheres.

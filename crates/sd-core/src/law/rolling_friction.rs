@@ -21,13 +21,10 @@ use super::{Quantity, Words};
 /// μ_r.
 pub static ROLLING_FRICTION: Quantity = Quantity {
     key: "rolling_friction",
-    symbol: "μ_r",
     unit: "1",
     meaning: "coefficient of rolling friction μ_r",
     range: Range::from_to(0.0, 10.0),
     note: "the couple on a pair of equal spheres is at most μ_r a f",
-    example: "0.1",
-    logarithmic: false,
 };
 
 /// a_ij, in a.

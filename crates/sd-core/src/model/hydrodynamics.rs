@@ -45,34 +45,19 @@ impl LeadingOrder {
 
     /// Checks ranges and consistency of both numbers.
     pub(crate) fn check(&self) -> Result<(), Refusal> {
-        let refuse = |quantity: &Quantity, value: f64, problem: &str, allowed, because| {
-            Err(Refusal {
-                key: quantity.key,
-                value: value.to_string(),
-                problem: problem.into(),
-                allowed,
-                because,
-            })
-        };
-        for (quantity, value) in [
-            (&CUTOFF, self.cutoff),
-            (&REGULARISATION, self.regularisation),
-        ] {
-            if !quantity.range.contains(value) {
-                return refuse(quantity, value, "is out of range", quantity.allowed(), None);
-            }
-        }
+        CUTOFF.check(CUTOFF.key, self.cutoff)?;
+        REGULARISATION.check(REGULARISATION.key, self.regularisation)?;
         if self.cutoff + self.regularisation > 1.0 {
-            return refuse(
-                &CUTOFF,
-                self.cutoff,
-                "is too far with the regularisation added",
-                format!(
+            return Err(Refusal {
+                key: CUTOFF.key,
+                value: self.cutoff.to_string(),
+                problem: "is too far with the regularisation added".into(),
+                allowed: format!(
                     "at most {}, as logarithms are negative beyond",
                     1.0 - self.regularisation
                 ),
-                Some(REGULARISATION.key),
-            );
+                because: Some(REGULARISATION.key),
+            });
         }
         Ok(())
     }
@@ -91,25 +76,19 @@ fn usual_regularisation() -> f64 {
 /// ξ of the farthest pairs that have a term.
 pub(super) static CUTOFF: Quantity = Quantity {
     key: "lubrication_cutoff",
-    symbol: "ξ_max",
     unit: "1",
     meaning: "cutoff of lubrication; ξ = 2g/(a_i + a_j)",
     range: Range::above_to(0.0, 1.0),
     note: "in ξ = 2g/(a_i + a_j): beyond 1 the logarithms are negative, and beyond 2 a cell may be too small for it",
-    example: "0.5",
-    logarithmic: false,
 };
 
 /// δ.
 pub(super) static REGULARISATION: Quantity = Quantity {
     key: "lubrication_regularisation",
-    symbol: "δ",
     unit: "1",
     meaning: "regularisation of lubrication; δ is added to ξ",
     range: Range::above_to(0.0, 0.5),
     note: "added to ξ = 2g/(a_i + a_j)",
-    example: "1e-3",
-    logarithmic: true,
 };
 
 impl Words for Hydrodynamics {

@@ -7,32 +7,27 @@ mod table;
 
 pub use table::PARAMETERS;
 
-pub(super) use quantities::MAX_SPHERES;
-use quantities::{AREA_FRACTION, FRICTION};
+pub(crate) use quantities::MAX_SPHERES;
+pub(crate) use quantities::{FRICTION, ROUGHNESS};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
 use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
+use std::borrow::Cow;
 
 /// A parameter of a run: description, allowed values, and accessor in [`Params`].
 #[derive(Debug)]
 pub struct Parameter {
     /// Its key in files, tables and JSON.
     pub key: &'static str,
-    /// Its symbol, the heading of a column.
-    pub symbol: &'static str,
     /// Its unit; `1` for pure numbers, empty for keywords.
     pub unit: &'static str,
     /// Its meaning; up to a semicolon the label of an axis.
     pub meaning: &'static str,
-    /// An example value, in the format of files.
-    pub example: &'static str,
     /// Whether it has an effect under the other choices, independent of its own value.
     pub has_meaning: fn(&Params) -> bool,
     /// The choice that gives it a meaning, where it is an error to give it without.
     pub needs: Option<fn() -> String>,
-    /// Whether tables show it even if all points have the same value.
-    pub is_shown: fn(&Params) -> bool,
     /// Kind of its value.
     pub form: Form,
 }
@@ -54,7 +49,7 @@ pub struct Choice {
     /// The default keyword.
     pub default: &'static str,
     /// Its keyword.
-    pub get: fn(&Params) -> &'static str,
+    pub get: fn(&Params) -> Cow<'static, str>,
     /// Sets the choice with this keyword.
     pub put: fn(&mut Params, &str) -> Result<(), Refusal>,
 }
@@ -85,28 +80,19 @@ impl Parameter {
             return Ok(());
         };
         let value = (number.get)(params);
-        let refuse = |problem: &str, allowed| {
-            Err(Refusal {
+        if (self.has_meaning)(params) {
+            return number.quantity.check(self.key, value);
+        }
+        match (number.without, self.needs) {
+            (Some(without), _) if value == without => Ok(()),
+            (Some(without), Some(needs)) => Err(Refusal {
                 key: self.key,
                 value: value.to_string(),
-                problem: problem.into(),
-                allowed,
+                problem: "has no meaning".into(),
+                allowed: format!("{without}, or choose {}", needs()),
                 because: None,
-            })
-        };
-        let meaningless = !(self.has_meaning)(params);
-        match (number.without, self.needs) {
-            (Some(without), Some(needs)) if meaningless => {
-                if value == without {
-                    return Ok(());
-                }
-                refuse(
-                    "has no meaning",
-                    format!("{without}, or choose {}", needs()),
-                )
-            }
-            _ if number.quantity.range.contains(value) => Ok(()),
-            _ => refuse("is out of range", number.quantity.allowed()),
+            }),
+            _ => number.quantity.check(self.key, value),
         }
     }
 }
@@ -130,50 +116,37 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
             check(&flow)
         });
     }
+    check_suspension(params)?;
     for parameter in &PARAMETERS {
-        if parameter.key != AREA_FRACTION.key || params.volume_fraction.is_none() {
-            parameter.check(params)?;
-        }
+        parameter.check(params)?;
     }
-    if let Some(sizes) = params.sizes {
+    if let Some(sizes) = &params.sizes {
         sizes.check(params.spheres)?;
     }
-    check_suspension(params)?;
     check_together(params)?;
     check_step(params)
 }
 
 /// Checks the parameters specific to suspensions.
 fn check_suspension(params: &Params) -> Result<(), Refusal> {
-    let Some(volume_fraction) = params.volume_fraction else {
+    if params.volume_fraction.is_none() {
         return Ok(());
-    };
-    let refuse = |key, value: String, problem: &str, allowed: &str, because| {
+    }
+    let refuse = |key, value: String, problem: &str, allowed: &str| {
         Err(Refusal {
             key,
             value,
             problem: problem.into(),
             allowed: allowed.into(),
-            because,
+            because: Some("volume_fraction"),
         })
     };
-    if !(MIN_VOLUME_FRACTION..=MAX_VOLUME_FRACTION).contains(&volume_fraction) {
-        return refuse(
-            "volume_fraction",
-            volume_fraction.to_string(),
-            "is out of range",
-            "0.01 to 0.64",
-            None,
-        );
-    }
-    let because = Some("volume_fraction");
     if params.area_fraction != 0.0 {
         return refuse(
             "area_fraction",
             params.area_fraction.to_string(),
             "has no meaning in a suspension",
             "either of the two: a layer or a suspension",
-            because,
         );
     }
     if params.contact == ContactScheme::Procedure {
@@ -182,7 +155,6 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             "\"procedure\"".into(),
             "is a protocol of layers",
             "\"rigid\" or a law: the paper states its steps for spheres in a plane",
-            because,
         );
     }
     if params.start.is_some() {
@@ -191,16 +163,10 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             "a layer".into(),
             "is no suspension",
             "the suspension that the seed makes",
-            because,
         );
     }
     Ok(())
 }
-
-/// Allowed volume fractions; whether one can be packed depends on the sizes, the roughness and the
-/// seed.
-const MIN_VOLUME_FRACTION: f64 = 0.01;
-const MAX_VOLUME_FRACTION: f64 = 0.64;
 
 /// Longest step under soft laws: from about twice this value on, stresslet viscosities became
 /// negative.

@@ -58,7 +58,7 @@ impl PublishedUnits {
                 isolated: 5.0 / 3.0 * params.area_fraction * moment(3) / (moment(1) * moment(2)),
             },
         };
-        if let Some(sizes) = params.sizes {
+        if let Some(sizes) = &params.sizes {
             // Without small spheres their unit is the mean radius.
             let radii = sizes.radii(params.spheres);
             let sum = |power: i32| radii.iter().map(|a| a.powi(power)).sum::<f64>();

@@ -13,7 +13,6 @@ use crate::error::Refusal;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Maximum number of species.
 const MAX_SPECIES: usize = 32;
@@ -38,20 +37,11 @@ const ROUNDING: f64 = 1e-9;
 /// assert!((mean - 1.0).abs() < 1e-12 && radii[0] > radii[99]);
 /// # Ok::<(), sd_core::model::Refusal>(())
 /// ```
-#[derive(Clone, Copy)]
-pub struct Sizes(&'static Known);
+#[derive(Clone, PartialEq)]
+pub struct Sizes(Kind);
 
-/// Data of sizes, never freed, since their number is limited by campaign files.
-struct Known {
-    text: String,
-    kind: Kind,
-    /// Cached radii by number of spheres.
-    radii: Mutex<Vec<Arc<[f64]>>>,
-}
-
-/// Definition of sizes.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
+#[derive(Clone, PartialEq)]
+enum Kind {
     /// A distribution, and its standard deviation over its mean.
     Distribution(Distribution, f64),
     /// Radii in any one unit, increasing, each with its number fraction.
@@ -67,9 +57,6 @@ crate::law::words! {
     }
 }
 
-/// All sizes used so far.
-static ALL: Mutex<Vec<&'static Known>> = Mutex::new(Vec::new());
-
 /// The refusal of sizes.
 fn refuse(value: impl Into<String>, problem: &str, allowed: impl Into<String>) -> Refusal {
     Refusal {
@@ -81,7 +68,7 @@ fn refuse(value: impl Into<String>, problem: &str, allowed: impl Into<String>) -
     }
 }
 
-impl Kind {
+impl Sizes {
     /// Species in canonical form: in order, each radius once.
     ///
     /// # Arguments
@@ -148,7 +135,7 @@ impl Kind {
                 format!("at most {MAX_SIZE_RATIO} of two sizes"),
             ));
         }
-        Ok(Self::Species(sorted))
+        Ok(Self(Kind::Species(sorted)))
     }
 
     /// A distribution with this standard deviation over its mean.
@@ -157,7 +144,7 @@ impl Kind {
     /// A spread that is not positive.
     pub fn distribution(distribution: Distribution, spread: f64) -> Result<Self, Refusal> {
         if spread > 0.0 && spread.is_finite() {
-            return Ok(Self::Distribution(distribution, spread));
+            return Ok(Self(Kind::Distribution(distribution, spread)));
         }
         Err(refuse(
             spread.to_string(),
@@ -169,20 +156,30 @@ impl Kind {
     /// Size ratio and fraction of large spheres of one or two sizes, which are equivalent to
     /// [`crate::Params::size_ratio`].
     pub fn as_two(&self) -> Option<[f64; 2]> {
-        match self {
-            Self::Species(species) => match species[..] {
+        match &self.0 {
+            Kind::Species(species) => match species[..] {
                 [_] => Some([1.0, 0.5]),
                 [[small, _], [large, fraction]] => Some([large / small, fraction]),
                 _ => None,
             },
-            Self::Distribution(..) => None,
+            Kind::Distribution(..) => None,
         }
     }
 
-    /// Radii of N spheres, the largest first, in any unit.
-    fn radii(&self, n: usize) -> Vec<f64> {
-        let mut radii = match self {
-            Self::Species(species) => {
+    /// Radii of N spheres, the largest first; their mean is 1.
+    pub fn radii(&self, n: usize) -> Vec<f64> {
+        let mut radii = self.unscaled_radii(n);
+        let mean = radii.iter().sum::<f64>() / n as f64;
+        for radius in &mut radii {
+            *radius /= mean;
+        }
+        radii
+    }
+
+    /// Radii of N spheres in any unit, the largest first.
+    fn unscaled_radii(&self, n: usize) -> Vec<f64> {
+        let mut radii = match &self.0 {
+            Kind::Species(species) => {
                 let mut radii = Vec::with_capacity(n);
                 let mut share = 0.0;
                 for [radius, fraction] in species.iter().rev() {
@@ -198,21 +195,41 @@ impl Kind {
                 radii.resize(n, species[0][0]);
                 return radii;
             }
-            Self::Distribution(Distribution::Uniform, spread) => probabilities(n)
+            Kind::Distribution(Distribution::Uniform, spread) => probabilities(n)
                 .map(|p| 1.0 + 3.0_f64.sqrt() * spread * (2.0 * p - 1.0))
                 .collect(),
-            Self::Distribution(Distribution::Lognormal, spread) => {
+            Kind::Distribution(Distribution::Lognormal, spread) => {
                 let variance = (spread * spread).ln_1p();
                 quantiles(n, |t| -0.5 * t * t / variance, variance.sqrt())
             }
             // In t = ln a the density is a^k exp(−k a), which is largest at t = 0.
-            Self::Distribution(Distribution::Schulz, spread) => {
+            Kind::Distribution(Distribution::Schulz, spread) => {
                 let shape = (spread * spread).recip();
                 quantiles(n, |t| shape * (t - t.exp_m1()), *spread)
             }
         };
         radii.reverse();
         radii
+    }
+
+    /// Refuses radii of N spheres that are too small or too large.
+    pub(super) fn check(&self, n: usize) -> Result<(), Refusal> {
+        let radii = self.radii(n);
+        let (Some(largest), Some(smallest)) = (radii.first(), radii.last()) else {
+            return Ok(());
+        };
+        if *smallest >= LEAST && *largest <= MOST {
+            return Ok(());
+        }
+        let remedy = match self.0 {
+            Kind::Distribution(..) => "a smaller spread",
+            Kind::Species(_) => "sizes nearer to each other",
+        };
+        Err(refuse(
+            self.to_string(),
+            &format!("makes radii from {smallest:.3} to {largest:.3} of the mean radius"),
+            format!("{remedy}: radii from {LEAST} to {MOST} of the mean"),
+        ))
     }
 }
 
@@ -261,79 +278,14 @@ fn quantiles(n: usize, logarithm: impl Fn(f64) -> f64, width: f64) -> Vec<f64> {
         .collect()
 }
 
-impl Sizes {
-    /// Sizes of this kind; equal ones share their data.
-    pub fn new(kind: &Kind) -> Self {
-        let text = kind.to_string();
-        let mut all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = all.iter().find(|known| known.text == text) {
-            return Self(known);
-        }
-        let known = Known {
-            text,
-            kind: kind.clone(),
-            radii: Mutex::new(Vec::new()),
-        };
-        let known: &'static Known = Box::leak(Box::new(known));
-        all.push(known);
-        Self(known)
-    }
-
-    /// As [`Kind::as_two`].
-    pub fn as_two(self) -> Option<[f64; 2]> {
-        self.0.kind.as_two()
-    }
-
-    /// As text.
-    pub fn text(self) -> &'static str {
-        &self.0.text
-    }
-
-    /// Radii of N spheres, the largest first; their mean is 1.
-    pub fn radii(self, n: usize) -> Arc<[f64]> {
-        let mut known = self.0.radii.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(radii) = known.iter().find(|radii| radii.len() == n) {
-            return Arc::clone(radii);
-        }
-        let mut radii = self.0.kind.radii(n);
-        let mean = radii.iter().sum::<f64>() / n as f64;
-        for radius in &mut radii {
-            *radius /= mean;
-        }
-        let radii: Arc<[f64]> = radii.into();
-        known.push(Arc::clone(&radii));
-        radii
-    }
-
-    /// Refuses radii of N spheres that are too small or too large.
-    pub(super) fn check(self, n: usize) -> Result<(), Refusal> {
-        let radii = self.radii(n);
-        let (Some(largest), Some(smallest)) = (radii.first(), radii.last()) else {
-            return Ok(());
-        };
-        if *smallest >= LEAST && *largest <= MOST {
-            return Ok(());
-        }
-        let remedy = match self.0.kind {
-            Kind::Distribution(..) => "a smaller spread",
-            Kind::Species(_) => "sizes nearer to each other",
-        };
-        Err(refuse(
-            self.text(),
-            &format!("makes radii from {smallest:.3} to {largest:.3} of the mean radius"),
-            format!("{remedy}: radii from {LEAST} to {MOST} of the mean"),
-        ))
-    }
-}
-
-impl fmt::Display for Kind {
+impl fmt::Display for Sizes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         use crate::law::Words as _;
-        match self {
-            Self::Distribution(distribution, spread) => {
+        match &self.0 {
+            Kind::Distribution(distribution, spread) => {
                 write!(f, "{} {spread}", distribution.word())
             }
-            Self::Species(species) => {
+            Kind::Species(species) => {
                 for (place, [radius, fraction]) in species.iter().enumerate() {
                     let space = if place > 0 { " " } else { "" };
                     write!(f, "{space}{radius}:{fraction}")?;
@@ -361,32 +313,26 @@ impl FromStr for Sizes {
             words.and_then(|(word, spread)| Some((Distribution::of_word(word)?, spread)))
         {
             let spread = spread.parse().map_err(|_| unread())?;
-            return Ok(Self::new(&Kind::distribution(distribution, spread)?));
+            return Self::distribution(distribution, spread);
         }
         let read = |species: &str| {
             let (radius, fraction) = species.split_once(':')?;
             Some([radius.parse().ok()?, fraction.parse().ok()?])
         };
         let species: Option<Vec<[f64; 2]>> = text.split(' ').map(read).collect();
-        Ok(Self::new(&Kind::species(&species.ok_or_else(unread)?, 0)?))
-    }
-}
-
-impl PartialEq for Sizes {
-    fn eq(&self, other: &Self) -> bool {
-        self.text() == other.text()
+        Self::species(&species.ok_or_else(unread)?, 0)
     }
 }
 
 impl fmt::Debug for Sizes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.text())
+        write!(f, "{self}")
     }
 }
 
 impl Serialize for Sizes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.text())
+        serializer.collect_str(self)
     }
 }
 
@@ -402,7 +348,7 @@ impl<'de> Deserialize<'de> for Sizes {
 mod tests {
     use super::*;
 
-    fn radii(text: &str, n: usize) -> Arc<[f64]> {
+    fn radii(text: &str, n: usize) -> Vec<f64> {
         text.parse::<Sizes>().unwrap().radii(n)
     }
 
@@ -462,15 +408,15 @@ mod tests {
     #[test]
     fn fractions_of_area_and_volume_become_fractions_of_number() {
         for power in [2, 3] {
-            let kind = Kind::species(&[[1.4, 0.5], [1.0, 0.5]], power).unwrap();
+            let kind = Sizes::species(&[[1.4, 0.5], [1.0, 0.5]], power).unwrap();
             let [ratio, large] = kind.as_two().unwrap();
             assert_eq!(ratio, 1.4);
             assert!((large - 1.0 / (1.0 + 1.4_f64.powi(power))).abs() < 1e-15);
         }
         // By number they keep their bits, in either order.
-        let kind = Kind::species(&[[1.4, 0.3], [1.0, 0.7]], 0).unwrap();
+        let kind = Sizes::species(&[[1.4, 0.3], [1.0, 0.7]], 0).unwrap();
         assert_eq!(kind.as_two(), Some([1.4, 0.3]));
-        let one = Kind::species(&[[1.4, 0.3], [1.4, 0.7]], 0).unwrap();
+        let one = Sizes::species(&[[1.4, 0.3], [1.4, 0.7]], 0).unwrap();
         assert_eq!(one.as_two(), Some([1.0, 0.5]));
     }
 
@@ -483,7 +429,7 @@ mod tests {
             "1:0.5 1.4:0.25 2:0.25",
         ] {
             let sizes: Sizes = text.parse().unwrap();
-            assert_eq!(sizes.text(), text);
+            assert_eq!(sizes.to_string(), text);
             assert!(sizes.check(400).is_ok());
             let json = serde_json::to_string(&sizes).unwrap();
             assert_eq!(serde_json::from_str::<Sizes>(&json).unwrap(), sizes);

@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::hydrodynamics::applied_forces::check_net_force;
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
+use crate::model::parameters::{FRICTION, ROUGHNESS};
 use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, SolverSettings};
 use crate::procedure::ContactList;
 use crate::space::cell::Cell;
@@ -407,18 +408,14 @@ fn check_surface(surface: &Surface, rigid: bool) -> Result<(), Error> {
         friction,
         critical_load,
     } = *surface;
+    ROUGHNESS.check("contact.roughness", roughness)?;
     in_range(
-        (roughness > 0.0 || !rigid && roughness == 0.0) && roughness < 0.5,
+        roughness > 0.0 || !rigid,
         "contact.roughness",
         roughness,
         "above 0 and below 0.5; 0 for soft contacts only",
     )?;
-    in_range(
-        (0.0..=10.0).contains(&friction),
-        "contact.friction",
-        friction,
-        "0 to 10",
-    )?;
+    FRICTION.check("contact.friction", friction)?;
     in_range(
         critical_load >= 0.0,
         "contact.critical_load",

@@ -5,6 +5,7 @@ use crate::contact::{ContactMemory, SolvePass, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
 use crate::model::Hydrodynamics;
+use crate::model::parameters::{FRICTION, ROUGHNESS};
 use crate::run::steppers::{RungeKutta, State};
 use crate::space::VelocityGradient;
 use crate::space::cell::Cell;
@@ -243,12 +244,11 @@ fn check(scenario: &PairScenario) -> Result<(), Error> {
         return refuse("size_ratio", size_ratio, "0.01 to 100");
     }
     if let Some((roughness, friction)) = contact {
-        if !(roughness > 0.0 && roughness < 0.5) {
+        ROUGHNESS.check(ROUGHNESS.key, roughness)?;
+        if roughness == 0.0 {
             return refuse("roughness", roughness, "above 0 and below 0.5");
         }
-        if !(0.0..=10.0).contains(&friction) {
-            return refuse("friction", friction, "0 to 10");
-        }
+        FRICTION.check(FRICTION.key, friction)?;
     }
     if !(offset != 0.0 && offset.is_finite()) {
         return refuse(

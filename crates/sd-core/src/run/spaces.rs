@@ -1,11 +1,10 @@
 //! What differs between the starts of layers and of suspensions.
 
-use super::start::suspension::Mixture;
 use super::start::{self, Start};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Fluid;
 use crate::model::{Params, Refusal};
-use crate::space::{Bulk, Layer, Space as _};
+use crate::space::{Bulk, Layer};
 
 /// A space with the start of its runs.
 pub trait Starts: Fluid {
@@ -63,15 +62,7 @@ impl Starts for Bulk {
     }
 
     fn start(params: &Params, seed: u64) -> Result<Start<Self>, Error> {
-        let suspension = Mixture::of(params).suspension(seed)?;
-        Ok(Start {
-            orientations: vec![Self::UPRIGHT; suspension.radii.len()],
-            springs: Vec::new(),
-            rolling_springs: Vec::new(),
-            radii: suspension.radii,
-            centres: suspension.centres,
-            side: suspension.side,
-        })
+        start::suspension(params, seed)
     }
 
     fn offset(_: &Params) -> f64 {

@@ -1,18 +1,16 @@
-//! Start layers: random, without contact, at any area fraction up to 0.84; start suspensions in
-//! [`suspension`].
+//! Starts: random spheres without contact, in layers at any area fraction up to 0.84, in suspensions
+//! up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4.
 
 mod given;
 mod packing;
-pub mod suspension;
 
 pub use given::fit;
 
-use self::suspension::Mixture;
 use crate::error::Error;
 use crate::model::{Params, Refusal, StartLayer, Words as _};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
-use crate::space::{Layer, Space};
+use crate::space::{Bulk, Layer, Space};
 use crate::stage::Method;
 use packing::{Density, Packing};
 use std::f64::consts::PI;
@@ -23,6 +21,14 @@ const DISCS: Density = Density {
     closest: 0.906_899_682_117_108_9, // π/√12
     shakes: 100,
     balanced: 0.0,
+};
+
+/// Packing limits of spheres.
+const SPHERES: Density = Density {
+    easy: 0.55,
+    closest: 0.740_480_489_693_061, // π/√18
+    shakes: 10,
+    balanced: 1e-4,
 };
 
 /// Radii, centres and cell of a layer or a suspension at strain 0.
@@ -107,7 +113,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
             "roughness",
         );
     }
-    let (largest, mean_square) = if let Some(sizes) = params.sizes {
+    let (largest, mean_square) = if let Some(sizes) = &params.sizes {
         let radii = sizes.radii(params.spheres);
         let squares: f64 = radii.iter().map(|a| a * a).sum();
         (radii[0], squares / n)
@@ -170,16 +176,21 @@ fn number_of_large(params: &Params) -> usize {
 /// # Errors
 /// [`Error::CellTooSmall`].
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
-    if params.volume_fraction.is_some() {
-        return Mixture::of(params).radii_and_side();
-    }
-    let radii = match params.sizes {
-        Some(sizes) => sizes.radii(params.spheres).to_vec(),
+    let radii = match &params.sizes {
+        Some(sizes) => sizes.radii(params.spheres),
         None => radii(params.spheres, params.size_ratio, number_of_large(params)),
     };
-    let area: f64 = radii.iter().map(|a| PI * a * a).sum();
-    let side = (area / params.area_fraction).sqrt();
-    Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii)?;
+    let side = if let Some(fraction) = params.volume_fraction {
+        let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
+        let side = (volume / fraction).cbrt();
+        Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii)?;
+        side
+    } else {
+        let area: f64 = radii.iter().map(|a| PI * a * a).sum();
+        let side = (area / params.area_fraction).sqrt();
+        Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii)?;
+        side
+    };
     Ok((radii, side))
 }
 
@@ -226,23 +237,49 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
 /// # Errors
 /// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the area fraction reached.
 pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
+    let by_rows = params.spheres > Params::LARGE_ABOVE;
+    pack(
+        params,
+        (params.area_fraction, "area"),
+        &DISCS,
+        by_rows,
+        seed,
+    )
+}
+
+/// Makes the suspension, which depends only on the parameters and the seed (`ChaCha8`).
+///
+/// # Errors
+/// [`Error::CellTooSmall`], or [`Error::CannotPack`] with the volume fraction reached.
+pub fn suspension(params: &Params, seed: u64) -> Result<Start<Bulk>, Error> {
+    let fraction = params.volume_fraction.unwrap_or(0.0);
+    pack(params, (fraction, "volume"), &SPHERES, true, seed)
+}
+
+fn pack<S: Space>(
+    params: &Params,
+    (fraction, kind): (f64, &'static str),
+    density: &Density,
+    by_rows: bool,
+    seed: u64,
+) -> Result<Start<S>, Error> {
     let (radii, side) = radii_and_side(params)?;
-    let mut packing = Packing::<Layer>::new(Cell::equal_sides(side, 0.0)?, radii, params.roughness);
+    let cell = Cell::equal_sides(side, 0.0)?;
+    let mut packing = Packing::<S>::new(cell, radii, params.roughness);
     packing
-        .pack(params.area_fraction, &DISCS, seed)
+        .pack(fraction, density, seed)
         .map_err(|reached| Error::CannotPack {
             spheres: params.spheres,
-            kind: "area",
-            fraction: params.area_fraction,
+            kind,
+            fraction,
             gap: params.roughness,
             reached,
-            advice: "lower the area fraction or the roughness, use other numbers of spheres, or two sizes",
         })?;
-    if params.spheres > Params::LARGE_ABOVE {
-        packing.number_by_rows(params.sizes);
+    if by_rows {
+        packing.number_by_rows(params.sizes.is_some());
     }
     Ok(Start {
-        orientations: vec![0.0; packing.radii.len()],
+        orientations: vec![S::UPRIGHT; packing.radii.len()],
         springs: Vec::new(),
         rolling_springs: Vec::new(),
         radii: packing.radii,
@@ -255,6 +292,7 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
 mod tests {
     use super::*;
     use crate::model::{ContactScheme, Hydrodynamics};
+    use crate::space::neighbours::NeighbourList;
 
     fn params(spheres: usize, area_fraction: f64, size_ratio: f64) -> Params {
         Params {
@@ -272,17 +310,32 @@ mod tests {
         }
     }
 
+    /// A suspension of two hundred spheres.
+    fn suspension_of(volume_fraction: f64, size_ratio: f64, roughness: f64) -> Params {
+        Params {
+            area_fraction: 0.0,
+            volume_fraction: Some(volume_fraction),
+            roughness,
+            ..params(200, 0.0, size_ratio)
+        }
+    }
+
     /// Smallest gap between any two images, by brute force.
-    fn smallest_gap(start: &Start) -> f64 {
+    fn smallest_gap<S: Space>(start: &Start<S>, offset: f64) -> f64 {
+        let cell = Cell::<S>::equal_sides(start.side, offset).unwrap();
         let mut smallest = f64::INFINITY;
         for (i, x) in start.centres.iter().enumerate() {
             for (j, y) in start.centres.iter().enumerate().skip(i + 1) {
-                for m in -1..=1 {
-                    for n in -1..=1 {
-                        let shift = Vec2::new(f64::from(m), f64::from(n)) * start.side;
-                        let gap = (y + shift - x).norm() - start.radii[i] - start.radii[j];
-                        smallest = smallest.min(gap);
+                for image in 0..45 {
+                    let numbers = [image % 5 - 2, image / 5 % 3 - 1, image / 15 - 1];
+                    let mut image = S::Image::default();
+                    for k in 0..S::DIMENSIONS {
+                        image[k] = numbers[k];
                     }
+                    let shift = cell.image_vector(image);
+                    let apart = *y + shift - *x;
+                    let distance = S::norm_squared(&apart).sqrt();
+                    smallest = smallest.min(distance - start.radii[i] - start.radii[j]);
                 }
             }
         }
@@ -312,7 +365,7 @@ mod tests {
         ] {
             let params = params(spheres, c, ratio);
             let start = layer(&params, 1).unwrap();
-            assert!(smallest_gap(&start) >= params.roughness);
+            assert!(smallest_gap(&start, 0.0) >= params.roughness);
             let area: f64 = start.radii.iter().map(|a| PI * a * a).sum();
             assert!((area / start.side.powi(2) - c).abs() < 1e-12);
             let mean = start.radii.iter().sum::<f64>() / spheres as f64;
@@ -326,7 +379,7 @@ mod tests {
         let start = layer(&params, 1).unwrap();
         let (radii, _) = radii_and_side(&params).unwrap();
         assert_eq!(start.radii, radii);
-        assert!(smallest_gap(&start) >= params.roughness);
+        assert!(smallest_gap(&start, 0.0) >= params.roughness);
         // Spheres with consecutive numbers are neighbours, except at the ends of rows.
         let next = start.centres.windows(2);
         let far = next.filter(|pair| (pair[1] - pair[0]).norm() > 4.0 * packing::ROW);
@@ -354,5 +407,85 @@ mod tests {
     fn small_cell_is_refused() {
         let too_small = layer(&params(10, 0.84, 1.0), 1);
         assert!(matches!(too_small, Err(Error::CellTooSmall { .. })));
+    }
+
+    #[test]
+    fn no_pair_starts_in_contact_up_to_dense_suspensions() {
+        for (volume_fraction, size_ratio, roughness) in [
+            (0.05, 1.0, 0.01),
+            (0.45, 1.0, 0.05),
+            (0.60, 1.0, 0.01),
+            (0.62, 1.4, 0.01),
+        ] {
+            let params = suspension_of(volume_fraction, size_ratio, roughness);
+            let start = suspension(&params, 1).unwrap();
+            let gap = smallest_gap(&start, 0.0);
+            assert!(gap >= roughness, "{params:?}: {gap}");
+            let radii = &start.radii;
+            let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
+            assert!((volume / start.side.powi(3) / volume_fraction - 1.0).abs() < 1e-12);
+            assert!((radii.iter().sum::<f64>() / radii.len() as f64 - 1.0).abs() < 1e-12);
+            assert_eq!(radii[0] / radii[199], size_ratio);
+            let inside = |x: f64| (0.0..start.side).contains(&x);
+            assert!(start.centres.iter().flatten().all(|&x| inside(x)));
+        }
+    }
+
+    #[test]
+    fn spheres_are_packed_into_sheared_cells_too() {
+        let radii = radii(150, 1.4, 75);
+        let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
+        let side = (volume / 0.55).cbrt();
+        let cell = Cell::equal_sides(side, 0.37 * side).unwrap();
+        let mut packing = Packing::<Bulk>::new(cell, radii, 0.01);
+        packing.pack(0.55, &SPHERES, 3).unwrap();
+        let start = Start {
+            orientations: Vec::new(),
+            springs: Vec::new(),
+            rolling_springs: Vec::new(),
+            radii: packing.radii,
+            centres: packing.centres,
+            side,
+        };
+        assert!(smallest_gap::<Bulk>(&start, 0.37 * side) >= 0.01);
+        // In another cell the same centres overlap.
+        assert!(smallest_gap(&start, 0.0) < 0.0);
+    }
+
+    #[test]
+    fn neighbours_in_a_suspension_are_near_in_memory() {
+        let start = suspension(&suspension_of(0.45, 1.0, 0.01), 2).unwrap();
+        let cell = Cell::<Bulk>::equal_sides(start.side, 0.0).unwrap();
+        let mut list = NeighbourList::default();
+        list.find(&cell, &start.centres, &start.radii, 2.5);
+        let distance: usize = list.pairs().iter().map(|pair| pair.j - pair.i).sum();
+        let mean = distance as f64 / list.pairs().len() as f64;
+        // Numbers at random are a third of 200 apart.
+        assert!(mean < 50.0, "{mean}");
+    }
+
+    #[test]
+    fn suspension_is_a_function_of_the_seed() {
+        let params = suspension_of(0.45, 1.0, 0.01);
+        assert_eq!(suspension(&params, 7), suspension(&params, 7));
+        assert_ne!(suspension(&params, 7), suspension(&params, 8));
+    }
+
+    #[test]
+    fn suspensions_too_dense_or_too_small_are_refused() {
+        let refusal = |params: Params| suspension(&params, 1).unwrap_err();
+        let Error::CannotPack { reached, kind, .. } = refusal(suspension_of(0.70, 1.0, 0.01))
+        else {
+            panic!("packed");
+        };
+        assert!(
+            kind == "volume" && reached > 0.5 && reached < 0.70,
+            "{reached}"
+        );
+        let few = Params {
+            spheres: 30,
+            ..suspension_of(0.5, 1.0, 0.01)
+        };
+        assert!(matches!(refusal(few), Error::CellTooSmall { .. }));
     }
 }

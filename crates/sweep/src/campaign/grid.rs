@@ -454,7 +454,7 @@ fn example(axis: &Axis) -> String {
     } else {
         ""
     };
-    let example = format!("add for example `{} = {}`", axis.key, axis.example);
+    let example = format!("add for example `{} = {}`", axis.key, axis.example());
     if note.is_empty() {
         format!("{example}{or}")
     } else {

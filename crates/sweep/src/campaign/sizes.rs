@@ -3,7 +3,8 @@
 use super::error::Problem;
 use super::reader::{Table, number, wrong_type};
 use crate::data::Value;
-use sd_core::model::{Distribution, KindOfSizes, Range, Refusal, Sizes, Words as _};
+use crate::model::axes::interned;
+use sd_core::model::{Distribution, Range, Refusal, Sizes, Words as _};
 use std::ops;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -28,24 +29,24 @@ pub(super) fn is_list_of_species(written: &DeValue<'_>) -> bool {
 
 /// Reads sizes.
 pub(super) fn read(written: &Spanned<DeValue<'_>>) -> Result<Value, Problem> {
-    let kind = match written.get_ref() {
+    let sizes = match written.get_ref() {
         DeValue::Table(entries) => distribution(entries, &written.span())?,
         DeValue::Array(list) => species(list, &written.span())?,
         // Their form in tables.
         DeValue::String(text) => {
             let sizes: Result<Sizes, Refusal> = text.parse();
             return match sizes {
-                Ok(sizes) => Ok(Value::Word(sizes.text())),
+                Ok(sizes) => Ok(interned(&sizes.to_string())),
                 Err(refusal) => Err(refused(refusal, &written.span())),
             };
         }
         _ => return Err(wrong_type(written, SIZES, ALLOWED)),
     };
-    Ok(Value::Word(Sizes::new(&kind).text()))
+    Ok(interned(&sizes.to_string()))
 }
 
 /// A distribution: its name and its spread.
-fn distribution(entries: &DeTable<'_>, span: &ops::Range<usize>) -> Result<KindOfSizes, Problem> {
+fn distribution(entries: &DeTable<'_>, span: &ops::Range<usize>) -> Result<Sizes, Problem> {
     let names = Distribution::WORDS.iter().map(|word| word.word);
     let names: Vec<&'static str> = names.collect();
     let table = table(entries, span, &names)?;
@@ -58,15 +59,11 @@ fn distribution(entries: &DeTable<'_>, span: &ops::Range<usize>) -> Result<KindO
     };
     let allowed = "above 0: the standard deviation of the radius over its mean";
     let value = number(spread, distribution.word(), &ANY, allowed)?;
-    KindOfSizes::distribution(distribution, value)
-        .map_err(|refusal| refused(refusal, &spread.span()))
+    Sizes::distribution(distribution, value).map_err(|refusal| refused(refusal, &spread.span()))
 }
 
 /// Species: radii in any one unit, each with its fraction of the number, the area or the volume.
-fn species(
-    list: &[Spanned<DeValue<'_>>],
-    span: &ops::Range<usize>,
-) -> Result<KindOfSizes, Problem> {
+fn species(list: &[Spanned<DeValue<'_>>], span: &ops::Range<usize>) -> Result<Sizes, Problem> {
     let known: Vec<&'static str> = std::iter::once(RADIUS)
         .chain(FRACTIONS.map(|(key, _)| key))
         .collect();
@@ -104,12 +101,12 @@ fn species(
             number(fraction, key, &ANY, "above 0")?,
         ];
         // One species is no complete list, but its own faults have its own place.
-        if let Err(refusal) = KindOfSizes::species(&[[one[0], 1.0]], 0) {
+        if let Err(refusal) = Sizes::species(&[[one[0], 1.0]], 0) {
             return Err(refused(refusal, &radius.span()));
         }
         all.push(one);
     }
-    KindOfSizes::species(&all, power.unwrap_or(0)).map_err(|refusal| refused(refusal, span))
+    Sizes::species(&all, power.unwrap_or(0)).map_err(|refusal| refused(refusal, span))
 }
 
 /// A table with these keys alone.

@@ -90,7 +90,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             axis.is_shear_rate() || axis.varies(report.points.iter().map(|point| &point.params))
         })
         .collect();
-    let axes = varied.iter().map(|axis| axis.symbol.to_owned());
+    let axes = varied.iter().map(|axis| axis.symbol().to_owned());
     let theirs = ["runs", "Γ'", "σ'", "η'"].map(str::to_owned);
     let heads: Vec<String> = axes.chain(theirs).collect();
     let number = |value: Option<f64>, digits| {

@@ -43,7 +43,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         .map(|axis| {
             let value = axis.value(&details.params).to_string();
             let name = starts.name_on(axis, &details.params).unwrap_or(value);
-            format!("{} {name}", axis.symbol)
+            format!("{} {name}", axis.symbol())
         })
         .collect();
     writeln!(out, "{}, seed {}", words.join(", "), details.seed)?;

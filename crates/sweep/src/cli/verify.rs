@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::report::table;
 use crate::system::exit;
 use crate::text::format::significant;
-use sd_core::verify::{Check, checks};
+use crate::verify::{Check, checks};
 use serde_json::json;
 
 /// Recompute known results and compare them, within seconds

@@ -1,18 +1,19 @@
 //! The axes of a campaign: all that distinguishes its points, which a file may vary besides the
 //! seeds.
 //!
-//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`], or beside
-//! them in `volume_fraction`. The campaign file, keys of cases, columns and views of the store,
+//! Each is made from the declaration of its parameter in [`sd_core::model::PARAMETERS`]; how it is
+//! shown is in `presentation`. The campaign file, keys of cases, columns and views of the store,
 //! tables, figures, pages and selections all use this one list.
 
-mod volume_fraction;
+mod presentation;
 
 use crate::data::{DataColumn, Kind, Tag, Value};
 use sd_core::Params;
 use sd_core::model::{Form, PARAMETERS, Parameter, Refusal, Segment};
-use std::collections::HashSet;
+use std::borrow::Cow;
+use std::collections::{BTreeSet, HashSet};
 use std::ops::Deref;
-use std::sync::LazyLock;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 /// One axis, with everything that its parameter declares.
 #[derive(Debug)]
@@ -23,7 +24,7 @@ pub static AXES: LazyLock<Vec<Axis>> = LazyLock::new(|| {
     let declared = PARAMETERS.iter();
     #[cfg(test)]
     let declared = tests::ONE_MORE.iter().chain(declared);
-    volume_fraction::among(declared).map(Axis).collect()
+    declared.map(Axis).collect()
 });
 
 /// Names of axes in other programs, besides their symbols.
@@ -56,7 +57,7 @@ impl Axis {
     /// Its symbol, as in the heads of tables, and its names elsewhere.
     pub fn other_names(&self) -> impl Iterator<Item = &'static str> {
         let others = OTHER_NAMES.iter().filter(|(_, key)| *key == self.key);
-        std::iter::once(self.symbol).chain(others.map(|(name, _)| *name))
+        std::iter::once(self.symbol()).chain(others.map(|(name, _)| *name))
     }
 
     /// The axis of this name: its key, or one of the other names.
@@ -68,7 +69,10 @@ impl Axis {
     /// Its value.
     pub fn value(&self, params: &Params) -> Value {
         match &self.form {
-            Form::Choice(choice) => Value::Word((choice.get)(params)),
+            Form::Choice(choice) => match (choice.get)(params) {
+                Cow::Borrowed(word) => Value::Word(word),
+                Cow::Owned(text) => interned(&text),
+            },
             Form::Number(number) if number.whole => {
                 Value::Count(crate::text::format::count((number.get)(params)) as u64)
             }
@@ -117,11 +121,6 @@ impl Axis {
         self.kind() != Kind::Word
     }
 
-    /// Whether its values are drawn on a logarithmic axis, with 0 and infinity at its ends.
-    pub fn is_logarithmic(&self) -> bool {
-        matches!(&self.form, Form::Number(number) if number.quantity.logarithmic)
-    }
-
     /// Whether it is the axis of shear rates.
     pub fn is_shear_rate(&self) -> bool {
         self.key == "shear_rate"
@@ -150,7 +149,7 @@ impl Axis {
     /// Whether a table of these parameters has it as a column.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;
-        params.any(self.is_shown)
+        params.any(|params| self.is_shown(params))
     }
 
     /// Whether it has an effect at a point.
@@ -180,6 +179,19 @@ impl Axis {
         let values = params.map(|p| self.value(p));
         values.filter(|value| seen.insert(value.tag())).collect()
     }
+}
+
+/// A text as a value. Each is stored once and never freed, as their number is limited by campaign
+/// files.
+pub(crate) fn interned(text: &str) -> Value {
+    static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = texts.get(text) {
+        return Value::Word(known);
+    }
+    let known = Box::leak(text.into());
+    texts.insert(known);
+    Value::Word(known)
 }
 
 /// Why a combination of values is invalid.

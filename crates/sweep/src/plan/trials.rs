@@ -131,7 +131,7 @@ pub(super) fn covered(params: &Params) -> f64 {
 }
 
 /// The parameters that the start of a seed depends on.
-fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
+fn of_start(params: &Params) -> ([u64; 6], Option<String>) {
     let numbers = [
         params.spheres as u64,
         params.area_fraction.to_bits(),
@@ -140,7 +140,7 @@ fn of_start(params: &Params) -> ([u64; 6], Option<&'static str>) {
         params.size_ratio.to_bits(),
         params.large_fraction.to_bits(),
     ];
-    (numbers, params.sizes.map(Sizes::text))
+    (numbers, params.sizes.as_ref().map(Sizes::to_string))
 }
 
 /// Makes a start for every point, the hardest to pack first. Returns warnings, and whether the runs

@@ -30,7 +30,7 @@ pub(super) fn columns_of_axes<'p>(
     let column = |axis: &&Axis| {
         let words = AxisWords::of(axis, report.units, &report.starts, params.clone());
         let cells = params.clone().map(|params| Some(words.cell(params)));
-        let head = Head::new(axis.key, axis.symbol, "", 0);
+        let head = Head::new(axis.key, axis.symbol(), "", 0);
         SheetColumn::new(head, cells.collect(), format)
     };
     axes.iter().map(column).collect()
@@ -99,7 +99,7 @@ impl<'a> AxisWords<'a> {
     pub(super) fn named(&self, params: &Params) -> String {
         if self.axis.is_numeric() && self.start(params).is_none() {
             let value = self.value(params).replace("inf", "∞");
-            format!("{} = {}", self.axis.symbol, with_power(&value))
+            format!("{} = {}", self.axis.symbol(), with_power(&value))
         } else {
             self.value(params)
         }

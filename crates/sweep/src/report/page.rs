@@ -72,7 +72,7 @@ struct Data<'r> {
 /// values.
 fn axis_data(report: &Report, axis: &'static Axis) -> Value {
     json!({
-        "key": axis.key, "symbol": axis.symbol, "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
+        "key": axis.key, "symbol": axis.symbol(), "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
         "logarithmic": axis.is_logarithmic(), "unit": report.units.of_axis(axis), "digits": report.words_of(axis).digits.most,
         "names": report.starts.of_axis(axis),
     })

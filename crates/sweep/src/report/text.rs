@@ -156,7 +156,7 @@ pub fn write(
             .map(|axis| {
                 let shown = params().find(|params| axis.means_something(params));
                 let value = report.words_of(axis).value(shown.unwrap_or(&point.params));
-                format!("{} {value}", axis.symbol)
+                format!("{} {value}", axis.symbol())
             });
         lines.push(words.collect::<Vec<_>>().join(", "));
         let sheet = Sheet::of(report, shape, width);

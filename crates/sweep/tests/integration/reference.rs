@@ -106,7 +106,7 @@ fn keys_are_those_declared() {
                     page,
                     "| `{}` | {} | {} | {} | {default} | {} |",
                     axis.key,
-                    cell(axis.symbol),
+                    cell(axis.symbol()),
                     cell(axis.unit),
                     cell(&range),
                     cell(axis.meaning)

@@ -41,13 +41,10 @@ pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::SpringSlip;
 /// Stiffness k_t of the tangential spring over the normal stiffness k.
 pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {
     key: "tangential_stiffness",
-    symbol: "k_t/k",
     unit: "1",
     meaning: "tangential over normal stiffness",
     range: Range::above_to(0.0, 100.0),
     note: "over the normal stiffness",
-    example: "0.5",
-    logarithmic: false,
 };
 
 /// Default of k_t over k: Mari et al., J. Rheol. 58, 1693 (2014).

@@ -4,6 +4,7 @@
 use crate::error::Refusal;
 use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, Sizes};
+use std::borrow::Cow;
 
 /// Keyword of the paper's steps, in place of a normal law.
 const PROCEDURE: Word = Word {
@@ -30,11 +31,12 @@ pub(super) fn tangential_words() -> Vec<Word> {
     words
 }
 
-pub(super) fn contact_word(params: &Params) -> &'static str {
-    match params.contact {
+pub(super) fn contact_word(params: &Params) -> Cow<'static, str> {
+    let word = match params.contact {
         ContactScheme::Procedure => PROCEDURE.word,
         ContactScheme::Rigid | ContactScheme::Laws(_) => params.contact.laws().normal.word(),
-    }
+    };
+    word.into()
 }
 
 /// Reads a choice by its keyword.
@@ -127,6 +129,14 @@ pub(super) fn put_spheres(params: &mut Params, value: f64) {
     params.spheres = value as usize;
 }
 
+pub(super) fn put_volume_fraction(params: &mut Params, value: f64) {
+    params.volume_fraction = (value != 0.0).then_some(value);
+    // An area fraction that is given beside it stays, and is refused.
+    if params.volume_fraction.is_some() && params.area_fraction.is_nan() {
+        params.area_fraction = 0.0;
+    }
+}
+
 /// Changes the laws, if they are chosen individually.
 pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)) {
     if let Some(laws) = params.contact.chosen_laws() {
@@ -147,11 +157,6 @@ pub(super) fn resists_rolling(params: &Params) -> bool {
 /// Whether surfaces touch and may adhere. The paper's steps have no such law.
 pub(super) fn may_adhere(params: &Params) -> bool {
     params.contact.laws().normal.touches() && !matches!(params.contact, ContactScheme::Procedure)
-}
-
-/// Whether the laws are other than the paper's.
-pub(super) fn has_chosen_laws(params: &Params) -> bool {
-    *params.contact.laws() != ContactLaws::PAPER
 }
 
 /// Whether there are two sizes.

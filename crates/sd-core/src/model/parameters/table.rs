@@ -1,15 +1,16 @@
 //! The table of parameters.
 
 use super::choices::{
-    ONE_OR_TWO, alone, contact_word, contact_words, has_chosen_laws, has_friction,
-    has_leading_order, has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes,
-    may_adhere, needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling,
-    needs_spring, needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law,
-    put_sizes, put_spheres, put_tangential, read, repels, resists_rolling, tangential_words,
+    ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_leading_order,
+    has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes, may_adhere,
+    needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring,
+    needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law, put_sizes,
+    put_spheres, put_tangential, put_volume_fraction, read, repels, resists_rolling,
+    tangential_words,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
-    SHEAR_STRESS, SIZE_RATIO, SPHERES, START, TIME_STEP,
+    SHEAR_STRESS, SIZE_RATIO, SPHERES, START, TIME_STEP, VOLUME_FRACTION,
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
@@ -19,7 +20,7 @@ use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNESS};
 use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
-use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, Sizes};
+use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
@@ -30,24 +31,22 @@ use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, Lead
 /// use sd_core::model::PARAMETERS;
 ///
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
-/// assert_eq!(friction.map(|parameter| parameter.symbol), Some("ν"));
+/// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 27] = [
+pub static PARAMETERS: [Parameter; 28] = [
     Parameter {
         key: "hydrodynamics",
-        symbol: "hydrodynamics",
         meaning: "how the grand resistance is made",
         form: Form::Choice(Choice {
             words: || Hydrodynamics::WORDS.to_vec(),
             default: "stokesian-dynamics",
-            get: |p| p.hydrodynamics.word(),
+            get: |p| p.hydrodynamics.word().into(),
             put: put_hydrodynamics,
         }),
         ..CHOICE
     },
     Parameter {
         key: "contact",
-        symbol: "contact",
         meaning: "contact scheme",
         form: Form::Choice(Choice {
             words: contact_words,
@@ -59,28 +58,24 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         key: "tangential",
-        symbol: "tangential",
         meaning: "tangential law",
         has_meaning: has_friction,
-        is_shown: has_chosen_laws,
         form: Form::Choice(Choice {
             words: tangential_words,
             default: "roll-slip",
-            get: |p| p.contact.laws().tangential.word(),
+            get: |p| p.contact.laws().tangential.word().into(),
             put: put_tangential,
         }),
         ..CHOICE
     },
     Parameter {
         key: "friction_onset",
-        symbol: "onset",
         meaning: "how friction begins with the load",
         has_meaning: |p| has_friction(p) && (p.shear_stress.is_some() || p.shear_rate.is_finite()),
-        is_shown: has_chosen_laws,
         form: Form::Choice(Choice {
             words: || FrictionOnset::WORDS.to_vec(),
             default: "critical-load",
-            get: |p| p.contact.laws().onset.word(),
+            get: |p| p.contact.laws().onset.word().into(),
             put: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.onset, "friction_onset", word),
                 None => Ok(()),
@@ -90,15 +85,13 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         key: "stiffness_unit",
-        symbol: "k unit",
         meaning: "what stiffnesses are in units of",
         has_meaning: has_spring,
         needs: Some(needs_spring),
-        is_shown: |p| p.contact.laws().stiffness_unit != StiffnessUnit::CriticalLoad,
         form: Form::Choice(Choice {
             words: || StiffnessUnit::WORDS.to_vec(),
             default: "critical-load",
-            get: |p| p.contact.laws().stiffness_unit.word(),
+            get: |p| p.contact.laws().stiffness_unit.word().into(),
             put: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.stiffness_unit, "stiffness_unit", word),
                 None => Ok(()),
@@ -117,9 +110,10 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         has_meaning: |p| p.volume_fraction.is_none(),
-        is_shown: |p| p.volume_fraction.is_none(),
         form: Form::Number(Number {
             quantity: &AREA_FRACTION,
+            // Of a suspension.
+            without: Some(0.0),
             get: |p| p.area_fraction,
             put: |p, value| p.area_fraction = value,
             ..NEEDED
@@ -127,16 +121,27 @@ pub static PARAMETERS: [Parameter; 27] = [
         ..number(&AREA_FRACTION)
     },
     Parameter {
+        has_meaning: |p| p.volume_fraction.is_some(),
+        form: Form::Number(Number {
+            quantity: &VOLUME_FRACTION,
+            get: |p| p.volume_fraction.unwrap_or(0.0),
+            put: put_volume_fraction,
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&VOLUME_FRACTION)
+    },
+    Parameter {
         key: "sizes",
-        symbol: "sizes",
         meaning: "sizes of the spheres",
-        example: "{ lognormal = 0.2 }",
         has_meaning: |p| p.sizes.is_some(),
-        is_shown: |p| p.sizes.is_some(),
         form: Form::Choice(Choice {
             words: || Distribution::WORDS.to_vec(),
             default: ONE_OR_TWO,
-            get: |p| p.sizes.map_or(ONE_OR_TWO, Sizes::text),
+            get: |p| match &p.sizes {
+                None => ONE_OR_TWO.into(),
+                Some(sizes) => sizes.to_string().into(),
+            },
             put: put_sizes,
         }),
         ..CHOICE
@@ -144,7 +149,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: |p| p.sizes.is_none(),
         needs: Some(|| "no `sizes`".into()),
-        is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &SIZE_RATIO,
             // Two species set theirs.
@@ -158,7 +162,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         has_meaning: has_two_sizes,
-        is_shown: has_two_sizes,
         form: Form::Number(Number {
             quantity: &LARGE_FRACTION,
             default: Some(|p| p.large_fraction),
@@ -180,7 +183,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         has_meaning: |p| p.contact.laws().normal.touches(),
-        is_shown: |_| true,
         form: Form::Number(Number {
             quantity: &FRICTION,
             get: |p| p.friction,
@@ -193,7 +195,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: resists_rolling,
         needs: Some(needs_rolling),
-        is_shown: |p| p.contact.laws().rolling_friction > 0.0,
         form: Form::Number(Number {
             quantity: &ROLLING_FRICTION,
             default: Some(|_| 0.0),
@@ -206,7 +207,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_spring,
         needs: Some(needs_spring),
-        is_shown: has_spring,
         form: Form::Number(Number {
             quantity: &STIFFNESS,
             get: |p| p.contact.laws().stiffness,
@@ -219,7 +219,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_tangential_spring,
         needs: Some(needs_tangential_spring),
-        is_shown: has_tangential_spring,
         form: Form::Number(Number {
             quantity: &TANGENTIAL_STIFFNESS,
             default: Some(|_| DEFAULT_STIFFNESS),
@@ -232,7 +231,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_spring,
         needs: Some(|| format!("{} of finite stiffness", needs_spring())),
-        is_shown: |p| p.contact.laws().dashpot > 0.0,
         form: Form::Number(Number {
             quantity: &DASHPOT,
             default: Some(|_| 0.0),
@@ -245,7 +243,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_lubrication_gap,
         needs: Some(needs_lubrication_gap),
-        is_shown: has_lubrication_gap,
         form: Form::Number(Number {
             quantity: &LUBRICATION_GAP,
             default: Some(|p| ContactLaws::usual_lubrication_gap(p.roughness)),
@@ -258,7 +255,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_leading_order,
         needs: Some(needs_leading_order),
-        is_shown: has_leading_order,
         form: Form::Number(Number {
             quantity: &CUTOFF,
             default: Some(|_| LeadingOrder::DEFAULT.cutoff),
@@ -272,7 +268,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: has_leading_order,
         needs: Some(needs_leading_order),
-        is_shown: has_leading_order,
         form: Form::Number(Number {
             quantity: &REGULARISATION,
             default: Some(|_| LeadingOrder::DEFAULT.regularisation),
@@ -289,7 +284,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     },
     Parameter {
         has_meaning: |p| !matches!(p.contact, ContactScheme::Procedure),
-        is_shown: repels,
         form: Form::Number(Number {
             quantity: &REPULSION,
             default: Some(|p| if alone(p) { REPULSION_ALONE } else { 0.0 }),
@@ -302,7 +296,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: repels,
         needs: Some(needs_repulsion),
-        is_shown: repels,
         form: Form::Number(Number {
             quantity: &REPULSION_LENGTH,
             default: Some(|_| DEFAULT_LENGTH),
@@ -315,7 +308,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: may_adhere,
         needs: Some(needs_touch),
-        is_shown: |p| p.contact.laws().adhesion > 0.0,
         form: Form::Number(Number {
             quantity: &ADHESION,
             default: Some(|_| 0.0),
@@ -326,7 +318,6 @@ pub static PARAMETERS: [Parameter; 27] = [
         ..number(&ADHESION)
     },
     Parameter {
-        is_shown: |p| p.start.is_some(),
         form: Form::Number(Number {
             quantity: &START,
             whole: true,
@@ -339,7 +330,6 @@ pub static PARAMETERS: [Parameter; 27] = [
         ..number(&START)
     },
     Parameter {
-        is_shown: |p| p.direction != 1.0,
         form: Form::Number(Number {
             quantity: &DIRECTION,
             default: Some(|_| 1.0),
@@ -362,7 +352,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: |p| p.shear_stress.is_none(),
         needs: Some(|| "`shear_rate` in place of `shear_stress`: one of them is imposed".into()),
-        is_shown: |p| p.shear_stress.is_none(),
         form: Form::Number(Number {
             quantity: &SHEAR_RATE,
             get: |p| p.shear_rate,
@@ -375,7 +364,6 @@ pub static PARAMETERS: [Parameter; 27] = [
     Parameter {
         has_meaning: |p| p.shear_stress.is_some(),
         needs: Some(|| "a stress above 0".into()),
-        is_shown: |p| p.shear_stress.is_some(),
         form: Form::Number(Number {
             quantity: &SHEAR_STRESS,
             default: Some(|_| 0.0),
@@ -394,13 +382,10 @@ const DEFAULT_TIME_STEP: f64 = 0.01;
 /// Common values of choices.
 const CHOICE: Parameter = Parameter {
     key: "",
-    symbol: "",
     unit: "",
     meaning: "",
-    example: "",
     has_meaning: |_| true,
     needs: None,
-    is_shown: |_| true,
     form: Form::Number(NEEDED),
 };
 
@@ -426,10 +411,8 @@ const OF_LAWS: Number = Number {
 const fn number(quantity: &'static Quantity) -> Parameter {
     Parameter {
         key: quantity.key,
-        symbol: quantity.symbol,
         unit: quantity.unit,
         meaning: quantity.meaning,
-        example: quantity.example,
         ..CHOICE
     }
 }

@@ -6,7 +6,6 @@
 //! stuck are shaken with decreasing amplitude and relaxed again. Relaxations and their steps are
 //! limited, so that packing ends, with centres or with the fraction reached.
 
-use crate::model::Sizes;
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
@@ -113,7 +112,7 @@ impl<S: Space> Packing<S> {
     /// Numbers spheres row by row along the flow, by size, or for many sizes all together.
     /// Neighbours are then close in memory, and remain so for long, since shear moves whole rows
     /// past each other.
-    pub(super) fn number_by_rows(&mut self, sizes: Option<Sizes>) {
+    pub(super) fn number_by_rows(&mut self, many_sizes: bool) {
         let in_rows = |a: &S::Vector, b: &S::Vector| {
             let rows = (1..S::DIMENSIONS).rev().map(|k| {
                 let [row_a, row_b] = [a, b].map(|x| (x[k] / ROW).floor());
@@ -122,7 +121,7 @@ impl<S: Space> Packing<S> {
             rows.fold(Ordering::Equal, Ordering::then)
                 .then(a[0].total_cmp(&b[0]))
         };
-        if sizes.is_some() {
+        if many_sizes {
             let mut spheres: Vec<_> = self
                 .centres
                 .iter()

@@ -10,10 +10,10 @@ fn with(text: &str) -> String {
 }
 
 /// The sizes of the cases, in their order.
-fn sizes(campaign: &Campaign) -> Vec<&'static str> {
+fn sizes(campaign: &Campaign) -> Vec<String> {
     let cases = campaign.cases.iter();
     cases
-        .filter_map(|(_, case)| Some(case.params.sizes?.text()))
+        .filter_map(|(_, case)| Some(case.params.sizes.as_ref()?.to_string()))
         .collect()
 }
 

@@ -6,13 +6,10 @@ use sd_core::model::{Number, Quantity, Range};
 /// A further axis, added to the table by this one entry: the fraction of small spheres.
 pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
     key: "small_fraction",
-    symbol: "small",
     unit: "1",
     meaning: "small spheres over all",
-    example: "0.5",
     has_meaning: |p| p.size_ratio > 1.0,
     needs: Some(|| "`size_ratio` above 1".into()),
-    is_shown: |p| p.size_ratio > 1.0,
     form: Form::Number(Number {
         quantity: &SMALL_FRACTION,
         whole: false,
@@ -31,13 +28,10 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
 
 static SMALL_FRACTION: Quantity = Quantity {
     key: "small_fraction",
-    symbol: "small",
     unit: "1",
     meaning: "small spheres over all",
     range: Range::from_to(0.0, 1.0),
     note: "",
-    example: "0.5",
-    logarithmic: false,
 };
 
 /// The fields of a type, also those that are omitted at their default, as its reader names them.

@@ -134,7 +134,7 @@ fn of_axis(report: &Report, axis: &'static Axis, shape: Shape) -> Option<SheetCo
         _ => Some(words.cell(&point.params)),
     };
     let cells: Vec<Option<Uncertain>> = report.points.iter().map(cell).collect();
-    let head = Head::new(axis.key, axis.symbol, "", 0);
+    let head = Head::new(axis.key, axis.symbol(), "", 0);
     let head = with_unit(head, column.unit, column.unit_in(report));
     Some(SheetColumn::new(head, cells, shape.format))
 }

@@ -129,7 +129,7 @@ fn name(report: &Report, point: &Point, columns: &[&'static Axis]) -> String {
     let named = columns.iter().filter(|axis| !is_result(axis));
     let words = named.map(|axis| {
         let value = report.words_of(axis).value(&point.params);
-        format!("{} {value}", axis.symbol)
+        format!("{} {value}", axis.symbol())
     });
     words.collect::<Vec<_>>().join(", ")
 }

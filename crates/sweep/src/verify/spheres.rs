@@ -1,15 +1,12 @@
 //! Known results about one sphere and two.
 
 use super::Check;
-use crate::error::Error;
-use crate::hydrodynamics::resistance::NearFields;
-use crate::hydrodynamics::two_sphere::scalars;
-use crate::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use crate::model::Hydrodynamics;
-use crate::run::pair::{PairScenario, PairTrajectory, pass};
-use crate::space::VelocityGradient;
-use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
+use sd_core::cell::Cell;
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
+use sd_core::modes::Vec2;
+use sd_core::pair::{PairScenario, PairTrajectory, pass};
+use sd_core::two_sphere::scalars;
+use sd_core::{Error, Hydrodynamics, NearFields, VelocityGradient};
 use std::f64::consts::PI;
 
 pub(super) fn resistance_functions(all: &mut Vec<Check>) -> Result<(), Error> {

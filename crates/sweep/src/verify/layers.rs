@@ -1,36 +1,25 @@
 //! Known results about layers.
 
 use super::Check;
-use crate::contact::SolvePass;
-use crate::contact::{Contact, Surface};
-use crate::error::Error;
-use crate::hydrodynamics::far_field::{FarField, FarResistance};
-use crate::hydrodynamics::resistance::{NearFields, Resistance};
-use crate::instant::{Configuration, InstantContacts, solve};
-use crate::linalg::dense::Matrix;
-use crate::model::{ContactScheme, Hydrodynamics, Params};
-use crate::run::simulation::{Simulation, Snapshot};
-use crate::run::start;
-use crate::run::steppers::{RungeKutta, State};
-use crate::space::cell::Cell;
-use crate::space::modes::Vec2;
-use crate::space::{Layer, VelocityGradient};
-use crate::stage::{StageContacts, StageSolver};
+use sd_core::cell::Cell;
+use sd_core::contact::{Contact, Surface};
+use sd_core::instant::{Configuration, InstantContacts, solve};
+use sd_core::internals::{FarField, FarResistance, Matrix};
+use sd_core::modes::Vec2;
+use sd_core::{
+    Error, Hydrodynamics, Layer, NearFields, Params, Simulation, Snapshot, VelocityGradient, start,
+};
 
-fn params(hydrodynamics: Hydrodynamics) -> Params {
-    Params {
-        spheres: 40,
-        area_fraction: 0.693,
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: f64::INFINITY,
-        size_ratio: 1.0,
-        large_fraction: 0.5,
-        hydrodynamics,
-        contact: ContactScheme::Rigid,
-        time_step: 0.005,
-        ..Params::UNWRITTEN
-    }
+fn params(hydrodynamics: Hydrodynamics) -> Result<Params, Error> {
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.693)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(hydrodynamics)
+        .time_step(0.005)
+        .build()
 }
 
 /// A dilute layer: η → 1 + 5c/3.
@@ -42,7 +31,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
         let dilute = Params {
             spheres: 1,
             area_fraction: 1e-4,
-            ..params(hydrodynamics)
+            ..params(hydrodynamics)?
         };
         let sample = Simulation::<Layer>::new(&dilute, 1, &NearFields::default())?.step()?;
         all.push(Check::near(
@@ -58,7 +47,7 @@ pub(super) fn dilute_layer(all: &mut Vec<Check>) -> Result<(), Error> {
 
 /// Checks that R_far does not depend on the splitting of the lattice sum.
 pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
-    let start = start::layer(&params(Hydrodynamics::StokesianDynamics), 1)?;
+    let start = start::layer(&params(Hydrodynamics::StokesianDynamics)?, 1)?;
     let cell = Cell::equal_sides(start.side, 0.0)?;
     let with = |alpha: f64| -> Result<Vec<f64>, Error> {
         let far_field = FarField::with_splitting(&cell, &start.radii, 1e-13, alpha)?;
@@ -89,7 +78,7 @@ pub(super) fn ewald(all: &mut Vec<Check>) -> Result<(), Error> {
 
 /// Checks gaps, energy and friction of a sheared layer.
 pub(super) fn frictional_layer(all: &mut Vec<Check>) -> Result<(), Error> {
-    let params = params(Hydrodynamics::BallMelrose);
+    let params = params(Hydrodynamics::BallMelrose)?;
     let mut simulation = Simulation::<Layer>::new(&params, 2, &NearFields::default())?;
     for _ in 0..300 {
         simulation.step()?;
@@ -172,21 +161,32 @@ pub(super) fn reversibility(all: &mut Vec<Check>) -> Result<(), Error> {
     let dilute = Params {
         spheres: 12,
         area_fraction: 0.3,
-        ..params(Hydrodynamics::BallMelrose)
+        ..params(Hydrodynamics::BallMelrose)?
     };
     let start = start::layer(&dilute, 1)?;
-    let begin = State {
-        centres: start.centres.clone(),
-        orientations: vec![0.0; start.radii.len()],
-    };
-    let mut state = begin.clone();
+    let mut centres = start.centres.clone();
+    let tables = NearFields::default();
     for (from, dt) in [(0.0, 0.005), (5.0, -0.005)] {
-        shear(&start, &mut state, from, dt, 1000)?;
+        for k in 0..1000 {
+            let time = from + f64::from(k) * dt;
+            let moved = |velocities: &[Vec2], by: f64| -> Vec<Vec2> {
+                let moves = centres.iter().zip(velocities);
+                moves.map(|(x, u)| x + u * by).collect()
+            };
+            // The classical method of Runge and Kutta, of order four.
+            let velocities = |centres, time| velocities(&start, centres, time, &tables);
+            let first = velocities(centres.clone(), time)?;
+            let second = velocities(moved(&first, 0.5 * dt), time + 0.5 * dt)?;
+            let third = velocities(moved(&second, 0.5 * dt), time + 0.5 * dt)?;
+            let fourth = velocities(moved(&third, dt), time + dt)?;
+            for (i, x) in centres.iter_mut().enumerate() {
+                *x += (first[i] + (second[i] + third[i]) * 2.0 + fourth[i]) * (dt / 6.0);
+            }
+        }
     }
-    let distance = state
-        .centres
+    let distance = centres
         .iter()
-        .zip(&begin.centres)
+        .zip(&start.centres)
         .map(|(x, y)| (x - y).norm())
         .fold(0.0, f64::max);
     all.push(Check::within(
@@ -199,38 +199,26 @@ pub(super) fn reversibility(all: &mut Vec<Check>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Shears a layer without contacts for some steps of either sign.
-fn shear(
+/// Velocities of the spheres of a layer without contacts, at a strain.
+fn velocities(
     start: &start::Start,
-    state: &mut State,
-    from: f64,
-    dt: f64,
-    steps: u32,
-) -> Result<(), Error> {
-    let cell = |strain: f64| Cell::<Layer>::equal_sides(start.side, strain * start.side);
-    let tables = NearFields::default();
-    let resistance = Resistance::new(
-        Hydrodynamics::BallMelrose,
-        &cell(0.0)?,
-        &start.radii,
-        &tables,
-    )?;
-    let mut motion = StageSolver::new(resistance);
-    let mut integrator = RungeKutta::default();
-    let background = VelocityGradient::simple_shear(1.0);
-    for k in 0..steps {
-        let time = from + f64::from(k) * dt;
-        integrator.step(state, time, dt, |stage, centres, velocities| {
-            let cell = cell(stage.time)?;
-            motion.assemble(&cell, centres)?;
-            motion.solve(&background, &[], StageContacts::None, SolvePass::First)?;
-            velocities.copy_from_slice(motion.velocities());
-            for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
-                u[0] += background.velocity(&x).x;
-                u[2] += background.angular_velocity();
-            }
-            Ok::<(), Error>(())
-        })?;
-    }
-    Ok(())
+    centres: Vec<Vec2>,
+    strain: f64,
+    tables: &NearFields,
+) -> Result<Vec<Vec2>, Error> {
+    let n = centres.len();
+    let configuration = Configuration::<Layer> {
+        centres,
+        radii: start.radii.clone(),
+        cell: Cell::equal_sides(start.side, strain * start.side)?,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        background: VelocityGradient::simple_shear(1.0),
+        forces: vec![Vec2::zeros(); n],
+        torques: vec![0.0; n],
+    };
+    let solved = solve(&configuration, &InstantContacts::None, tables)?;
+    let motions = solved.disturbances.iter().zip(&configuration.centres);
+    Ok(motions
+        .map(|(u, x)| Vec2::new(u[0], u[1]) + configuration.background.velocity(x))
+        .collect())
 }

@@ -4,13 +4,13 @@ mod layers;
 mod spheres;
 mod suspensions;
 
-use crate::error::Error;
+use sd_core::Error;
 use serde::Serialize;
 
 /// One known result and our value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Check {
+pub(crate) struct Check {
     /// The quantity.
     pub quantity: String,
     /// Our value.
@@ -59,7 +59,7 @@ impl Check {
     }
 
     /// Whether our value lies within its range; NaN does not.
-    pub fn passes(&self) -> bool {
+    pub(crate) fn passes(&self) -> bool {
         self.value >= self.least && self.value <= self.most
     }
 }
@@ -68,7 +68,7 @@ impl Check {
 ///
 /// # Errors
 /// A failed computation.
-pub fn checks() -> Result<Vec<Check>, Error> {
+pub(crate) fn checks() -> Result<Vec<Check>, Error> {
     let mut all = Vec::new();
     spheres::resistance_functions(&mut all)?;
     spheres::isolated_sphere(&mut all)?;

@@ -1,15 +1,14 @@
 //! Known results about suspensions.
 
 use super::Check;
-use crate::error::Error;
-use crate::hydrodynamics::resistance::NearFields;
-use crate::hydrodynamics::two_sphere::twist;
-use crate::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, TangentialLaw};
-use crate::run::simulation::Simulation;
-use crate::space::cell::Cell;
-use crate::space::{Bulk, VelocityGradient};
 use nalgebra::Vector3;
+use sd_core::cell::Cell;
+use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
+use sd_core::two_sphere::twist;
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, Error, Hydrodynamics, NearFields, Params, Simulation,
+    TangentialLaw, VelocityGradient,
+};
 use std::f64::consts::PI;
 
 /// ζ(3).
@@ -83,21 +82,19 @@ pub(super) fn cubic_lattice(all: &mut Vec<Check>) -> Result<(), Error> {
 
 /// Checks gaps, energy and friction of a sheared suspension.
 pub(super) fn frictional_suspension(all: &mut Vec<Check>) -> Result<(), Error> {
-    let params = Params {
-        spheres: 62,
-        area_fraction: 0.0,
-        volume_fraction: Some(0.5),
-        roughness: 0.01,
-        friction: 0.3,
-        shear_rate: f64::INFINITY,
-        hydrodynamics: Hydrodynamics::BallMelrose,
-        contact: ContactScheme::Laws(ContactLaws {
+    let params = Params::builder()
+        .spheres(62)
+        .volume_fraction(0.5)
+        .roughness(0.01)
+        .friction(0.3)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Laws(ContactLaws {
             tangential: TangentialLaw::Coulomb,
             ..ContactLaws::PAPER
-        }),
-        time_step: 0.01,
-        ..Params::UNWRITTEN
-    };
+        }))
+        .time_step(0.01)
+        .build()?;
     let mut simulation = Simulation::<Bulk>::new(&params, 2, &NearFields::default())?;
     for _ in 0..40 {
         simulation.step()?;

@@ -1,0 +1,91 @@
+//! How axes are shown: symbols, examples, scales, and the columns of tables.
+
+use super::Axis;
+use sd_core::model::Form;
+use sd_core::{ContactLaws, Params, StiffnessUnit};
+
+impl Axis {
+    /// Its symbol, the heading of a column.
+    pub fn symbol(&self) -> &'static str {
+        match self.key {
+            "friction_onset" => "onset",
+            "stiffness_unit" => "k unit",
+            "spheres" => "N",
+            "area_fraction" => "c",
+            "volume_fraction" => "φ",
+            "size_ratio" => "size ratio",
+            "large_fraction" => "large",
+            "roughness" => "h",
+            "friction" => "ν",
+            "rolling_friction" => "μ_r",
+            "stiffness" => "k",
+            "tangential_stiffness" => "k_t/k",
+            "lubrication_gap" => "g_min",
+            "lubrication_cutoff" => "ξ_max",
+            "lubrication_regularisation" => "δ",
+            "repulsion" => "F0",
+            "repulsion_length" => "l",
+            "adhesion" => "F_A",
+            "time_step" => "Δt",
+            "shear_rate" => "Γ",
+            "shear_stress" => "σ*",
+            key => key,
+        }
+    }
+
+    /// An example value, in the format of files; empty for keywords.
+    pub fn example(&self) -> &'static str {
+        match self.key {
+            "spheres" => "90",
+            "area_fraction" => "0.693",
+            "volume_fraction" => "0.45",
+            "sizes" => "{ lognormal = 0.2 }",
+            "size_ratio" => "1.4",
+            "large_fraction" | "lubrication_cutoff" | "tangential_stiffness" => "0.5",
+            "roughness" => "0.01",
+            "friction" => "0.3",
+            "rolling_friction" => "0.1",
+            "stiffness" => "1e4",
+            "dashpot" => "10",
+            "lubrication_gap" => "0.001",
+            "lubrication_regularisation" => "1e-3",
+            "repulsion_length" => "0.02",
+            "start" => "\"layer.xyz\"",
+            "direction" => "-1",
+            "time_step" => "0.01",
+            "shear_rate" => "[0.1, 1.0, 10.0, inf]",
+            "shear_stress" => "[0.1, 1.0, 10.0]",
+            _ if self.is_numeric() => "1",
+            _ => "",
+        }
+    }
+
+    /// Whether its values are drawn on a logarithmic axis, with 0 and infinity at its ends.
+    pub fn is_logarithmic(&self) -> bool {
+        let keys = [
+            "stiffness",
+            "lubrication_regularisation",
+            "shear_rate",
+            "shear_stress",
+        ];
+        keys.contains(&self.key)
+    }
+
+    /// Whether tables show its value at a point even if it is the same at all points: where it has
+    /// a meaning, but not what most campaigns leave as it is.
+    pub(super) fn is_shown(&self, params: &Params) -> bool {
+        let laws = params.contact.laws();
+        match (self.key, &self.form) {
+            ("friction", _) => true,
+            ("tangential" | "friction_onset", _) => *laws != ContactLaws::PAPER,
+            ("stiffness_unit", _) => laws.stiffness_unit != StiffnessUnit::CriticalLoad,
+            ("start", _) => params.start.is_some(),
+            ("direction", _) => params.direction != 1.0,
+            (
+                "size_ratio" | "rolling_friction" | "dashpot" | "repulsion" | "adhesion",
+                Form::Number(number),
+            ) => number.without != Some((number.get)(params)),
+            _ => self.means_something(params),
+        }
+    }
+}
