@@ -1,6 +1,5 @@
 //! A physical quantity of the input: its key, unit and range, declared once.
 
-use crate::error::Refusal;
 use std::fmt;
 
 /// An interval of numbers, used both for checks and for messages.
@@ -134,20 +133,6 @@ impl Quantity {
             "" => self.range.to_string(),
             note => format!("{} ({note})", self.range),
         }
-    }
-
-    /// Refuses a value out of range, under this name of the quantity.
-    pub(crate) fn check(&self, key: &'static str, value: f64) -> Result<(), Refusal> {
-        if self.range.contains(value) {
-            return Ok(());
-        }
-        Err(Refusal {
-            key,
-            value: value.to_string(),
-            problem: "is out of range".into(),
-            allowed: self.allowed(),
-            because: None,
-        })
     }
 }
 

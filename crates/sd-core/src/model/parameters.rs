@@ -7,6 +7,7 @@ mod table;
 
 pub use table::PARAMETERS;
 
+use quantities::AREA_FRACTION;
 pub(crate) use quantities::MAX_SPHERES;
 pub(crate) use quantities::{FRICTION, ROUGHNESS};
 
@@ -125,6 +126,22 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     }
     check_together(params)?;
     check_step(params)
+}
+
+impl Quantity {
+    /// Refuses a value out of range, under this name of the quantity.
+    pub(crate) fn check(&self, key: &'static str, value: f64) -> Result<(), Refusal> {
+        if self.range.contains(value) {
+            return Ok(());
+        }
+        Err(Refusal {
+            key,
+            value: value.to_string(),
+            problem: "is out of range".into(),
+            allowed: self.allowed(),
+            because: None,
+        })
+    }
 }
 
 /// Checks the parameters specific to suspensions.
@@ -358,7 +375,9 @@ pub(super) fn settle(params: &mut Params) {
             }
             Form::Choice(_) => {}
             Form::Number(number) => {
-                let value = number.without.filter(|_| meaningless);
+                // An area fraction beside a volume fraction stays, and is refused.
+                let fraction = parameter.key == AREA_FRACTION.key;
+                let value = number.without.filter(|_| meaningless && !fraction);
                 // Removes the sign of zero.
                 let value = value.unwrap_or_else(|| (number.get)(params)) + 0.0;
                 (number.put)(params, value);

@@ -56,7 +56,7 @@ pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
         return refuse(
             format!("a layer with a sphere of radius {}", given.radii[sphere]),
             match &params.sizes {
-                Some(sizes) => format!("conflicts with `sizes` = {}", sizes),
+                Some(sizes) => format!("conflicts with `sizes` = {sizes}"),
                 None => format!(
                     "conflicts with `size_ratio` = {} and `large_fraction` = {}",
                     params.size_ratio, params.large_fraction
