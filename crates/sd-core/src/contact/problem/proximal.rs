@@ -108,12 +108,14 @@ impl<S: Space> ProblemSolver<S> {
             // The active set is that of the original problem, which Newton's method then solves to
             // full accuracy.
             self.initial.copy_from(&self.forces);
+            self.save_activation(problem);
             self.infer_states(problem);
             let (converged, more) = self.newton(problem, system, activation, refine);
             systems += more;
             if converged {
                 quality = self.accept(problem, systems);
             } else {
+                self.restore_activation(problem);
                 self.forces.copy_from(&self.initial);
                 system.measure(problem, &mut self.forces);
             }
