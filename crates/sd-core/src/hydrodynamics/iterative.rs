@@ -58,6 +58,9 @@ pub struct IterativeFarField<S: Fluid = Layer> {
     local: LocalResistance<S>,
     /// Relative residual to be reached.
     residual: f64,
+    max_evaluations: u32,
+    /// Outcome of the last solve.
+    last: Convergence,
     /// δ of the last solve.
     delta: Vec<f64>,
     uniform: Uniform<S>,
@@ -97,11 +100,19 @@ impl<S: Fluid> IterativeFarField<S> {
             operator,
             local: LocalResistance::default(),
             residual,
+            max_evaluations: fixed_point::MAX_EVALUATIONS,
+            last: Convergence::default(),
             delta: vec![0.0; drag.len()],
             uniform: Uniform::default(),
             split: SplitMotion::new(&drag),
             drag,
         })
+    }
+
+    /// Sets another limit of the evaluations of one solve.
+    #[cfg(test)]
+    pub(crate) fn limit_evaluations(&mut self, most: u32) {
+        self.max_evaluations = most;
     }
 
     /// Discards the last solution: the next solve starts without a far field.

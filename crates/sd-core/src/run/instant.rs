@@ -235,7 +235,8 @@ fn move_under<S: Fluid>(
             stage.solve(background, external, contact, SolvePass::Repeat)?;
         }
     }
-    Ok(())
+    // A run counts such a stage and continues; a single instant has no other result.
+    stage.check_far_field()
 }
 
 /// The method by which [`solve`](crate::instant::solve) computes this instant.
@@ -518,6 +519,45 @@ mod tests {
             law(&rigid(TangentialLaw::RollSlip, 0.0)),
             law(&rigid(TangentialLaw::StickRotate, 0.0)),
         ]
+    }
+
+    #[test]
+    fn an_instant_whose_far_field_does_not_converge_is_an_error() {
+        let c = suspension(Hydrodynamics::StokesianDynamics);
+        let settings = SolverSettings::default();
+        for (number, request) in requests().iter().enumerate() {
+            let solve = |limit: Option<u32>| {
+                let tables = NearFields::default();
+                let (kind, cell) = (c.hydrodynamics, &c.cell);
+                let mut stage =
+                    Method::Iterated.solver(kind, cell, &c.radii, &tables, &[], &settings)?;
+                if let Some(limit) = limit {
+                    stage.far_mut().unwrap().limit_evaluations(limit);
+                }
+                if let InstantContacts::Laws { laws, .. } = request {
+                    stage.resistance.expect_contacts(laws.surface.roughness);
+                }
+                stage.assemble(cell, &c.centres)?;
+                move_under(&mut stage, &c.background, &[], request)
+            };
+            assert_eq!(solve(None), Ok(()), "law {number}");
+            let error = solve(Some(4)).unwrap_err();
+            let Error::NotConverged {
+                quantity,
+                iterations,
+                residual,
+                wanted,
+            } = error
+            else {
+                panic!("law {number}: {error}");
+            };
+            assert_eq!((quantity, iterations), ("the far field", 4), "law {number}");
+            // Accurate enough for a run to continue with, and still not what was asked for.
+            assert!(
+                residual > wanted && residual < 0.1,
+                "law {number}: {residual}"
+            );
+        }
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub trait FixedPointMap {
 /// needed, and as many with held bounds.
 const FREE_EVALUATIONS: u32 = 200;
 /// Maximum number of evaluations.
-const MAX_EVALUATIONS: u32 = 300;
+pub(super) const MAX_EVALUATIONS: u32 = 300;
 /// Relative residual above which the result is rejected.
 const LARGEST_ACCEPTED_RESIDUAL: f64 = 0.1;
 /// Ratio of the residual to its minimum at which the acceleration is restarted.
@@ -119,7 +119,7 @@ impl<S: Fluid> IterativeFarField<S> {
             found.residual = work.relative_residual();
             found.converged = found.residual <= self.residual && !changed;
             if found.converged
-                || found.evaluations >= MAX_EVALUATIONS
+                || found.evaluations >= self.max_evaluations
                 || !found.residual.is_finite()
             {
                 break Ok(found.residual <= LARGEST_ACCEPTED_RESIDUAL);
@@ -136,6 +136,7 @@ impl<S: Fluid> IterativeFarField<S> {
             best = best.min(found.residual);
             work.anderson.advance(&mut work.scaled, &work.change);
         };
+        self.last = found;
         let work = &mut self.split;
         match result {
             Ok(true) => {
@@ -144,18 +145,30 @@ impl<S: Fluid> IterativeFarField<S> {
             }
             Ok(false) => {
                 self.reset();
-                Err(self.unconverged(&found))
+                Err(self.unconverged())
             }
             Err(error) => Err(error),
         }
     }
 
-    /// The error of a solve that did not converge.
-    pub(crate) fn unconverged(&self, found: &Convergence) -> Error {
+    /// Refuses a last solve that did not converge.
+    ///
+    /// # Errors
+    /// [`Error::NotConverged`].
+    pub(crate) fn check_converged(&self) -> Result<(), Error> {
+        if self.last.converged {
+            Ok(())
+        } else {
+            Err(self.unconverged())
+        }
+    }
+
+    /// The error of a last solve that did not converge.
+    fn unconverged(&self) -> Error {
         Error::NotConverged {
             quantity: "the far field",
-            iterations: found.evaluations,
-            residual: found.residual,
+            iterations: self.last.evaluations,
+            residual: self.last.residual,
             wanted: self.residual,
         }
     }
