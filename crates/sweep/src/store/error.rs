@@ -54,12 +54,16 @@ pub enum StoreError {
         found: i32,
         known: i32,
     },
-    /// A store with a number that this program does not know.
+    /// A store with a number or an axis that this program does not know.
     #[error("{} has {column}, which this program does not know: a later version of sweep wrote it", path.display())]
     #[diagnostic(help(
         "nothing was changed in it; use that version, or choose another place with --store FILE"
     ))]
-    Later { path: PathBuf, column: String },
+    Later {
+        path: PathBuf,
+        /// The column of the number, or the axis.
+        column: String,
+    },
     /// A store of another campaign.
     #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]

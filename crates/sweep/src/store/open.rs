@@ -109,7 +109,7 @@ impl Store {
         }))
     }
 
-    /// Refuses a store with a column that this program does not know.
+    /// Refuses a store with a number or an axis that this program does not know.
     pub(super) fn refuse_later(&self, unknown: Option<String>) -> Result<(), StoreError> {
         unknown.map_or(Ok(()), |column| {
             Err(StoreError::Later {

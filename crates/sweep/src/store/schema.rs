@@ -104,7 +104,7 @@ fn views() -> [(&'static str, String); 2] {
 /// What a store of another program lacks.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Lack {
-    /// A column that this program does not know: a later program wrote it.
+    /// A column or an axis that this program does not know: a later program wrote it.
     pub(super) unknown: Option<String>,
     /// Statements that make the store one of this program: numbers that it lacks become empty
     /// columns, and the views get the axes that they lack. For a reader such columns are in
@@ -149,10 +149,15 @@ impl Lack {
                 ));
             }
         }
-        for (name, view) in views().into_iter().filter(|_| may_change) {
+        for (name, view) in views() {
             let there = "SELECT sql FROM main.sqlite_schema WHERE type = 'view' AND name = ?1";
             let there: Option<String> = connection.value(there, [name])?;
-            if there.is_none_or(|there| there != view) {
+            let later = there
+                .as_deref()
+                .filter(|_| name == "axes")
+                .and_then(later_axis);
+            lack.unknown = lack.unknown.or(later.map(|key| format!("the axis {key}")));
+            if may_change && there.is_none_or(|there| there != view) {
                 lack.has_other_axes = true;
                 lack.statements
                     .push(format!("DROP VIEW IF EXISTS main.{name}; {view}"));
@@ -176,6 +181,13 @@ impl Lack {
         }
         Ok(())
     }
+}
+
+/// An axis in the view of a store that this program does not know.
+fn later_axis(view: &str) -> Option<&str> {
+    let keys = view.split("'$.").skip(1);
+    let mut keys = keys.filter_map(|rest| rest.split_once('\'').map(|(key, _)| key));
+    keys.find(|key| AXES.iter().all(|axis| axis.key != *key))
 }
 
 /// Names of the columns of a table.

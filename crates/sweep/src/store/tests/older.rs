@@ -89,19 +89,30 @@ fn an_older_store_is_continued() {
 }
 
 #[test]
-fn a_store_with_numbers_of_a_later_program_is_refused() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = open(directory.path()).path().to_owned();
-    let connection = rusqlite::Connection::open(&path).unwrap();
-    connection
-        .execute_batch("ALTER TABLE results ADD COLUMN smell REAL")
-        .unwrap();
-    drop(connection);
-    for refused in [Store::open(&path), Store::open_read_only(&path)] {
-        let error = refused.err().unwrap();
-        assert!(
-            matches!(&error, StoreError::Later { column, .. } if column == "results.smell"),
-            "{error}"
-        );
+fn a_store_with_numbers_or_axes_of_a_later_program_is_refused_and_not_changed() {
+    for (change, unknown) in [
+        ("ALTER TABLE results ADD COLUMN smell REAL", "results.smell"),
+        (
+            "DROP VIEW axes; UPDATE points SET axes = json_set(axes, '$.smell', 0.5);
+             CREATE VIEW axes AS SELECT id, json_extract(axes, '$.friction') AS friction,
+                 json_extract(axes, '$.smell') AS smell FROM points",
+            "the axis smell",
+        ),
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let path = open(directory.path()).path().to_owned();
+        let connection = rusqlite::Connection::open(&path).unwrap();
+        connection.execute_batch(change).unwrap();
+        drop(connection);
+        let before = std::fs::read(&path).unwrap();
+        for refused in [Store::open(&path), Store::open_read_only(&path)] {
+            let error = refused.err().unwrap();
+            assert!(
+                matches!(&error, StoreError::Later { column, .. } if column == unknown),
+                "{error}"
+            );
+            assert!(error.to_string().contains("a later version"), "{error}");
+        }
+        assert!(std::fs::read(&path).unwrap() == before, "{unknown}");
     }
 }
