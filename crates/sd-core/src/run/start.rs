@@ -1,6 +1,5 @@
 //! Starts: random spheres without contact, in layers at any area fraction up to 0.84, in
-//! suspensions
-//! up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4.
+//! suspensions up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4.
 
 mod given;
 mod packing;
