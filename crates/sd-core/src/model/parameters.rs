@@ -8,8 +8,7 @@ mod table;
 pub use table::PARAMETERS;
 
 use quantities::AREA_FRACTION;
-pub(crate) use quantities::MAX_SPHERES;
-pub(crate) use quantities::{FRICTION, ROUGHNESS};
+pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
