@@ -1,6 +1,6 @@
 //! External events: signals, full disks, damage, killed processes.
 
-use crate::harness::{command, ended, folder, run, send, spawn, until};
+use crate::harness::{command, ended, folder, run, send, spawn, until, words};
 use assert_cmd::cargo::cargo_bin;
 use rustix::process::Signal;
 use std::path::Path;
@@ -404,4 +404,158 @@ fn what_is_whole_of_a_damaged_store_is_merged_and_the_rest_computed_again() {
         report
     };
     assert_eq!(without_times(&again), without_times(&whole));
+}
+
+/// A run of five spheres with a sample at every step.
+fn long(steps: i64) -> String {
+    let strain = steps as f64 * 0.01;
+    format!(
+        r#"name = "small"
+[protocol]
+time_step = 0.01
+sample_every = 0.01
+strain = {strain}
+discard = 1.0
+checkpoint_every = 0.1
+[[grid]]
+area_fraction = 0.1
+friction = 0.3
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 5
+hydrodynamics = "ball-melrose"
+"#
+    )
+}
+
+/// Digest of all samples of the only run of a store, and numbers of its result.
+fn result(directory: &Path) -> (i64, i64, f64, i64) {
+    rusqlite::Connection::open(directory.join("results/small.sqlite"))
+        .unwrap()
+        .query_row(
+            "SELECT c.samples_digest, r.samples, r.viscosity, r.stages
+             FROM cases c JOIN results r ON r.case_id = c.id WHERE c.state = 'done'",
+            [],
+            |row| row.try_into(),
+        )
+        .unwrap()
+}
+
+/// Largest checkpoint of a store in bytes: it holds the state of five spheres, and no samples.
+fn checkpoint_bytes(directory: &Path) -> i64 {
+    query(
+        directory,
+        "SELECT coalesce(max(length(data)), 0) FROM checkpoints",
+    )
+}
+
+/// Kills a run with a sample at every step up to four times, and compares it with an undisturbed
+/// one. How far a run comes before it is killed depends on the machine: checkpoints may be as far
+/// apart as the samples held in memory, so each round waits for one after that of the round before.
+fn kill_four_times(steps: i64) {
+    let undisturbed = directory_with(&long(steps));
+    assert_eq!(ended(&mut start(undisturbed.path())).code(), Some(0));
+    let directory = directory_with(&long(steps));
+    let (mut before, mut largest, mut interrupted) = (0, 0, 0);
+    for round in 1..=4 {
+        let mut child = start(directory.path());
+        let reached = wait_for_steps(directory.path(), (before + 1).max(steps * round / 6));
+        largest = largest.max(checkpoint_bytes(directory.path()));
+        let memory = peak_memory(&child);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let kept = query(directory.path(), "SELECT sum(steps_done) FROM cases");
+        assert!(kept >= reached, "round {round}: {reached}, {kept}");
+        assert!(memory < 256 << 10, "{memory} KiB in round {round}");
+        if kept == steps {
+            // It ended before it could be killed.
+            break;
+        }
+        before = kept;
+        interrupted += 1;
+    }
+    assert!(interrupted > 0, "it was never interrupted");
+    assert!(largest > 0 && largest < 16 << 10, "{largest} bytes");
+    assert_eq!(ended(&mut start(directory.path())).code(), Some(0));
+    let resumed = query(directory.path(), "SELECT resumed FROM results");
+    assert_eq!(resumed, interrupted, "it continued each time");
+    assert_eq!(result(directory.path()), result(undisturbed.path()));
+}
+
+/// Peak memory of a process in KiB.
+fn peak_memory(child: &Child) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmHWM"));
+    // A process that has ended has no memory.
+    line.map_or(0, |line| {
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    })
+}
+
+#[test]
+fn a_run_of_many_samples_that_is_killed_four_times_continues_each_time() {
+    kill_four_times(30_000);
+}
+
+#[test]
+#[ignore = "minutes: a million samples, twice"]
+fn a_run_of_a_million_samples_that_is_killed_four_times_continues_each_time() {
+    kill_four_times(1_000_000);
+}
+
+#[test]
+fn checkpoints_follow_one_another_to_the_end_of_a_run_and_do_not_grow() {
+    // Writing samples takes more than a twentieth of so quick a run, so checkpoints are rarer than
+    // requested, but never further apart than the samples that are held in memory.
+    const STEPS: i64 = 60_000;
+    const IN_MEMORY: i64 = 1 << 14;
+    let directory = directory_with(&long(STEPS));
+    let mut child = start(directory.path());
+    let (mut last, mut largest) = (0, 0);
+    while child.try_wait().unwrap().is_none() {
+        let steps = query(
+            directory.path(),
+            "SELECT coalesce(sum(steps_done), 0) FROM cases",
+        );
+        // A look may miss one of them.
+        assert!(steps - last <= 2 * IN_MEMORY, "{steps} after {last}");
+        last = steps;
+        largest = largest.max(checkpoint_bytes(directory.path()));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!(ended(&mut child).code(), Some(0));
+    assert!(last >= STEPS - 2 * IN_MEMORY, "the last was at {last}");
+    assert!(largest > 0 && largest < 16 << 10, "{largest} bytes");
+}
+
+#[test]
+fn a_store_cut_off_while_it_is_used_is_given_up_by_the_advice_of_the_error() {
+    for bytes in [0, 40_960] {
+        let directory = directory_with(QUICK);
+        let at = directory.path();
+        let mut child = start(at);
+        wait_for_steps(at, 8);
+        let store = at.join("results/small.sqlite");
+        let file = std::fs::File::options().write(true).open(&store).unwrap();
+        file.set_len(bytes).unwrap();
+        drop(file);
+        assert_eq!(ended(&mut child).code(), Some(3), "{bytes}");
+        let report = &["report", "small.toml"][..];
+        for arguments in [&["run", "small.toml", "--quiet"][..], report] {
+            let refused = run(at, arguments);
+            assert_eq!(refused.status.code(), Some(3), "{bytes}: {refused:?}");
+            let text = words(&refused.stderr);
+            assert!(
+                text.contains("where it copies none, move the file away"),
+                "{text}"
+            );
+        }
+        let merged = run(at, &["merge", "new.sqlite", "results/small.sqlite"]);
+        assert!(!merged.status.success(), "{bytes}: {merged:?}");
+        std::fs::rename(&store, at.join("damaged.sqlite")).unwrap();
+        let again = run(at, &["run", "small.toml", "--quiet"]);
+        assert_eq!(again.status.code(), Some(0), "{bytes}: {again:?}");
+        assert_eq!(run(at, report).status.code(), Some(0));
+    }
 }
