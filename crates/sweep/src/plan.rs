@@ -1,27 +1,31 @@
 //! The plan of a campaign: runs, estimated time on this machine, memory, and size on disk.
 //!
-//! The time of a step is measured: by runs of the store that this build has computed on this
-//! machine, or else by a short run. It is measured for each class of runs and each fraction of
-//! spheres, as its ratio to the rough estimate `step_cost`, which knows how the methods scale with
-//! the number of spheres. Between measured fractions the ratio is interpolated.
+//! Time is that of a step, times the steps, times the runs. A step is timed for each class of runs
+//! and each fraction of spheres: by runs of the store that this build has computed on this machine,
+//! or else by a trial, which also shows whether the spheres can be placed at all. `step_cost`, which
+//! knows how the methods scale with the number of spheres, carries it over to runs like these.
 
-mod memory;
+mod precision;
 mod trials;
-mod work;
 
 use crate::data::Value;
-use crate::model::axes::{AXES, Axis};
+use crate::model::axes::{AXES, Axis, Identity, identity};
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, step_cost};
 use crate::model::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
-use crate::text::format::{count, significant};
+use crate::text::format::count;
 use sd_core::model::Words as _;
-use sd_core::{Method, Params};
+use sd_core::{Method, Params, memory_bytes};
 use serde::{Serialize, Serializer};
 use serde_json::json;
-use std::collections::HashSet;
-use work::Work;
+use std::collections::{HashMap, HashSet};
+
+/// Bytes of the program, the cache of its store and a report; measured.
+const PROGRAM_BYTES: f64 = 13.0e6;
+/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored;
+/// measured.
+const THREAD_BYTES: f64 = 1.0e6;
 
 /// The plan of a campaign.
 #[derive(Debug, Serialize)]
@@ -38,11 +42,9 @@ pub struct Plan {
     pub(crate) points: usize,
     /// Points with a requested precision.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) precision: Option<work::Expected>,
-    /// Axes and their values.
+    pub(crate) precision: Option<precision::Expected>,
     #[serde(serialize_with = "as_object")]
     pub(crate) axes: Vec<Values>,
-    /// Segments of a run, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) segments: Vec<String>,
     pub(crate) workers: usize,
@@ -52,18 +54,16 @@ pub struct Plan {
     pub(crate) computing_time_s: f64,
     /// Estimated wall time with that many workers.
     pub(crate) elapsed_s: f64,
-    /// Size of the finished store.
     pub(crate) disk_bytes: f64,
-    /// Memory with that many workers at the largest kind, in bytes.
+    /// Memory with that many workers at the largest kind.
     pub(crate) memory_bytes: f64,
-    /// Warnings: starts that could not be made, estimates from few steps.
+    /// Starts that could not be made, steps that could not be timed.
     pub(crate) warnings: Vec<String>,
 }
 
 /// An axis and its values.
-pub(crate) type Values = (&'static str, Vec<serde_json::Value>);
+type Values = (&'static str, Vec<serde_json::Value>);
 
-/// Axes as one JSON object.
 fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
     s.collect_map(axes.iter().map(|(name, values)| (name, values)))
 }
@@ -74,7 +74,7 @@ fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
 pub(crate) enum Source {
     /// Runs of the store, computed by this build on this machine.
     Runs,
-    /// A short run made now.
+    /// A trial made now.
     Trial,
     /// The rough estimate, scaled by measured runs of other classes.
     Rough,
@@ -94,30 +94,29 @@ pub(crate) struct Kind {
     /// CPU seconds per step, mean over its points.
     pub(crate) step_s: f64,
     pub(crate) computing_time_s: f64,
-    /// Memory of one of its runs, in bytes.
     pub(crate) memory_bytes: f64,
     pub(crate) source: Source,
 }
 
-/// Runs whose steps cost the same multiple of [`step_cost`]: of one method, one choice of
-/// hydrodynamics and contacts, one space, and numbers of spheres between two powers of two.
-#[derive(Debug, Clone, PartialEq)]
-struct Class {
-    method: Method,
-    words: [&'static str; 3],
-    is_suspension: bool,
-    size: u32,
+/// The runs of one point.
+#[derive(Debug)]
+struct Point<'c> {
+    case: &'c Case,
+    /// All its runs.
+    all: f64,
+    /// Runs that have not ended.
+    open: f64,
+    /// These, less the parts of them that are done.
+    left: f64,
 }
 
-impl Class {
-    fn of(params: &Params) -> Self {
-        Self {
-            method: Method::of(params),
-            words: words(params),
-            is_suspension: params.volume_fraction.is_some(),
-            size: params.spheres.max(1).ilog2(),
-        }
-    }
+/// Runs whose steps cost the same multiple of [`step_cost`] at one fraction: of one method, one
+/// choice of hydrodynamics and contacts, one space, and numbers of spheres between two powers of
+/// two.
+fn class(params: &Params) -> String {
+    let (method, space) = (Method::of(params), params.volume_fraction.is_some());
+    let size = params.spheres.max(1).ilog2();
+    format!("{method:?} {space} {size} {:?}", words(params))
 }
 
 /// The words of hydrodynamics, contact scheme and tangential law.
@@ -133,90 +132,59 @@ fn words(params: &Params) -> [&'static str; 3] {
     ]
 }
 
-/// Area fraction of a layer, volume fraction of a suspension.
 fn fraction(params: &Params) -> f64 {
     params.volume_fraction.unwrap_or(params.area_fraction)
 }
 
-/// Steps of one class and fraction: their CPU seconds, and their rough estimate.
-#[derive(Debug)]
-struct Measured {
-    class: Class,
-    fraction: f64,
-    source: Source,
-    cpu_s: f64,
-    rough_s: f64,
-}
-
-impl Measured {
-    fn log_ratio(&self) -> f64 {
-        (self.cpu_s / self.rough_s).ln()
-    }
-}
-
+/// Timed steps of each class and fraction: their source, CPU seconds and rough estimate.
 #[derive(Debug, Default)]
-struct Costs(Vec<Measured>);
+struct Costs(Vec<(String, f64, Source, [f64; 2])>);
 
 impl Costs {
     fn learn(&mut self, params: &Params, source: Source, steps: f64, cpu_s: f64) {
-        let (class, fraction) = (Class::of(params), fraction(params));
+        let (class, fraction) = (class(params), fraction(params));
         let rough_s = steps * step_cost(params);
         if rough_s <= 0.0 || cpu_s <= 0.0 {
             return;
         }
-        let is_same = |known: &&mut Measured| known.class == class && known.fraction == fraction;
-        match self.0.iter_mut().find(is_same) {
-            Some(known) => {
-                known.cpu_s += cpu_s;
-                known.rough_s += rough_s;
-            }
-            None => self.0.push(Measured {
-                class,
-                fraction,
-                source,
-                cpu_s,
-                rough_s,
-            }),
+        let mut all = self.0.iter_mut();
+        match all.find(|known| known.0 == class && known.1 == fraction) {
+            Some((.., sums)) => *sums = [sums[0] + cpu_s, sums[1] + rough_s],
+            None => self.0.push((class, fraction, source, [cpu_s, rough_s])),
         }
     }
 
-    /// Whether steps of this class and fraction were measured.
+    /// The fraction nearest to that of a run at which its class was timed, and the times over the
+    /// estimate.
+    fn nearest(&self, params: &Params) -> Option<(f64, Source, f64)> {
+        let (class, fraction) = (class(params), fraction(params));
+        let own = self.0.iter().filter(|known| known.0 == class);
+        let distance = |known: f64| (known - fraction).abs();
+        let nearest = own.min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+        let (_, fraction, source, [cpu_s, rough_s]) = nearest;
+        Some((*fraction, *source, cpu_s / rough_s))
+    }
+
+    /// Whether steps of this class and fraction were timed.
     fn knows(&self, params: &Params) -> bool {
-        let (class, fraction) = (Class::of(params), fraction(params));
-        let is_same = |known: &Measured| known.class == class && known.fraction == fraction;
-        self.0.iter().any(is_same)
+        (self.nearest(params)).is_some_and(|(known, ..)| known == fraction(params))
     }
 
-    /// CPU seconds of a step, and how they are known.
+    /// CPU seconds of a step, and how they are known: from the nearest fraction of its class, or
+    /// from all other classes.
     fn step(&self, params: &Params) -> (f64, Source) {
-        let (class, fraction) = (Class::of(params), fraction(params));
-        let own = || self.0.iter().filter(|known| known.class == class);
-        let by_fraction = |a: &&Measured, b: &&Measured| a.fraction.total_cmp(&b.fraction);
-        let below = own().filter(|known| known.fraction <= fraction);
-        let above = own().filter(|known| known.fraction >= fraction);
-        let (log_ratio, source) = match (below.max_by(by_fraction), above.min_by(by_fraction)) {
-            (Some(a), Some(b)) if a.fraction < b.fraction => {
-                let weight = (fraction - a.fraction) / (b.fraction - a.fraction);
-                let log_ratio = a.log_ratio() + weight * (b.log_ratio() - a.log_ratio());
-                (log_ratio, a.source.max(b.source))
-            }
-            (Some(known), _) | (None, Some(known)) => (known.log_ratio(), known.source),
-            (None, None) => {
-                let sum: f64 = self.0.iter().map(Measured::log_ratio).sum();
-                (sum / self.0.len().max(1) as f64, Source::Rough)
-            }
+        let (ratio, source) = if let Some((_, source, ratio)) = self.nearest(params) {
+            (ratio, source)
+        } else {
+            let logs = self
+                .0
+                .iter()
+                .map(|(.., [cpu_s, rough_s])| (cpu_s / rough_s).ln());
+            let mean = logs.sum::<f64>() / self.0.len().max(1) as f64;
+            (mean.exp(), Source::Rough)
         };
-        (log_ratio.exp() * step_cost(params), source)
+        (ratio * step_cost(params), source)
     }
-}
-
-/// Memory in bytes of a program that computes this many cases of a campaign in parallel.
-pub(crate) fn memory_bytes(campaign: &Campaign, workers: usize) -> f64 {
-    let runs = campaign
-        .cases
-        .iter()
-        .map(|(_, case)| memory::run_bytes(&case.params));
-    memory::resident_bytes() + workers as f64 * runs.fold(0.0, f64::max)
 }
 
 /// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`
@@ -230,95 +198,92 @@ pub fn plan(
     trajectory: bool,
     store: Option<&Store>,
 ) -> Result<Plan, StoreError> {
-    let resident = memory::resident_bytes();
     let mut costs = Costs::default();
     for (params, steps, cpu_s) in store.map_or(Ok(Vec::new()), Store::measured_runs)? {
         costs.learn(&params, Source::Runs, steps as f64, cpu_s);
     }
-    let work = Work::of(campaign, store)?;
-    let open = || work.points.iter().filter(|point| point.open > 0.0);
-    let (mut warnings, failed) = trials::starts(open().map(|point| point.case));
-    let is_unknown = |case: &&Case| !costs.knows(&case.params) && !failed(&case.params);
-    let unknown = open().map(|point| point.case).filter(is_unknown);
-    let runs = trials::short_runs(to_time(unknown));
-    let mut least = f64::INFINITY;
-    for run in runs {
-        match run.step_s {
-            Ok(step_s) => {
-                costs.learn(&run.case.params, Source::Trial, 1.0, step_s);
-                least = least.min(run.strain);
-            }
-            Err(reason) => warnings.push(format!(
-                "could not time a short run of {} spheres: {reason}",
-                run.case.params.spheres
-            )),
+    let (mut points, place_of) = points(campaign, store)?;
+    let ended = count(points.iter().map(|point| point.all - point.open).sum());
+    let precision = precision::foresee(campaign, store, |case, seeds| {
+        if let Some(place) = place_of.get(&identity(&case.params)) {
+            let point = &mut points[*place];
+            point.all += seeds;
+            point.open += seeds;
+            point.left += seeds;
         }
-    }
-    if least < trials::CONTACTS {
-        warnings.push(format!(
-            "steps were timed up to a strain of {} only, where contacts are still few: dense runs may take several times as long",
-            significant(least, 2)
-        ));
-    }
-    let kinds = kinds(&work, &costs);
+    })?;
+    let open = || points.iter().filter(|point| point.open > 0.0);
+    let warnings = trials::time(open().map(|point| point.case), &mut costs);
+    let kinds = kinds(open().filter(|point| count(point.open) > 0), &costs);
     let computing_time_s: f64 = kinds.iter().map(|kind| kind.computing_time_s).sum();
-    let longest = open()
-        .map(|point| costs.step(&point.case.params).0 * point.case.steps as f64)
-        .fold(0.0, f64::max);
+    let longest = open().map(|point| costs.step(&point.case.params).0 * point.case.steps as f64);
+    let longest = longest.fold(0.0, f64::max).min(computing_time_s);
     let largest = kinds.iter().map(|kind| kind.memory_bytes);
     let samples = (campaign.protocol.strain / campaign.protocol.sample_every).ceil();
-    let of_run = |case: &Case| {
-        let frame = if trajectory {
-            memory::frame_bytes(&case.params)
-        } else {
-            0.0
-        };
-        f64::from(CASE_BYTES) + samples * (f64::from(SAMPLE_BYTES) + frame)
-    };
+    let frame = |p| f64::from(u8::from(trajectory)) * frame_bytes(p);
+    let of_run = |p| f64::from(CASE_BYTES) + samples * (f64::from(SAMPLE_BYTES) + frame(p));
+    let disk_bytes = points
+        .iter()
+        .map(|point| point.all * of_run(&point.case.params));
+    let segments = campaign.protocol.segments.iter();
     Ok(Plan {
         campaign: campaign.name.clone(),
-        cases: count(work.points.iter().map(|point| point.all).sum()),
-        ended: work.ended,
+        cases: count(points.iter().map(|point| point.all).sum()),
+        ended,
         folded: campaign.folded,
-        points: work.points.len(),
-        axes: axes(campaign, &work.points),
-        segments: campaign
-            .protocol
-            .segments
-            .iter()
-            .map(PlannedSegment::words)
-            .collect(),
+        points: points.len(),
+        axes: axes(campaign, &points),
+        segments: segments.map(PlannedSegment::words).collect(),
         workers,
         computing_time_s,
-        elapsed_s: (computing_time_s / workers as f64).max(longest.min(computing_time_s)),
-        disk_bytes: work
-            .points
-            .iter()
-            .map(|point| point.all * of_run(point.case))
-            .sum(),
-        memory_bytes: resident + workers as f64 * largest.fold(0.0, f64::max),
-        precision: work.expected,
+        elapsed_s: (computing_time_s / workers as f64).max(longest),
+        disk_bytes: disk_bytes.sum(),
+        memory_bytes: PROGRAM_BYTES + workers as f64 * largest.fold(0.0, f64::max),
+        precision,
         warnings,
         kinds,
     })
 }
 
-/// A case of each class and fraction, those first that tell most: the densest and the most dilute
-/// of every class.
-fn to_time<'c>(cases: impl Iterator<Item = &'c Case>) -> Vec<Case> {
-    let mut ranked = Vec::new();
-    for class in grouped(cases, |case| Class::of(&case.params)) {
-        let fractions = grouped(class.into_iter(), |case| fraction(&case.params).to_bits());
-        let mut ones: Vec<&Case> = fractions.into_iter().map(|cases| cases[0]).collect();
-        ones.sort_by(|a, b| fraction(&b.params).total_cmp(&fraction(&a.params)));
-        if ones.len() > 2 {
-            let most_dilute = ones.remove(ones.len() - 1);
-            ones.insert(1, most_dilute);
+/// The points of a campaign, with the work that a store does not hold, and the place of each.
+fn points<'c>(
+    campaign: &'c Campaign,
+    store: Option<&Store>,
+) -> Result<(Vec<Point<'c>>, HashMap<Identity, usize>), StoreError> {
+    let (mut points, mut place_of) = (Vec::<Point<'c>>::new(), HashMap::new());
+    let mut enter = |case: &'c Case, all: f64, open: f64, left: f64| {
+        // Seeds of a point follow each other, perhaps a million of them.
+        let place = match points.last() {
+            Some(last) if last.case.params == case.params => points.len() - 1,
+            _ => *place_of
+                .entry(identity(&case.params))
+                .or_insert(points.len()),
+        };
+        if place == points.len() {
+            points.push(Point {
+                case,
+                all: 0.0,
+                open: 0.0,
+                left: 0.0,
+            });
         }
-        ranked.extend(ones.into_iter().enumerate());
+        points[place].all += all;
+        points[place].open += open;
+        points[place].left += left;
+    };
+    if let Some(store) = store {
+        for work in store.point_work()? {
+            // Cases keep the order of the campaign file.
+            if let Some((_, case)) = campaign.cases.get(work.position) {
+                enter(case, work.runs, work.open, (work.open - work.done).max(0.0));
+            }
+        }
+    } else {
+        campaign
+            .certain()
+            .for_each(|(_, case)| enter(case, 1.0, 1.0, 1.0));
     }
-    ranked.sort_by_key(|(rank, _)| *rank);
-    ranked.into_iter().map(|(_, case)| case.clone()).collect()
+    Ok((points, place_of))
 }
 
 /// Items with the same key, in the order of the first of each.
@@ -335,21 +300,21 @@ fn grouped<T, K: PartialEq>(items: impl Iterator<Item = T>, key: impl Fn(&T) -> 
 }
 
 /// The kinds of runs there are to compute, the cheapest step first.
-fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
-    let open = work.points.iter().filter(|point| count(point.open) > 0);
+fn kinds<'p>(open: impl Iterator<Item = &'p Point<'p>>, costs: &Costs) -> Vec<Kind> {
     let groups = grouped(open, |point| {
         let p = &point.case.params;
         (words(p), p.spheres, p.time_step.to_bits(), point.case.steps)
     });
-    let kind = |points: Vec<&work::Point<'_>>| {
+    let kind = |points: Vec<&Point<'_>>| {
         let (p, steps) = (&points[0].case.params, points[0].case.steps);
         let [hydrodynamics, contact, tangential] = words(p);
-        let known = points.iter().map(|point| costs.step(&point.case.params));
-        let (step_s, sources): (Vec<f64>, Vec<Source>) = known.unzip();
-        let left = |(point, step_s): (&&work::Point<'_>, f64)| step_s * point.runs();
-        let computed = points.iter().zip(step_s.iter().copied()).map(left);
-        let computing_time_s = steps as f64 * computed.sum::<f64>();
-        let steps_left = steps as f64 * points.iter().map(|point| point.runs()).sum::<f64>();
+        let (mut time_s, mut runs, mut source) = (0.0, 0.0, Source::Runs);
+        for point in &points {
+            let (step_s, known) = costs.step(&point.case.params);
+            time_s += step_s * point.left;
+            runs += point.left;
+            source = source.max(known);
+        }
         Kind {
             spheres: p.spheres,
             hydrodynamics,
@@ -358,10 +323,10 @@ fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
             time_step: p.time_step,
             steps,
             cases: points.iter().map(|point| count(point.open)).sum(),
-            step_s: computing_time_s / steps_left.max(f64::MIN_POSITIVE),
-            computing_time_s,
-            memory_bytes: memory::run_bytes(p),
-            source: sources.into_iter().max().unwrap_or(Source::Rough),
+            step_s: time_s / f64::max(runs, f64::MIN_POSITIVE),
+            computing_time_s: time_s * steps as f64,
+            memory_bytes: memory_bytes(p) + THREAD_BYTES,
+            source,
         }
     };
     let mut kinds: Vec<Kind> = groups.into_iter().map(kind).collect();
@@ -369,9 +334,16 @@ fn kinds(work: &Work<'_>, costs: &Costs) -> Vec<Kind> {
     kinds
 }
 
+/// Bytes of a stored frame with one contact for every sphere.
+fn frame_bytes(params: &Params) -> f64 {
+    let of_space = params.volume_fraction.map_or(48.0, |_| 84.0);
+    let radius = f64::from(u8::from(params.is_mixed()) * 4);
+    params.spheres as f64 * (of_space + radius)
+}
+
 /// Axes with all their values in the order of first use, without those that have no effect on these
 /// cases.
-fn axes(campaign: &Campaign, points: &[work::Point<'_>]) -> Vec<Values> {
+fn axes(campaign: &Campaign, points: &[Point<'_>]) -> Vec<Values> {
     let params = || points.iter().map(|point| &point.case.params);
     let mut seen = HashSet::new();
     let seeds = campaign.cases.iter().map(|(_, case)| case.seed);
@@ -410,19 +382,16 @@ mod tests {
         assert_eq!(source, Source::Runs);
         assert!((larger / step_s / ratio - 1.0).abs() < 1e-12);
         assert_eq!(costs.step(&with(64)).1, Source::Rough);
-        // Twice as dear at a larger fraction, and between them the geometric mean.
-        let at = |area_fraction| Params {
-            area_fraction,
+        // Twice as dear at a larger fraction; others cost what the nearest does.
+        let at = |more| Params {
+            area_fraction: with(40).area_fraction + more,
             ..with(40)
         };
-        let first = with(40).area_fraction;
-        costs.learn(&at(first + 0.1), Source::Trial, 1000.0, 6.0);
-        let ratio = |params: &Params| costs.step(params).0 / step_cost(params);
-        let [low, middle, high, beyond] =
-            [0.0, 0.05, 0.1, 0.2].map(|more| ratio(&at(first + more)));
-        assert!((middle / (low * high).sqrt() - 1.0).abs() < 1e-12);
-        assert_eq!(high, beyond);
-        assert_eq!(costs.step(&at(first + 0.05)).1, Source::Trial);
-        assert!(costs.knows(&at(first)) && !costs.knows(&at(first + 0.05)));
+        costs.learn(&at(0.1), Source::Trial, 1000.0, 6.0);
+        let ratio = |more| costs.step(&at(more)).0 / step_cost(&at(more));
+        assert!((ratio(0.1) / ratio(0.0) - 2.0).abs() < 1e-12);
+        assert_eq!([ratio(0.04), ratio(0.06)], [ratio(0.0), ratio(0.1)]);
+        assert_eq!(costs.step(&at(0.06)).1, Source::Trial);
+        assert!(costs.knows(&at(0.1)) && !costs.knows(&at(0.05)));
     }
 }

@@ -59,7 +59,6 @@ pub use rules::PointState;
 pub use settle::Finished;
 pub(crate) use settle::LastState;
 pub use submissions::{OpenCase, SliceState, Submission};
-pub(crate) use work::PointWork;
 pub use work::{Counts, ProcessLine, Work};
 
 #[cfg(test)]

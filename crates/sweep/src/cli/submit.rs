@@ -3,12 +3,11 @@
 use super::Output;
 use super::place::{positive, store_of, workers};
 use crate::cluster::slurm::{SCRIPT_OPTIONS, TimeLimit};
-use crate::cluster::submit::{SubmitOptions, Submitted, submit};
+use crate::cluster::submit::{SubmitOptions, submit};
 use crate::cluster::{ClusterError, Engine, quoted};
 use crate::error::Error;
-use crate::model::campaign::Campaign;
 use crate::system::exit;
-use crate::text::format::{bytes, counted, duration, parse_duration, parse_positive_duration};
+use crate::text::format::{counted, parse_duration, parse_positive_duration};
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -167,7 +166,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         let script = &submitted.script;
         write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
-    forecast(&campaign, &submitted, output);
+    if !campaign.rules.is_empty() {
+        output.note(
+            "this is one wave: after a merge, `sweep submit` submits the seeds that the precision still needs",
+        );
+    }
     Ok(exit::DONE)
 }
 
@@ -227,22 +230,4 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
         }
     }
     Ok(run)
-}
-
-/// Notes the estimated time and the memory of a task.
-fn forecast(campaign: &Campaign, submitted: &Submitted, output: &Output<'_>) {
-    let job = &submitted.job;
-    output.note(&format!(
-        "{} in {} of {}: about {} of computing per task, {} of memory each, if nodes are as fast as this machine",
-        counted(submitted.cases, "case"),
-        counted(job.tasks, "task"),
-        counted(job.workers, "worker"),
-        duration(submitted.cpu_s / (job.tasks * job.workers) as f64),
-        bytes(submitted.memory_bytes)
-    ));
-    if !campaign.rules.is_empty() {
-        output.note(
-            "this is one wave: after a merge, `sweep submit` submits the seeds that the precision still needs",
-        );
-    }
 }

@@ -5,7 +5,6 @@ use super::slurm::TimeLimit;
 use super::{ClusterError, Engine, Job, merge, shard};
 use crate::model::campaign::Campaign;
 use crate::model::order::Order;
-use crate::plan::memory_bytes;
 use crate::store::{self, OpenCase, Store, Submission};
 use crate::system::files::{is_left_behind, temporary_file, write_whole};
 use crate::system::process::build;
@@ -52,9 +51,6 @@ pub(crate) struct Submitted {
     pub(crate) plan: String,
     pub(crate) job: Job,
     pub(crate) script: String,
-    /// Estimated CPU seconds of the whole job.
-    pub(crate) cpu_s: f64,
-    pub(crate) memory_bytes: f64,
 }
 
 /// Merges the published shards and submits the open cases of a campaign; `None` if there are none.
@@ -129,8 +125,6 @@ pub(crate) fn submit(
         cases: open.len(),
         plan: slices.plan,
         script,
-        cpu_s: store.remaining_cpu_s(&store.work()?)?,
-        memory_bytes: memory_bytes(campaign, job.workers),
         job,
     }))
 }

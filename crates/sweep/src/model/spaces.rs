@@ -55,18 +55,6 @@ pub(crate) fn dilute_viscosity(params: &Params) -> (f64, &'static str) {
     }
 }
 
-/// Makes the start of a seed, and drops it.
-///
-/// # Errors
-/// Why it cannot be made.
-pub(crate) fn try_start(params: &Params, seed: u64) -> Result<(), Error> {
-    if params.volume_fraction.is_some() {
-        Snapshot::<Bulk>::start(params, seed).map(|_| ())
-    } else {
-        Snapshot::<Layer>::start(params, seed).map(|_| ())
-    }
-}
-
 impl AnySimulation {
     /// Starts a run from the layer or suspension of its seed.
     ///
