@@ -13,11 +13,11 @@ use sd_core::{
 /// Steps of a run, of a strain of 0.005 each.
 const STEPS: u64 = 60;
 
-/// A name, parameters and number of seeds.
+/// A name, parameters and the seeds of the runs.
 struct Case {
     name: &'static str,
     params: Params,
-    seeds: u64,
+    seeds: &'static [u64],
 }
 
 fn cases() -> Vec<Case> {
@@ -58,31 +58,37 @@ fn cases() -> Vec<Case> {
         hydrodynamics: Hydrodynamics::StokesianDynamics,
         ..layer(125, 0.68, coulomb)
     };
-    [
-        ("dense", layer(50, 0.76, coulomb), 2),
-        ("sparse", layer(100, 0.76, coulomb), 2),
+    // Seed 2 of the sparse layer has stages that only the proximal point method solves.
+    let cases: [(_, _, &[u64]); 6] = [
+        ("dense", layer(50, 0.76, coulomb), &[1, 2]),
+        ("sparse", layer(100, 0.76, coulomb), &[2]),
         (
             "roll-slip",
             layer(100, 0.76, rigid(TangentialLaw::RollSlip)),
-            2,
+            &[1, 2],
         ),
-        ("hertz", layer(60, 0.76, ContactScheme::Laws(hertz)), 2),
-        ("suspension", suspension, 1),
-        ("full", full, 1),
-    ]
-    .map(|(name, params, seeds)| Case {
-        name,
-        params,
-        seeds,
-    })
-    .into()
+        (
+            "hertz",
+            layer(60, 0.76, ContactScheme::Laws(hertz)),
+            &[1, 2],
+        ),
+        ("suspension", suspension, &[1]),
+        ("full", full, &[1]),
+    ];
+    cases
+        .map(|(name, params, seeds)| Case {
+            name,
+            params,
+            seeds,
+        })
+        .into()
 }
 
 /// Prints linear systems, stages, inexact and unconverged ones, and the mean viscosity of the
 /// second half of the runs.
 fn run<S: RunSpace>(case: &Case, tables: &NearFields) -> Result<(), Error> {
     let (mut systems, mut counts, mut viscosity, mut samples) = (0, [0; 3], 0.0, 0.0);
-    for seed in 1..=case.seeds {
+    for &seed in case.seeds {
         let mut run = Simulation::<S>::new(&case.params, seed, tables)?;
         for step in 0..STEPS {
             let sample = run.step()?;

@@ -83,26 +83,21 @@ pub(crate) struct ProcedureInput<'a, S: Fluid = Layer> {
 /// Solver of the steps, with its workspace.
 pub(crate) struct ProcedureSolver<S: Fluid = Layer> {
     problem: Problem<S>,
-    states: States,
-    forces: Forces,
-    system: DenseSystem<S>,
+    states: States<S>,
+    forces: Forces<S>,
+    system: DenseSystem,
 }
 
 impl<S: Fluid> ProcedureSolver<S> {
     /// Workspace for all contacts of that many spheres.
     pub(crate) fn new(spheres: usize) -> Self {
         let contacts = reserved_contacts::<S>(spheres);
-        let mut solver = Self {
-            problem: Problem::default(),
-            states: States::default(),
-            forces: Forces::default(),
-            system: DenseSystem::new(spheres, contacts),
-        };
-        solver.problem.normal.reserve(contacts);
-        solver.problem.tangential.reserve(contacts);
-        solver.states.reserve(contacts);
-        solver.forces.reserve(contacts);
-        solver
+        Self {
+            problem: Problem::new(contacts),
+            states: States::new(contacts),
+            forces: Forces::new(contacts),
+            system: DenseSystem::new::<S>(spheres, contacts),
+        }
     }
 
     /// Solves one stage by steps 2 to 6.
@@ -137,7 +132,7 @@ impl<S: Fluid> ProcedureSolver<S> {
         let pairs = pairs.filter(|pair| contact_list.contains(pair.key()));
         contacts.extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
         self.problem.uses_frictionless_slip = true;
-        self.problem.tangential.clear();
+        self.problem.friction.clear();
         self.problem.normal.clear();
         let normal = contacts.iter().map(|contact| statement::Normal {
             row: contact.normal_row(),
@@ -172,7 +167,7 @@ impl<S: Fluid> ProcedureSolver<S> {
         self.states.closed.clear();
         self.states.closed.resize(self.problem.normal.len(), true);
         self.states.friction.clear();
-        self.forces.clear();
+        self.forces.reset(&self.problem);
         let solved = self
             .system
             .solve(&self.problem, &self.states, true, &mut self.forces);
@@ -194,31 +189,26 @@ impl<S: Fluid> ProcedureSolver<S> {
             if contact.normal_force > surface.critical_load {
                 contact.slip_resistance = resistance.slip_resistance(&contact.pair);
                 contact.friction_acts = true;
-                let directions = contact.directions();
-                let shifts = S::along(&directions, &contact.background_slip);
-                for d in 0..S::TANGENTS {
-                    self.problem.tangential.push(statement::Tangential {
-                        contact: k,
-                        row: contact.slip_row(&directions[d]),
-                        shift: shifts[d],
-                        compliance: 0.0,
-                        coefficient: surface.friction,
-                        intercept: 0.0,
-                        active: true,
-                        was_deactivated: false,
-                    });
-                }
+                self.problem.friction.push(statement::Friction {
+                    contact: k,
+                    rows: contact.slip_rows(),
+                    shift: S::along(&contact.directions(), &contact.background_slip),
+                    compliance: 0.0,
+                    coefficient: surface.friction,
+                    intercept: 0.0,
+                    active: true,
+                    was_deactivated: false,
+                });
             }
         }
         self.system.set_up_friction(resistance, &self.problem);
-        let count = self.problem.tangential.len();
+        let count = self.problem.friction.len();
         self.forces.tangential.clear();
-        self.forces.tangential.resize(count, 0.0);
+        self.forces.tangential.resize(count, S::each_tangent(0.0));
         self.system.measure(&self.problem, &mut self.forces);
-        let slips = S::by_slip_mut(&mut self.forces.tangential).iter_mut();
-        let rows = self.problem.tangential.chunks_exact(S::TANGENTS);
-        for ((force, slip), rows) in slips.zip(S::by_slip(&self.forces.slip)).zip(rows) {
-            let contact = &mut contacts[rows[0].contact];
+        let found = self.forces.tangential.iter_mut().zip(&self.forces.slip);
+        for (entry, (force, slip)) in self.problem.friction.iter().zip(found) {
+            let contact = &mut contacts[entry.contact];
             let bound = roll_slip::bound(surface.friction, contact.normal_force);
             // The force of a slip has its direction.
             let size = S::length(slip);

@@ -182,11 +182,11 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The value, once for each component of a slip.
     fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
 
-    /// Splits a list of all slips.
-    fn by_slip<T: Copy>(list: &[T]) -> &[Self::PerTangent<T>];
+    /// The components of a list of slips, one after another.
+    fn components(slips: &[Self::PerTangent<f64>]) -> &[f64];
 
-    /// Splits a mutable list of all slips.
-    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerTangent<T>];
+    /// The components of a mutable list of slips, one after another.
+    fn components_mut(slips: &mut [Self::PerTangent<f64>]) -> &mut [f64];
 
     /// Scalar product of vectors perpendicular to the line of centres.
     fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64;

@@ -104,25 +104,36 @@ impl<S: Space> Contact<S> {
         S::tangents(&self.pair.normal)
     }
 
-    /// The row of D: the slip along a direction, without the background.
-    pub(crate) fn slip_row(&self, direction: &S::Vector) -> Row<S> {
-        let spheres = [self.pair.i, self.pair.j];
-        Row::slip(spheres, &self.pair.normal, direction, self.levers)
+    /// The rows of D: the slip along the directions, without the background.
+    pub(crate) fn slip_rows(&self) -> S::PerTangent<Row<S>> {
+        self.rows(|spheres, n, d| Row::slip(spheres, n, d, self.levers))
     }
 
-    /// The row of the relative rotation of the spheres that corresponds to rolling along a
-    /// direction.
-    pub(crate) fn spin_row(&self, direction: &S::Vector) -> Row<S> {
-        Row::spin([self.pair.i, self.pair.j], &self.pair.normal, direction)
+    /// The rows of the relative rotation of the spheres that corresponds to rolling.
+    pub(crate) fn rotation_rows(&self) -> S::PerTangent<Row<S>> {
+        self.rows(|spheres, n, d| Row::rolling(spheres, n, d, 1.0))
     }
 
-    /// The row of the rolling velocity along a direction. The background does not contribute, since
-    /// it rotates both spheres equally.
-    pub(crate) fn rolling_row(&self, direction: &S::Vector) -> Row<S> {
+    /// The rows of the rolling velocity. The background does not contribute, since it rotates both
+    /// spheres equally.
+    pub(crate) fn rolling_rows(&self) -> S::PerTangent<Row<S>> {
         let radii = self.levers.map(|lever| lever - 0.5 * self.pair.gap);
-        let spheres = [self.pair.i, self.pair.j];
         let radius = rolling_friction::radius(radii);
-        Row::rolling(spheres, &self.pair.normal, direction, radius)
+        self.rows(|spheres, n, d| Row::rolling(spheres, n, d, radius))
+    }
+
+    /// Rows along the directions, from the spheres, the line of centres and a direction.
+    fn rows(
+        &self,
+        row: impl Fn([usize; 2], &S::Vector, &S::Vector) -> Row<S>,
+    ) -> S::PerTangent<Row<S>> {
+        let (spheres, n) = ([self.pair.i, self.pair.j], &self.pair.normal);
+        let directions = self.directions();
+        let mut rows = S::each_tangent(row(spheres, n, &directions[0]));
+        for k in 1..S::TANGENTS {
+            rows[k] = row(spheres, n, &directions[k]);
+        }
+        rows
     }
 
     /// v_n for given disturbance velocities of all spheres.
@@ -133,14 +144,17 @@ impl<S: Space> Contact<S> {
     /// Sets the contact's velocities from disturbance velocities of all spheres.
     pub(crate) fn set_velocities(&mut self, velocities: &[f64]) {
         self.normal_velocity = self.approach(velocities);
-        let directions = self.directions();
-        let [mut slip, mut rolling] = [S::each_tangent(0.0); 2];
-        for k in 0..S::TANGENTS {
-            slip[k] = self.slip_row(&directions[k]).read(velocities);
-            rolling[k] = self.rolling_row(&directions[k]).read(velocities);
-        }
-        self.slip_velocity = self.background_slip + S::tangent(&directions, &slip);
-        self.rolling_velocity = S::tangent(&directions, &rolling);
+        let read = |rows: S::PerTangent<Row<S>>| {
+            let mut components = S::each_tangent(0.0);
+            for k in 0..S::TANGENTS {
+                components[k] = rows[k].read(velocities);
+            }
+            S::tangent(&self.directions(), &components)
+        };
+        (self.slip_velocity, self.rolling_velocity) = (
+            self.background_slip + read(self.slip_rows()),
+            read(self.rolling_rows()),
+        );
     }
 }
 

@@ -51,7 +51,7 @@ pub enum SolvePass {
 /// Linear algebra of the contact problem.
 enum Backend<S: Fluid> {
     /// Dense matrices of the contacts, for few spheres.
-    Dense(Box<DenseSystem<S>>),
+    Dense(Box<DenseSystem>),
     /// A sparse factor of all spheres, for large ones.
     Sparse(Box<SparseSystem<S>>),
 }
@@ -61,15 +61,11 @@ enum Backend<S: Fluid> {
 pub struct ContactSolver<S: Fluid = Layer> {
     /// Candidate pairs, ordered by (i, j), with the forces and velocities of the last solution.
     pub list: Vec<Contact<S>>,
-    /// Overlaps of the candidates.
     overlaps: Vec<Overlap>,
-    /// Coefficients.
     problem: Problem<S>,
-    /// Active set and forces.
     solver: ProblemSolver<S>,
     /// Loads at which friction bounds are held.
     held_loads: Vec<f64>,
-    /// Linear algebra.
     backend: Backend<S>,
 }
 
@@ -82,23 +78,16 @@ impl<S: Fluid> ContactSolver<S> {
         let backend = if resistance.pairwise().is_some() {
             Backend::Sparse(Box::default())
         } else {
-            Backend::Dense(Box::new(DenseSystem::new(spheres, capacity)))
+            Backend::Dense(Box::new(DenseSystem::new::<S>(spheres, capacity)))
         };
-        let mut solver = Self {
+        Self {
             list: Vec::with_capacity(capacity),
             overlaps: Vec::with_capacity(capacity),
-            problem: Problem::default(),
-            solver: ProblemSolver::default(),
+            problem: Problem::new(capacity),
+            solver: ProblemSolver::new(capacity),
             held_loads: Vec::new(),
             backend,
-        };
-        solver.problem.normal.reserve(capacity);
-        solver
-            .problem
-            .tangential
-            .reserve(2 * S::TANGENTS * capacity);
-        solver.solver.reserve(capacity);
-        solver
+        }
     }
 
     /// Starts a step: discards the motion of earlier stages, so that results depend only on
@@ -151,7 +140,7 @@ impl<S: Fluid> ContactSolver<S> {
             let loads = holds_bounds.then_some(&self.held_loads[..]);
             let (problem, solver) = (&mut self.problem, &mut self.solver);
             let (overlaps, tolerance) = (&mut self.overlaps, applied.relative_tolerance);
-            let refine = |problem: &mut Problem<S>, forces: &Forces| {
+            let refine = |problem: &mut Problem<S>, forces: &Forces<S>| {
                 refine(input, problem, overlaps, forces, tolerance)
             };
             let solved = match &mut self.backend {

@@ -39,39 +39,38 @@ mod tests;
 use super::Quality;
 use crate::space::{Layer, Space};
 use newton::FrictionActivation;
-use statement::{Forces, Problem, RoundoffThresholds, States, System};
+use statement::{Forces, FrictionState, Problem, RoundoffThresholds, States, System};
 
 /// Active set, forces and workspace of a contact problem.
-#[derive(Default)]
 pub(crate) struct ProblemSolver<S: Space = Layer> {
-    /// The active set.
-    pub(crate) states: States,
+    pub(crate) states: States<S>,
     /// The current forces.
-    pub(crate) forces: Forces,
-    /// Initial forces.
-    initial: Forces,
+    pub(crate) forces: Forces<S>,
+    initial: Forces<S>,
     /// Forces before the last Newton step.
-    previous: Forces,
-    /// Of each friction row, whether friction was active, and whether it had been deactivated.
+    previous: Forces<S>,
+    /// Of each friction force, whether it was active, and whether it had been deactivated.
     saved_activation: Vec<(bool, bool)>,
     /// Workspace of the proximal point method: the softened problem, the forces about which it is
     /// softened, and the problem with fixed friction bounds.
     softened: Problem<S>,
-    reference: Forces,
+    reference: Forces<S>,
     bounded: Problem<S>,
 }
 
 impl<S: Space> ProblemSolver<S> {
-    /// Reserves memory for that many candidates.
-    pub(crate) fn reserve(&mut self, candidates: usize) {
-        self.states.reserve(candidates);
-        self.saved_activation.reserve(2 * S::TANGENTS * candidates);
-        self.forces.reserve(candidates);
-        self.initial.reserve(candidates);
-        self.previous.reserve(candidates);
-        self.softened.reserve(candidates);
-        self.reference.reserve(candidates);
-        self.bounded.reserve(candidates);
+    /// A workspace with memory for that many candidates.
+    pub(crate) fn new(candidates: usize) -> Self {
+        Self {
+            states: States::new(candidates),
+            forces: Forces::new(candidates),
+            initial: Forces::new(candidates),
+            previous: Forces::new(candidates),
+            saved_activation: Vec::with_capacity(2 * candidates),
+            softened: Problem::new(candidates),
+            reference: Forces::new(candidates),
+            bounded: Problem::new(candidates),
+        }
     }
 
     /// Solves the problem from the current active set and forces. The final forces are those of the
@@ -87,7 +86,7 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         activation: FrictionActivation,
         held_loads: Option<&[f64]>,
-        mut refine: impl FnMut(&mut Problem<S>, &Forces) -> usize,
+        mut refine: impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
         if let Some(loads) = held_loads {
             return self.solve_bounded(problem, system, loads, &mut refine);
@@ -121,18 +120,18 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// Saves on which rows friction is active.
+    /// Saves where friction is active.
     fn save_activation(&mut self, problem: &Problem<S>) {
         self.saved_activation.clear();
-        let rows = problem.tangential.iter();
+        let entries = problem.friction.iter();
         self.saved_activation
-            .extend(rows.map(|row| (row.active, row.was_deactivated)));
+            .extend(entries.map(|entry| (entry.active, entry.was_deactivated)));
     }
 
     /// Restores the saved activation: an active set that cycled says little about loads.
     fn restore_activation(&self, problem: &mut Problem<S>) {
-        for (row, &saved) in problem.tangential.iter_mut().zip(&self.saved_activation) {
-            (row.active, row.was_deactivated) = saved;
+        for (entry, &saved) in problem.friction.iter_mut().zip(&self.saved_activation) {
+            (entry.active, entry.was_deactivated) = saved;
         }
     }
 
@@ -141,11 +140,10 @@ impl<S: Space> ProblemSolver<S> {
         let (forces, states) = (&self.forces, &mut self.states);
         states.closed.clear();
         states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));
-        states.clear_friction();
-        let slips = S::by_slip(&forces.tangential).iter();
-        for (t, rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
-            let bound = rows[0].bound(forces.normal[rows[0].contact]);
-            states.push_friction::<S>(t, bound);
-        }
+        states.friction.clear();
+        let entries = problem.friction.iter().zip(&forces.tangential);
+        states.friction.extend(entries.map(|(entry, t)| {
+            FrictionState::from_force(t, entry.bound(forces.normal[entry.contact]))
+        }));
     }
 }

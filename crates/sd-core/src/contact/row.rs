@@ -39,12 +39,8 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// (n × d)·(Ω_j − Ω_i): the relative rotation for rolling along d.
-    pub(crate) fn spin(spheres: [usize; 2], n: &S::Vector, d: &S::Vector) -> Self {
-        Self::rolling(spheres, n, d, 1.0)
-    }
-
-    /// a (n × d)·(Ω_j − Ω_i), with the rolling radius a: the rolling velocity along d.
+    /// a (n × d)·(Ω_j − Ω_i), with the rolling radius a: the rolling velocity along d; with a = 1
+    /// the relative rotation.
     pub(crate) fn rolling(spheres: [usize; 2], n: &S::Vector, d: &S::Vector, radius: f64) -> Self {
         let (still, axis) = (S::Vector::default(), S::axis(n, d) * radius);
         Self {
@@ -110,13 +106,19 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// Linear combination of two rows of the same spheres.
-    pub(crate) fn combined(&self, share: f64, other: &Self, other_share: f64) -> Self {
-        let mut combined = *self;
-        let weights = combined.weights.as_mut().iter_mut();
-        for (weight, other) in weights.zip(other.weights.as_ref()) {
-            *weight = share * *weight + other_share * other;
+    /// The row with its weights multiplied by a factor.
+    pub(crate) fn times(mut self, factor: f64) -> Self {
+        for weight in self.weights.as_mut() {
+            *weight *= factor;
         }
-        combined
+        self
+    }
+
+    /// The sum with a factor times another row of the same spheres.
+    pub(crate) fn plus(mut self, factor: f64, other: &Self) -> Self {
+        for (weight, other) in self.weights.as_mut().iter_mut().zip(other.weights.as_ref()) {
+            *weight += factor * other;
+        }
+        self
     }
 }

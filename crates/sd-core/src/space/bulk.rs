@@ -201,14 +201,12 @@ impl Space for Bulk {
         [value; 2]
     }
 
-    #[inline(always)]
-    fn by_slip<T: Copy>(list: &[T]) -> &[[T; 2]] {
-        list.as_chunks().0
+    fn components(slips: &[[f64; 2]]) -> &[f64] {
+        slips.as_flattened()
     }
 
-    #[inline(always)]
-    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 2]] {
-        list.as_chunks_mut().0
+    fn components_mut(slips: &mut [[f64; 2]]) -> &mut [f64] {
+        slips.as_flattened_mut()
     }
 
     #[inline(always)]

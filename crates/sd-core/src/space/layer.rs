@@ -127,14 +127,12 @@ impl Space for Layer {
         [value]
     }
 
-    #[inline(always)]
-    fn by_slip<T: Copy>(list: &[T]) -> &[[T; 1]] {
-        list.as_chunks().0
+    fn components(slips: &[[f64; 1]]) -> &[f64] {
+        slips.as_flattened()
     }
 
-    #[inline(always)]
-    fn by_slip_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 1]] {
-        list.as_chunks_mut().0
+    fn components_mut(slips: &mut [[f64; 1]]) -> &mut [f64] {
+        slips.as_flattened_mut()
     }
 
     #[inline(always)]

@@ -26,10 +26,11 @@ impl<S: Fluid> ContactSolver<S> {
         let immediately = input.span.corrects_overlap_immediately();
         let has_friction = laws.surface.has_friction();
         self.problem.uses_frictionless_slip = laws.uses_frictionless_slip() && has_friction;
-        self.problem.tangential.clear();
+        self.problem.friction.clear();
         self.problem.normal.clear();
         self.overlaps.clear();
-        self.solver.forces.clear();
+        self.solver.forces.normal.clear();
+        self.solver.forces.tangential.clear();
         for contact in &self.list {
             let mut overlap = overlap_of(input, contact);
             overlap.reference = laws
@@ -46,14 +47,14 @@ impl<S: Fluid> ContactSolver<S> {
         }
         if has_friction {
             for k in 0..self.list.len() {
-                self.add_rows(input, memory, pass, k);
+                self.add_friction(input, memory, pass, k);
             }
         }
         self.solver.infer_states(&self.problem);
     }
 
-    /// Adds the friction rows of one candidate.
-    fn add_rows(
+    /// Adds the friction forces of one candidate.
+    fn add_friction(
         &mut self,
         input: &StageInput<'_, S>,
         memory: &ContactMemory<S>,
@@ -87,35 +88,30 @@ impl<S: Fluid> ContactSolver<S> {
             FrictionConstraint::Slip | FrictionConstraint::SlipAndRotation => {}
         }
         let contact = &self.list[k];
-        let directions = contact.directions();
-        let mut add = |rows: &dyn Fn(&S::Vector) -> Row<S>,
+        let mut add = |rows: S::PerTangent<Row<S>>,
                        [shift, force]: [S::Tangent; 2],
                        compliance: f64,
                        (coefficient, intercept): (f64, f64)| {
-            let shifts = S::along(&directions, &shift);
-            let forces = S::along(&directions, &force);
-            for d in 0..S::TANGENTS {
-                self.problem.tangential.push(statement::Tangential {
-                    contact: k,
-                    row: rows(&directions[d]),
-                    shift: shifts[d],
-                    compliance,
-                    coefficient,
-                    intercept,
-                    active,
-                    was_deactivated: false,
-                });
-                self.solver.forces.tangential.push(forces[d]);
-            }
+            let directions = contact.directions();
+            self.problem.friction.push(statement::Friction {
+                contact: k,
+                rows,
+                shift: S::along(&directions, &shift),
+                compliance,
+                coefficient,
+                intercept,
+                active,
+                was_deactivated: false,
+            });
+            let force = S::along(&directions, &force);
+            self.solver.forces.tangential.push(force);
         };
-        let bound = laws.friction_bound();
-        let slip = |d: &S::Vector| contact.slip_row(d);
-        add(&slip, [shift, contact.tangential_force], compliance, bound);
+        let (bound, slip) = (laws.friction_bound(), contact.slip_rows());
+        add(slip, [shift, contact.tangential_force], compliance, bound);
         let zero = S::Tangent::default();
         if laws.tangential.constraint() == FrictionConstraint::SlipAndRotation {
             // The background rotates both spheres equally.
-            let spin = |d: &S::Vector| contact.spin_row(d);
-            add(&spin, [zero; 2], compliance, bound);
+            add(contact.rotation_rows(), [zero; 2], compliance, bound);
         }
         if laws.rolling_friction > 0.0 {
             let (mut shift, mut compliance) = (zero, COMPLIANCE);
@@ -123,20 +119,20 @@ impl<S: Fluid> ContactSolver<S> {
                 compliance += ahead.recip();
                 shift = memory.rolling_springs.base(contact, kind) / ahead;
             }
-            let rolling = |d: &S::Vector| contact.rolling_row(d);
             let initial = [shift, contact.rolling_force];
-            add(&rolling, initial, compliance, laws.rolling_bound());
+            let rows = contact.rolling_rows();
+            add(rows, initial, compliance, laws.rolling_bound());
         }
     }
 
     /// Stores which contacts have active friction; returns whether that set changed.
     pub(super) fn store_activation(&mut self) -> bool {
         let mut changed = false;
-        let mut rows = self.problem.tangential.iter().peekable();
+        let mut friction = self.problem.friction.iter().peekable();
         for (k, contact) in self.list.iter_mut().enumerate() {
             let mut acts = false;
-            while let Some(row) = rows.next_if(|row| row.contact == k) {
-                acts = row.active;
+            while let Some(entry) = friction.next_if(|entry| entry.contact == k) {
+                acts = entry.active;
             }
             changed |= acts != contact.friction_acts;
             contact.friction_acts = acts;
@@ -153,27 +149,24 @@ impl<S: Fluid> ContactSolver<S> {
             (contact.rolling_force, contact.rolling_sticks) = (S::Tangent::default(), false);
         }
         let mut before = None;
-        let slips = S::by_slip(&self.solver.forces.tangential);
-        for (m, components) in slips.iter().enumerate() {
-            let row = &self.problem.tangential[S::TANGENTS * m];
-            let state = self.solver.states.friction[S::TANGENTS * m];
-            let first = before != Some(row.contact);
-            before = Some(row.contact);
-            let contact = &mut self.list[row.contact];
+        let solver = &self.solver;
+        let found = solver.forces.tangential.iter().zip(&solver.states.friction);
+        for (entry, (components, state)) in self.problem.friction.iter().zip(found) {
+            let first = before != Some(entry.contact);
+            before = Some(entry.contact);
+            let contact = &mut self.list[entry.contact];
             let force = S::tangent(&contact.directions(), components);
-            // The second vector of a contact is the relative rotation, or rolling friction.
+            // The second force of a contact is that on relative rotation, or rolling friction.
             if first {
                 contact.tangential_force = force;
                 contact.state = match state {
                     FrictionState::Inactive => ContactState::Frictionless,
                     FrictionState::Stick => ContactState::Sticking,
-                    FrictionState::SlipPositive | FrictionState::SlipNegative => {
-                        ContactState::Slipping
-                    }
+                    FrictionState::Slip(_) => ContactState::Slipping,
                 };
             } else if laws.rolling_friction > 0.0 {
                 contact.rolling_force = force;
-                contact.rolling_sticks = state == FrictionState::Stick;
+                contact.rolling_sticks = matches!(state, FrictionState::Stick);
             }
         }
     }
@@ -185,7 +178,7 @@ pub(super) fn refine<S: Fluid>(
     input: &StageInput<'_, S>,
     problem: &mut Problem<S>,
     overlaps: &mut [Overlap],
-    forces: &Forces,
+    forces: &Forces<S>,
     tolerance: f64,
 ) -> usize {
     let law = &input.laws.normal;

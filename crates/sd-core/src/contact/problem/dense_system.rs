@@ -20,21 +20,18 @@ use crate::linalg::dense::Matrix;
 use crate::linalg::lu::LuSolver;
 use crate::linalg::staggered::StaggeredColumns;
 use crate::space::Space;
-use std::marker::PhantomData;
 
-/// Matrices, columns and workspace.
-#[derive(Default)]
-pub(crate) struct DenseSystem<S: Space> {
+/// Matrices, columns and workspace. Components of friction forces are numbered one after another.
+pub(crate) struct DenseSystem {
     /// `L⁻¹ F` with the forces F other than contact forces.
     free: Vec<f64>,
-    motion: Vec<f64>,
     /// `Y_n`, `[3N × K]`, ordered by the first nonzero row.
     normal_columns: StaggeredColumns,
     /// `Y_t`, `[3N × M]`, ordered likewise.
     tangential_columns: StaggeredColumns,
-    /// Candidate of each normal column, and friction row of each tangential column.
+    /// Candidate of each normal column, and component of each tangential column.
     order: [Vec<usize>; 2],
-    /// Normal column of each candidate, and tangential column of each friction row.
+    /// Normal column of each candidate, and tangential column of each component.
     place: [Vec<usize>; 2],
     /// `[K × K]`, both triangles.
     g_nn: Matrix,
@@ -47,7 +44,8 @@ pub(crate) struct DenseSystem<S: Space> {
     /// v_n and u_t without contact forces, by column.
     free_normal: Vec<f64>,
     free_slip: Vec<f64>,
-    /// Unknowns of the linear system, by their columns: closed candidates, then sticking rows.
+    /// Unknowns of the linear system, by their columns: closed candidates, then sticking
+    /// components.
     unknowns: [Vec<usize>; 2],
     /// Right-hand side and solution.
     solution: Vec<f64>,
@@ -57,56 +55,51 @@ pub(crate) struct DenseSystem<S: Space> {
     solver: LuSolver,
     /// Whether `g_tt` is absent.
     uses_frictionless_slip: bool,
-    space: PhantomData<S>,
 }
 
-impl<S: Fluid> DenseSystem<S> {
+/// Two vectors with memory for that many elements.
+fn two_with_capacity<T>(capacity: usize) -> [Vec<T>; 2] {
+    [0, 1].map(|_| Vec::with_capacity(capacity))
+}
+
+impl DenseSystem {
     /// Reserves memory for that many candidates of that many spheres.
-    pub(crate) fn new(spheres: usize, candidates: usize) -> Self {
+    pub(crate) fn new<S: Space>(spheres: usize, candidates: usize) -> Self {
+        let (rows, components) = (S::MODES * spheres, S::TANGENTS * candidates);
         let matrix = |entries| {
             let mut matrix = Matrix::default();
             matrix.reserve(entries);
             matrix
         };
-        let square = candidates * candidates;
-        let mut system = Self {
-            g_nn: matrix(square),
-            g_tn: matrix(S::TANGENTS * square),
-            g_tt: matrix(S::TANGENTS * S::TANGENTS * square),
-            solver: LuSolver::new((1 + S::TANGENTS) * candidates),
-            ..Self::default()
+        let columns = |count| {
+            let mut columns = StaggeredColumns::default();
+            columns.reserve(rows, count);
+            columns
         };
-        let rows = S::MODES * spheres;
-        system.normal_columns.reserve(rows, candidates);
-        system
-            .tangential_columns
-            .reserve(rows, S::TANGENTS * candidates);
-        for vector in [&mut system.free, &mut system.motion] {
-            vector.reserve(rows);
+        Self {
+            free: Vec::with_capacity(rows),
+            normal_columns: columns(candidates),
+            tangential_columns: columns(components),
+            order: two_with_capacity(2 * candidates),
+            place: two_with_capacity(2 * candidates),
+            g_nn: matrix(candidates * candidates),
+            g_tn: matrix(components * candidates),
+            g_tt: matrix(components * components),
+            rotated: [Matrix::default(), Matrix::default()],
+            free_normal: Vec::with_capacity(2 * candidates),
+            free_slip: Vec::with_capacity(2 * candidates),
+            unknowns: two_with_capacity(2 * candidates),
+            solution: Vec::with_capacity(2 * candidates),
+            by_column: two_with_capacity(2 * candidates),
+            velocities: two_with_capacity(2 * candidates),
+            solver: LuSolver::new(candidates + components),
+            uses_frictionless_slip: false,
         }
-        for vector in [
-            &mut system.free_normal,
-            &mut system.free_slip,
-            &mut system.solution,
-        ] {
-            vector.reserve(2 * candidates);
-        }
-        for pair in [&mut system.by_column, &mut system.velocities] {
-            for vector in pair.iter_mut() {
-                vector.reserve(2 * candidates);
-            }
-        }
-        for pair in [&mut system.order, &mut system.place, &mut system.unknowns] {
-            for vector in pair.iter_mut() {
-                vector.reserve(2 * candidates);
-            }
-        }
-        system
     }
 
     /// Sets up the candidates of a stage. `forces`: all forces on the spheres other than contact
     /// forces.
-    pub(crate) fn set_up(
+    pub(crate) fn set_up<S: Fluid>(
         &mut self,
         resistance: &Resistance<S>,
         problem: &Problem<S>,
@@ -129,14 +122,21 @@ impl<S: Fluid> DenseSystem<S> {
         self.set_up_friction(resistance, problem);
     }
 
-    /// Sets up the friction rows of the problem, whose candidates are already set up.
-    pub(crate) fn set_up_friction(&mut self, resistance: &Resistance<S>, problem: &Problem<S>) {
-        let rows = problem.tangential.iter().map(|entry| entry.row);
+    /// Sets up the friction forces of the problem, whose candidates are already set up.
+    pub(crate) fn set_up_friction<S: Fluid>(
+        &mut self,
+        resistance: &Resistance<S>,
+        problem: &Problem<S>,
+    ) {
+        let rows = problem.friction.iter().flat_map(|entry| {
+            let rows = entry.rows;
+            (0..S::TANGENTS).map(move |d| rows[d])
+        });
         let ([_, order], [_, place]) = (&mut self.order, &mut self.place);
         sort(rows, order, place);
         let columns = &mut self.tangential_columns;
         fill(columns, resistance, self.free.len(), order, |m| {
-            problem.tangential[m].row
+            problem.friction[m / S::TANGENTS].rows[m % S::TANGENTS]
         });
         columns.transposed_product(&self.normal_columns, &mut self.g_tn);
         self.uses_frictionless_slip = problem.uses_frictionless_slip;
@@ -148,31 +148,66 @@ impl<S: Fluid> DenseSystem<S> {
     }
 
     /// Sets the disturbance velocities under the given contact forces.
-    pub(crate) fn finish(
+    pub(crate) fn finish<S: Fluid>(
         &mut self,
         resistance: &Resistance<S>,
-        forces: &Forces,
+        forces: &Forces<S>,
         velocities: &mut [f64],
     ) {
         self.gather(forces);
-        self.motion.clone_from(&self.free);
+        velocities.copy_from_slice(&self.free);
         self.normal_columns
-            .add_product(&self.by_column[0], &mut self.motion);
+            .add_product(&self.by_column[0], velocities);
         for t in &mut self.by_column[1] {
             *t = -*t;
         }
         self.tangential_columns
-            .add_product(&self.by_column[1], &mut self.motion);
-        resistance.solver().solve_upper_vector(&mut self.motion);
-        velocities.copy_from_slice(&self.motion);
+            .add_product(&self.by_column[1], velocities);
+        resistance.solver().solve_upper_vector(velocities);
     }
 
     /// Copies forces to the order of the columns.
-    fn gather(&mut self, forces: &Forces) {
-        let given = [&forces.normal, &forces.tangential];
+    fn gather<S: Space>(&mut self, forces: &Forces<S>) {
+        let given = [&forces.normal[..], S::components(&forces.tangential)];
         for ((target, order), given) in self.by_column.iter_mut().zip(&self.order).zip(given) {
             target.clear();
             target.extend(order.iter().map(|&at| given[at]));
+        }
+    }
+
+    /// Rotates the rows of slides to their frames, in a suspension.
+    fn rotate_slides<S: Space>(&mut self, states: &States<S>) {
+        let [g_tn, g_tt] = &mut self.rotated;
+        for (rotated, fixed) in [(&mut *g_tn, &self.g_tn), (&mut *g_tt, &self.g_tt)] {
+            rotated.reshape(fixed.rows(), fixed.columns());
+            rotated.values_mut().copy_from_slice(fixed.values());
+        }
+        for (state, places) in states
+            .friction
+            .iter()
+            .zip(self.place[1].chunks(S::TANGENTS))
+        {
+            let FrictionState::Slip(slide) = state else {
+                continue;
+            };
+            let rotate = |entries: &mut [f64], at: &dyn Fn(usize) -> usize| {
+                let mut slip = S::each_tangent(0.0);
+                for (x, &place) in slip.as_mut().iter_mut().zip(places) {
+                    *x = entries[at(place)];
+                }
+                for (x, &place) in slide.rotate(&slip).as_ref().iter().zip(places) {
+                    entries[at(place)] = *x;
+                }
+            };
+            for matrix in [&mut *g_tn, &mut *g_tt] {
+                for column in 0..matrix.columns() {
+                    rotate(matrix.column_mut(column), &|place| place);
+                }
+            }
+            let rows = g_tt.rows();
+            for row in 0..rows {
+                rotate(g_tt.values_mut(), &|place| rows * place + row);
+            }
         }
     }
 }
@@ -221,48 +256,28 @@ fn fill<S: Fluid>(
     columns.solve_lower(resistance.solver());
 }
 
-impl<S: Fluid> DenseSystem<S> {
-    /// Rotates the rows of slides to their frames, in a suspension.
-    fn rotate_slides(&mut self, states: &States) {
-        let [g_tn, g_tt] = &mut self.rotated;
-        for (rotated, fixed) in [(&mut *g_tn, &self.g_tn), (&mut *g_tt, &self.g_tt)] {
-            rotated.reshape(fixed.rows(), fixed.columns());
-            rotated.values_mut().copy_from_slice(fixed.values());
-        }
-        for m in (0..states.friction.len()).step_by(2) {
-            let Some(slide) = states.slide(m) else {
-                continue;
-            };
-            let [a, b] = [self.place[1][m], self.place[1][m + 1]];
-            for matrix in [&mut *g_tn, &mut *g_tt] {
-                for column in 0..matrix.columns() {
-                    let entries = matrix.column_mut(column);
-                    [entries[a], entries[b]] = slide.rotate([entries[a], entries[b]]);
-                }
-            }
-            for row in 0..g_tt.rows() {
-                let rotated = slide.rotate([g_tt[(row, a)], g_tt[(row, b)]]);
-                [g_tt[(row, a)], g_tt[(row, b)]] = rotated;
-            }
-        }
-    }
-
+impl DenseSystem {
     /// Assembles the linear system of the active set and its right-hand side.
-    fn assemble(&mut self, problem: &Problem<S>, states: &States) {
+    fn assemble<S: Space>(&mut self, problem: &Problem<S>, states: &States<S>) {
         if S::TANGENTS > 1 {
             self.rotate_slides(states);
         }
+        let [order, row_order] = &self.order;
+        // Friction force and its component at a tangential column.
+        let component = |s: usize| (row_order[s] / S::TANGENTS, row_order[s] % S::TANGENTS);
         let [g_tn, g_tt] = if S::TANGENTS > 1 {
             self.rotated.each_ref()
         } else {
             [&self.g_tn, &self.g_tt]
         };
         let [active, sticking] = &mut self.unknowns;
-        let [order, row_order] = &self.order;
         active.clear();
         active.extend((0..order.len()).filter(|&c| states.closed[order[c]]));
         sticking.clear();
-        sticking.extend((0..row_order.len()).filter(|&c| states.sticks(row_order[c])));
+        sticking.extend((0..row_order.len()).filter(|&s| {
+            let (k, d) = component(s);
+            states.friction[k].sticks(d)
+        }));
         let (first, size) = (active.len(), active.len() + sticking.len());
         let matrix = self.solver.matrix_mut();
         matrix.reshape(size, size);
@@ -290,9 +305,9 @@ impl<S: Fluid> DenseSystem<S> {
                     *entry = friction[r];
                 }
             }
-            let m = row_order[s];
-            target[first + column] += problem.tangential[m].compliance;
-            if let Some(slide) = states.slide(m) {
+            let (k, _) = component(s);
+            target[first + column] += problem.friction[k].compliance;
+            if let FrictionState::Slip(slide) = &states.friction[k] {
                 target[first + column] += slide.compliance;
             }
         }
@@ -302,23 +317,23 @@ impl<S: Fluid> DenseSystem<S> {
                 .iter()
                 .map(|&a| -problem.normal[order[a]].bias - self.free_normal[a]),
         );
-        self.solution
-            .extend(sticking.iter().map(|&s| match states.slide(row_order[s]) {
-                None => -problem.tangential[row_order[s]].shift - self.free_slip[s],
-                Some(slide) => {
-                    let m = row_order[s] - 1;
-                    let given = [m, m + 1]
-                        .map(|m| problem.tangential[m].shift + self.free_slip[self.place[1][m]]);
-                    -slide.rotate(given)[1]
-                }
-            }));
-        for m in 0..states.friction.len() {
-            let sign = states.sign(m);
-            if sign == 0.0 {
-                continue;
+        self.solution.extend(sticking.iter().map(|&s| {
+            let (k, d) = component(s);
+            let shift = &problem.friction[k].shift;
+            let FrictionState::Slip(slide) = &states.friction[k] else {
+                return -shift[d] - self.free_slip[s];
+            };
+            let mut given = *shift;
+            for (d, x) in given.as_mut().iter_mut().enumerate() {
+                *x += self.free_slip[self.place[1][S::TANGENTS * k + d]];
             }
-            let row = &problem.tangential[m];
-            let own_column = self.place[1][m];
+            -slide.rotate(&given)[d]
+        }));
+        for (k, (row, state)) in problem.friction.iter().zip(&states.friction).enumerate() {
+            let FrictionState::Slip(slide) = state else {
+                continue;
+            };
+            let (sign, own_column) = (slide.sign(), self.place[1][S::TANGENTS * k]);
             if row.intercept != 0.0 {
                 let given = sign * row.intercept;
                 let (upper, lower) = self.solution.split_at_mut(first);
@@ -350,44 +365,15 @@ impl<S: Fluid> DenseSystem<S> {
             }
         }
     }
-
-    /// Sets the forces from the solution.
-    fn take_solution(&self, problem: &Problem<S>, states: &States, forces: &mut Forces) {
-        let ([active, sticking], [order, row_order]) = (&self.unknowns, &self.order);
-        let first = active.len();
-        forces.normal.clear();
-        forces.normal.resize(problem.normal.len(), 0.0);
-        for (&a, &f) in active.iter().zip(&self.solution) {
-            forces.normal[order[a]] = f;
-        }
-        forces.tangential.clear();
-        forces.tangential.resize(problem.tangential.len(), 0.0);
-        for (&s, &p) in sticking.iter().zip(&self.solution[first..]) {
-            forces.tangential[row_order[s]] = -p;
-        }
-        let slips = S::by_slip_mut(&mut forces.tangential).iter_mut();
-        for (k, t) in slips.enumerate() {
-            let m = S::TANGENTS * k;
-            let (row, state) = (&problem.tangential[m], states.friction[m]);
-            if state == FrictionState::Stick {
-                continue;
-            }
-            let force = row.slipping_force(state, forces.normal[row.contact]);
-            match (states.slide(m), t.as_mut()) {
-                (Some(slide), [x, y]) => [*x, *y] = slide.rotate_back([force, *y]),
-                (_, t) => t.fill(force),
-            }
-        }
-    }
 }
 
-impl<S: Fluid> System<S> for DenseSystem<S> {
+impl<S: Fluid> System<S> for DenseSystem {
     fn solve(
         &mut self,
         problem: &Problem<S>,
-        states: &States,
+        states: &States<S>,
         _: bool,
-        forces: &mut Forces,
+        forces: &mut Forces<S>,
     ) -> Option<RoundoffThresholds> {
         self.assemble(problem, states);
         if self.solver.solve(&mut self.solution).is_err()
@@ -395,20 +381,33 @@ impl<S: Fluid> System<S> for DenseSystem<S> {
         {
             return None;
         }
-        self.take_solution(problem, states, forces);
+        let ([active, sticking], [order, row_order]) = (&self.unknowns, &self.order);
+        let (normal, tangential) = self.solution.split_at(active.len());
+        forces.reset(problem);
+        for (&a, &f) in active.iter().zip(normal) {
+            forces.normal[order[a]] = f;
+        }
+        let components = S::components_mut(&mut forces.tangential);
+        for (&s, &p) in sticking.iter().zip(tangential) {
+            components[row_order[s]] = -p;
+        }
+        problem.prescribe(states, forces, true);
         self.measure(problem, forces);
         let given = self.free_normal.iter().chain(&self.free_slip);
         let fastest = given.fold(0.0, |most: f64, v| most.max(v.abs()));
         let biases = problem.normal.iter().map(|entry| entry.bias.abs());
-        let shifts = problem.tangential.iter().map(|entry| entry.shift.abs());
+        let shifts = problem.friction.iter().flat_map(|entry| {
+            let shift = entry.shift;
+            (0..S::TANGENTS).map(move |d| shift[d].abs())
+        });
         Some(RoundoffThresholds {
-            force: 1e-13 * largest(&forces.normal).max(largest(&forces.tangential)),
+            force: 1e-13 * largest(&forces.normal).max(largest(S::components(&forces.tangential))),
             velocity: 1e-12 * biases.chain(shifts).fold(fastest, f64::max),
             exact: true,
         })
     }
 
-    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces<S>) {
         self.gather(forces);
         let [f, t] = &self.by_column;
         let [slack, slip] = &mut self.velocities;
@@ -426,9 +425,13 @@ impl<S: Fluid> System<S> for DenseSystem<S> {
             forces.slack.push(moved + entry.bias);
         }
         forces.slip.clear();
-        for (m, entry) in problem.tangential.iter().enumerate() {
-            let moved = slip[self.place[1][m]] - entry.compliance * forces.tangential[m];
-            forces.slip.push(moved + entry.shift);
+        for (k, entry) in problem.friction.iter().enumerate() {
+            let mut z = entry.shift;
+            for d in 0..S::TANGENTS {
+                let moved = slip[self.place[1][S::TANGENTS * k + d]];
+                z[d] += moved - entry.compliance * forces.tangential[k][d];
+            }
+            forces.slip.push(z);
         }
     }
 

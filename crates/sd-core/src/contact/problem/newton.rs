@@ -15,7 +15,9 @@
 //! fails, [`super::proximal`] takes over.
 
 use super::ProblemSolver;
-use super::statement::{Forces, FrictionState, Problem, RoundoffThresholds, Slide, System};
+use super::statement::{
+    Forces, Friction, FrictionState, Problem, RoundoffThresholds, Slide, System, trial_force,
+};
 use crate::space::Space;
 
 /// Maximum number of linear systems of one call, in a layer and in a suspension. With 60 instead of
@@ -69,7 +71,7 @@ impl<S: Space> ProblemSolver<S> {
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
         activation: FrictionActivation,
-        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
         let (mut smallest_rotation, mut comparable, mut shortens) = (f64::INFINITY, None, false);
@@ -169,22 +171,21 @@ impl<S: Space> ProblemSolver<S> {
             changes += usize::from(contradicted);
             *closed ^= contradicted;
         }
-        for m in (0..states.friction.len()).step_by(S::TANGENTS) {
-            let (row, state) = (&problem.tangential[m], states.friction[m]);
+        let entries = problem.friction.iter().zip(&mut states.friction);
+        for (k, (entry, state)) in entries.enumerate() {
             // A fixed bound applies whether the contact is closed or open.
-            let next = if !states.closed[row.contact] && row.follows_load() {
+            let next = if !states.closed[entry.contact] && entry.follows_load() {
                 FrictionState::Inactive
             } else if S::TANGENTS == 1 {
-                next_state(problem, forces, m, state, roundoff)
+                next_state(entry, forces, k, *state, roundoff)
             } else {
-                let mobility = system.mobility(row.contact);
-                let slide = (state, &mut states.slides[m / 2]);
-                let (next, angle) = next_slide(problem, forces, m, slide, mobility, roundoff);
+                let mobility = system.mobility(entry.contact);
+                let (next, angle) = next_slide(entry, forces, k, *state, mobility, roundoff);
                 rotation = rotation.max(angle);
                 next
             };
-            changes += usize::from(next != state);
-            states.friction[m..m + S::TANGENTS].fill(next);
+            changes += usize::from(next.differs_from(state));
+            *state = next;
         }
         (changes, rotation)
     }
@@ -199,92 +200,82 @@ impl<S: Space> ProblemSolver<S> {
         roundoff: f64,
     ) -> usize {
         let mut changes = 0;
-        for (k, rows) in problem.tangential.chunks_exact_mut(S::TANGENTS).enumerate() {
-            let row = rows[0];
-            let load = self.forces.normal[row.contact];
+        let states = self.states.friction.iter_mut().zip(&self.forces.slip);
+        for (entry, (state, slip)) in problem.friction.iter_mut().zip(states) {
+            let load = self.forces.normal[entry.contact];
             let excess = load - activation.critical_load;
             let active = excess > 0.0;
-            let closed = self.states.closed[row.contact];
-            let keeps = closed && (excess.abs() <= roundoff || row.was_deactivated && !active);
-            if row.active == active || keeps {
+            let closed = self.states.closed[entry.contact];
+            let keeps = closed && (excess.abs() <= roundoff || entry.was_deactivated && !active);
+            if entry.active == active || keeps {
                 continue;
             }
-            for row in &mut *rows {
-                row.active = active;
-                row.was_deactivated |= closed && !active;
-            }
+            entry.active = active;
+            entry.was_deactivated |= closed && !active;
             if closed {
                 changes += 1;
-                if active {
-                    let self_mobility = system.mobility(row.contact) + row.compliance;
-                    self.activate_friction(k, self_mobility, rows[0].bound(load));
+                *state = if active {
+                    let self_mobility = system.mobility(entry.contact) + entry.compliance;
+                    activated(slip, self_mobility, entry.bound(load))
                 } else {
-                    let m = S::TANGENTS * k;
-                    self.states.friction[m..m + S::TANGENTS].fill(FrictionState::Inactive);
-                }
+                    FrictionState::Inactive
+                };
             }
         }
         changes
     }
-
-    /// Activates friction vector `k`: it slips where friction at its bound does not stop the slip,
-    /// and sticks elsewhere.
-    ///
-    /// `self_mobility`: mobility plus compliance of the contact.
-    fn activate_friction(&mut self, k: usize, self_mobility: f64, bound: f64) {
-        let m = S::TANGENTS * k;
-        let slip = S::by_slip(&self.forces.slip)[k].as_ref();
-        let trial = slip.iter().fold(0.0_f64, |sum, z| sum.hypot(*z)) / self_mobility;
-        let state = match *slip {
-            _ if bound <= 0.0 || trial <= bound => FrictionState::Stick,
-            [x, y] => {
-                self.states.slides[k] = Slide::from_trial(
-                    [x / self_mobility, y / self_mobility],
-                    trial,
-                    bound,
-                    self_mobility,
-                );
-                FrictionState::SlipPositive
-            }
-            _ => FrictionState::slipping(slip[0]),
-        };
-        self.states.friction[m..m + S::TANGENTS].fill(state);
-    }
 }
 
-/// The next state of row `m` of a closed candidate, from the forces of its current state.
+/// The state of friction that becomes active: it slips where friction at its bound does not stop
+/// the slip, and sticks elsewhere.
+///
+/// `self_mobility`: mobility plus compliance of the contact.
+fn activated<S: Space>(
+    slip: &S::PerTangent<f64>,
+    self_mobility: f64,
+    bound: f64,
+) -> FrictionState<S> {
+    let length = S::length(slip) / self_mobility;
+    if bound <= 0.0 || length <= bound {
+        return FrictionState::Stick;
+    }
+    let trial = trial_force::<S>(&S::each_tangent(0.0), slip, self_mobility);
+    FrictionState::Slip(Slide::from_trial(&trial, length, bound, self_mobility))
+}
+
+/// The next state of friction force `k` of a closed candidate in a layer, from the forces of its
+/// current state.
 fn next_state<S: Space>(
-    problem: &Problem<S>,
-    forces: &Forces,
-    m: usize,
-    state: FrictionState,
+    entry: &Friction<S>,
+    forces: &Forces<S>,
+    k: usize,
+    state: FrictionState<S>,
     roundoff: RoundoffThresholds,
-) -> FrictionState {
-    use FrictionState::{Inactive, SlipNegative, SlipPositive, Stick};
-    let row = &problem.tangential[m];
-    if !row.active {
+) -> FrictionState<S> {
+    use FrictionState::{Inactive, Slip, Stick};
+    if !entry.active {
         return Inactive;
     }
-    let (t, z) = (forces.tangential[m], forces.slip[m]);
-    let load = forces.normal[row.contact];
-    let bound = row.slipping_force(SlipPositive, load);
-    let jumps = row.intercept == 0.0;
+    let (t, z) = (&forces.tangential[k], &forces.slip[k]);
+    let bound = entry.slipping_force(forces.normal[entry.contact]);
+    let slips = |towards: &S::PerTangent<f64>| {
+        Slip(Slide::from_trial(towards, S::length(towards), bound, 0.0))
+    };
+    let jumps = entry.intercept == 0.0;
     match state {
         // Without an intercept a contact that has just closed sticks first; with one it slips in
         // its current direction.
         Inactive if jumps => Stick,
-        Inactive if bound > roundoff.force => FrictionState::slipping(z),
+        Inactive if bound > roundoff.force => slips(z),
         Inactive => Inactive,
         _ if !jumps && bound < -roundoff.force => Inactive,
-        Stick if t.abs() > bound + roundoff.force => FrictionState::slipping(t),
-        SlipPositive if z < -roundoff.velocity => Stick,
-        SlipNegative if z > roundoff.velocity => Stick,
+        Stick if S::length(t) > bound + roundoff.force => slips(t),
+        Slip(slide) if slide.rotate(z)[0] < -roundoff.velocity => Stick,
         same => same,
     }
 }
 
-/// The next state of the friction vector in rows `m` and `m + 1` in a suspension, from its trial
-/// force:
+/// The next state of friction force `k` in a suspension, from its trial force:
 ///
 /// ```text
 /// p = t + z/G       sticks where |p| ≤ ρ, slips along p elsewhere
@@ -294,51 +285,54 @@ fn next_state<S: Space>(
 ///
 /// `mobility`: G of the contact without the compliance of its friction.
 fn next_slide<S: Space>(
-    problem: &Problem<S>,
-    forces: &Forces,
-    m: usize,
-    (state, slide): (FrictionState, &mut Slide),
+    entry: &Friction<S>,
+    forces: &Forces<S>,
+    k: usize,
+    state: FrictionState<S>,
     mobility: f64,
     roundoff: RoundoffThresholds,
-) -> (FrictionState, f64) {
-    use FrictionState::{Inactive, SlipPositive, Stick};
-    let row = &problem.tangential[m];
-    if !row.active {
+) -> (FrictionState<S>, f64) {
+    use FrictionState::{Inactive, Slip, Stick};
+    if !entry.active {
         return (Inactive, 0.0);
     }
-    if row.coefficient.is_infinite() {
+    if entry.coefficient.is_infinite() {
         return (Stick, 0.0);
     }
-    let self_mobility = mobility + row.compliance;
+    let self_mobility = mobility + entry.compliance;
     // A contact that has just closed has no force yet. If it stuck at once, it could open again in
     // the next system, and the method could cycle.
-    let load = forces.normal[row.contact].max(-forces.slack[row.contact] / mobility);
-    let bound = row.slipping_force(SlipPositive, load);
-    let jumps = row.intercept == 0.0;
-    if !jumps && bound < -roundoff.force || state == Inactive && !jumps && bound <= roundoff.force {
+    let load = forces.normal[entry.contact].max(-forces.slack[entry.contact] / mobility);
+    let bound = entry.slipping_force(load);
+    let vanishes = match state {
+        Inactive => bound <= roundoff.force,
+        _ => bound < -roundoff.force,
+    };
+    if entry.intercept != 0.0 && vanishes {
         return (Inactive, 0.0);
     }
-    let [t, z] = [&forces.tangential, &forces.slip].map(|list| [list[m], list[m + 1]]);
-    let trial = [0, 1].map(|k| t[k] + z[k] / self_mobility);
-    let length = trial[0].hypot(trial[1]);
+    let trial = trial_force::<S>(&forces.tangential[k], &forces.slip[k], self_mobility);
+    let length = S::length(&trial);
     let rounding = roundoff.force + roundoff.velocity / self_mobility;
     let sticks = match state {
-        SlipPositive => length <= bound - roundoff.velocity / self_mobility,
+        Slip(_) => length <= bound - roundoff.velocity / self_mobility,
         _ => length <= bound + rounding,
     };
     if sticks || length == 0.0 {
         return (Stick, 0.0);
     }
-    let before = *slide;
-    *slide = Slide::from_trial(trial, length, bound, self_mobility);
-    if state != SlipPositive {
-        return (SlipPositive, 0.0);
-    }
-    let [along, across] = before.rotate(slide.direction);
+    let slide = Slide::from_trial(&trial, length, bound, self_mobility);
+    let Slip(before) = state else {
+        return (Slip(slide), 0.0);
+    };
+    let rotated = before.rotate(&slide.direction);
+    let [along, across] = *rotated.as_ref() else {
+        return (Slip(slide), 0.0);
+    };
     let angle = across.atan2(along).abs();
-    let is_rounding = angle <= ANGLE_TOLERANCE || angle * length <= rounding;
-    if is_rounding {
-        *slide = before;
+    if angle <= ANGLE_TOLERANCE || angle * length <= rounding {
+        (state, 0.0)
+    } else {
+        (Slip(slide), angle)
     }
-    (SlipPositive, if is_rounding { 0.0 } else { angle })
 }

@@ -23,7 +23,7 @@
 
 use super::ProblemSolver;
 use super::newton::FrictionActivation;
-use super::statement::{Forces, Problem, System, largest};
+use super::statement::{Forces, FrictionState, Problem, System, largest, trial_force};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
 use crate::space::Space;
@@ -46,32 +46,34 @@ const MAX_COEFFICIENT: f64 = 100.0;
 
 impl<S: Space> Problem<S> {
     /// Becomes a copy of `other` with its contacts softened by ε about the forces `reference`.
-    fn soften(&mut self, other: &Self, softness: f64, reference: &Forces) {
+    fn soften(&mut self, other: &Self, softness: f64, reference: &Forces<S>) {
         self.copy_from(other);
         for (entry, f) in self.normal.iter_mut().zip(&reference.normal) {
             entry.bias -= softness * f;
             entry.compliance += softness;
         }
-        for (row, t) in self.tangential.iter_mut().zip(&reference.tangential) {
-            row.shift += softness * t;
-            row.compliance += softness;
+        for (entry, t) in self.friction.iter_mut().zip(&reference.tangential) {
+            for k in 0..S::TANGENTS {
+                entry.shift[k] += softness * t[k];
+            }
+            entry.compliance += softness;
         }
     }
 
-    /// Copies on which rows friction is active.
+    /// Copies where friction is active.
     fn copy_activation(&mut self, copy: &Self) {
-        for (row, copied) in self.tangential.iter_mut().zip(&copy.tangential) {
-            (row.active, row.was_deactivated) = (copied.active, copied.was_deactivated);
+        for (entry, copied) in self.friction.iter_mut().zip(&copy.friction) {
+            (entry.active, entry.was_deactivated) = (copied.active, copied.was_deactivated);
         }
     }
 
     /// Fixes the friction bounds at given loads.
     fn fix_bounds(&mut self, loads: &[f64]) {
-        for row in &mut self.tangential {
-            row.coefficient = row.coefficient.min(MAX_COEFFICIENT);
-            row.intercept = row.bound(loads[row.contact]);
-            row.coefficient = 0.0;
-            row.active = row.intercept > 0.0;
+        for entry in &mut self.friction {
+            entry.coefficient = entry.coefficient.min(MAX_COEFFICIENT);
+            entry.intercept = entry.bound(loads[entry.contact]);
+            entry.coefficient = 0.0;
+            entry.active = entry.intercept > 0.0;
         }
     }
 }
@@ -83,14 +85,14 @@ impl<S: Space> ProblemSolver<S> {
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
         activation: FrictionActivation,
-        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
         let mut quality = self.iterate(problem, system, Some(activation), refine);
         let mut systems = quality.systems;
         if quality.status != Status::Solved {
             self.restore_activation(problem);
             self.forces.normal.fill(0.0);
-            self.forces.tangential.fill(0.0);
+            self.forces.tangential.fill(S::each_tangent(0.0));
             quality = self.iterate(problem, system, Some(activation), refine);
             systems += quality.systems;
         }
@@ -130,7 +132,7 @@ impl<S: Space> ProblemSolver<S> {
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
         loads: &[f64],
-        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
         let mut bounded = std::mem::take(&mut self.bounded);
         bounded.copy_from(problem);
@@ -158,7 +160,7 @@ impl<S: Space> ProblemSolver<S> {
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
         activation: Option<FrictionActivation>,
-        refine: &mut impl FnMut(&mut Problem<S>, &Forces) -> usize,
+        refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
@@ -235,23 +237,16 @@ impl<S: Space> ProblemSolver<S> {
     /// Infers the active set from the current motion, with contacts as compliant as in `softened`.
     fn infer_states_of_motion(&mut self, softened: &Problem<S>) {
         let (forces, states) = (&self.forces, &mut self.states);
-        let normal = softened.normal.iter().enumerate();
-        let loads = normal.map(|(k, entry)| forces.normal[k] - forces.slack[k] / entry.compliance);
+        let load = |k: usize| forces.normal[k] - forces.slack[k] / softened.normal[k].compliance;
         states.closed.clear();
-        states.closed.extend(loads.map(|load| load > 0.0));
-        states.clear_friction();
-        let slips = S::by_slip(&forces.tangential)
-            .iter()
-            .zip(S::by_slip(&forces.slip));
-        for ((t, z), rows) in slips.zip(softened.tangential.chunks_exact(S::TANGENTS)) {
-            let (row, mut trial) = (&rows[0], *t);
-            let k = row.contact;
-            let load = forces.normal[k] - forces.slack[k] / softened.normal[k].compliance;
-            for (trial, z) in trial.as_mut().iter_mut().zip(z.as_ref()) {
-                *trial += z / row.compliance;
-            }
-            let bound = row.bound(load.max(0.0));
-            states.push_friction::<S>(&trial, bound);
-        }
+        let candidates = 0..softened.normal.len();
+        states.closed.extend(candidates.map(|k| load(k) > 0.0));
+        states.friction.clear();
+        let pairs = forces.tangential.iter().zip(&forces.slip);
+        let entries = softened.friction.iter().zip(pairs);
+        states.friction.extend(entries.map(|(entry, (t, z))| {
+            let trial = trial_force::<S>(t, z, entry.compliance);
+            FrictionState::from_force(&trial, entry.bound(load(entry.contact).max(0.0)))
+        }));
     }
 }

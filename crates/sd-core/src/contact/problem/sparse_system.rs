@@ -116,8 +116,8 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// Workspace for the motion under given forces: applied and contact forces together, all
     /// contacts open, no contact forces.
     given: [Vec<f64>; 2],
-    open_states: States,
-    no_forces: Forces,
+    open_states: States<S>,
+    no_forces: Forces<S>,
 }
 
 impl<S: Fluid> SparseSystem<S> {
@@ -143,7 +143,7 @@ impl<S: Fluid> SparseSystem<S> {
 
 impl<S: Fluid> SparseSystem<S> {
     /// Computes the residual of the linear system at the current velocities and forces.
-    fn compute_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces) {
+    fn compute_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces<S>) {
         let problem = linear.problem;
         let n = self.velocities.len();
         let flow = if problem.uses_frictionless_slip {
@@ -151,7 +151,7 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             n
         };
-        let size = flow + problem.normal.len() + problem.tangential.len();
+        let size = flow + problem.normal.len() + problem.friction_rows();
         self.residual.clear();
         self.residual.resize(size, 0.0);
         let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
@@ -177,9 +177,11 @@ impl<S: Fluid> SparseSystem<S> {
             let moved = row.read(&self.velocities) + entry.compliance * f;
             r_f[k] = -VELOCITY_WEIGHT * (moved + problem.normal[k].bias);
         }
-        for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
-            if t != 0.0 {
-                entry.row.add(-t, r_v);
+        for (entry, t) in problem.friction.iter().zip(&forces.tangential) {
+            for (row, &t) in entry.rows.as_ref().iter().zip(t.as_ref()) {
+                if t != 0.0 {
+                    row.add(-t, r_v);
+                }
             }
         }
         let flow = if problem.uses_frictionless_slip {
@@ -194,33 +196,18 @@ impl<S: Fluid> SparseSystem<S> {
         }
     }
 
-    /// Sets the forces that the active set prescribes: zero, or proportional to the load.
-    fn set_dependent_forces(linear: &Linear<'_, S>, forces: &mut Forces) {
+    /// Sets the forces that the active set prescribes: zero, or by the load.
+    fn set_dependent_forces(linear: &Linear<'_, S>, forces: &mut Forces<S>) {
         let problem = linear.problem;
         forces.normal.resize(problem.normal.len(), 0.0);
-        forces.tangential.resize(problem.tangential.len(), 0.0);
+        let zero = S::each_tangent(0.0);
+        forces.tangential.resize(problem.friction.len(), zero);
         for (f, closed) in forces.normal.iter_mut().zip(&linear.states.closed) {
             if !closed {
                 *f = 0.0;
             }
         }
-        let slips = S::by_slip_mut(&mut forces.tangential).iter_mut();
-        for (k, t) in slips.enumerate() {
-            let m = S::TANGENTS * k;
-            let state = linear.states.friction[m];
-            if state == FrictionState::Stick {
-                continue;
-            }
-            let row = &problem.tangential[m];
-            let force = row.slipping_force(state, forces.normal[row.contact]);
-            match (linear.states.slide(m), t.as_mut()) {
-                (Some(slide), [x, y]) => {
-                    let [_, across] = slide.rotate([*x, *y]);
-                    [*x, *y] = slide.rotate_back([force, across]);
-                }
-                (_, t) => t.fill(force),
-            }
-        }
+        problem.prescribe(linear.states, forces, false);
     }
 
     /// Updates the preconditioner for the current active set, if necessary.
@@ -238,8 +225,11 @@ impl<S: Fluid> SparseSystem<S> {
         };
         // A slide whose direction or compliance changes affects the matrix little.
         let slides = |at: usize| {
-            let row = at.checked_sub(problem.normal.len());
-            row.is_some_and(|m| linear.states.slide(m).is_some())
+            let component = at.checked_sub(problem.normal.len());
+            component.is_some_and(|m| {
+                let state = &linear.states.friction[m / S::TANGENTS];
+                matches!(state, FrictionState::Slip(_))
+            })
         };
         let is_soft = |stiffness: f64| stiffness > 0.0 && stiffness < MAX_STIFFNESS;
         let mut pairs = self.factored.iter().zip(&self.stiffness).enumerate();
@@ -248,7 +238,7 @@ impl<S: Fluid> SparseSystem<S> {
             && pairs
                 .all(|(at, (&old, &new))| old == new || is_soft(old) && is_soft(new) && slides(at));
         if !fits {
-            self.assemble((problem, linear.states), pattern, rows);
+            self.assemble((problem, linear.active), pattern, rows);
             // If the factorisation fails, there is no factor.
             if std::mem::take(&mut self.is_factored) {
                 self.stiff_factor.factor_again(pattern)?;
@@ -282,9 +272,9 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
     fn solve(
         &mut self,
         problem: &Problem<S>,
-        states: &States,
+        states: &States<S>,
         last: bool,
-        forces: &mut Forces,
+        forces: &mut Forces<S>,
     ) -> Option<RoundoffThresholds> {
         self.active.list(problem, states);
         let linear = Linear {
@@ -299,7 +289,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         let square = |x: &[f64]| dot(x, x);
         let size = square(&system.applied[0])
             + square(&forces.normal)
-            + square(&forces.tangential)
+            + square(S::components(&forces.tangential))
             + MIN_FORCE * MIN_FORCE;
         // Self-balanced contact forces do not count in the tolerance relative to the applied
         // forces.
@@ -357,14 +347,14 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         })
     }
 
-    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces<S>) {
         // The motion under these forces: no contact is closed, and all forces are applied.
         let mut open = std::mem::take(&mut self.system.open_states);
         open.closed.clear();
         open.closed.resize(problem.normal.len(), false);
         open.friction.clear();
         open.friction
-            .resize(problem.tangential.len(), FrictionState::Inactive);
+            .resize(problem.friction.len(), FrictionState::Inactive);
         for (given, applied) in self.system.given.iter_mut().zip(&self.system.applied) {
             given.clone_from(applied);
         }
@@ -373,8 +363,10 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
                 entry.row.add(f, given);
             }
         }
-        for (entry, &t) in problem.tangential.iter().zip(&forces.tangential) {
-            entry.row.add(-t, &mut self.system.given[0]);
+        for (entry, t) in problem.friction.iter().zip(&forces.tangential) {
+            for (row, &t) in entry.rows.as_ref().iter().zip(t.as_ref()) {
+                row.add(-t, &mut self.system.given[0]);
+            }
         }
         let swap_applied = |system: &mut SparseSystem<S>| {
             std::mem::swap(&mut system.applied, &mut system.given);
@@ -392,7 +384,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         self.read(problem, forces);
     }
 
-    fn read_motion(&self, problem: &Problem<S>, forces: &mut Forces) -> bool {
+    fn read_motion(&self, problem: &Problem<S>, forces: &mut Forces<S>) -> bool {
         if self.system.has_motion {
             self.read(problem, forces);
         }
@@ -469,7 +461,7 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
     }
 
     /// Computes slack and slip from the current velocities.
-    fn read(&self, problem: &Problem<S>, forces: &mut Forces) {
+    fn read(&self, problem: &Problem<S>, forces: &mut Forces<S>) {
         let Forces {
             normal,
             tangential,
@@ -486,7 +478,13 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
             v
         };
         slip.clear();
-        let entries = problem.tangential.iter().zip(&*tangential);
-        slip.extend(entries.map(|(e, t)| e.row.read(flow) + e.shift - e.compliance * t));
+        let entries = problem.friction.iter().zip(&*tangential);
+        slip.extend(entries.map(|(e, t)| {
+            let mut z = e.shift;
+            for k in 0..S::TANGENTS {
+                z[k] = e.rows[k].read(flow) + z[k] - e.compliance * t[k];
+            }
+            z
+        }));
     }
 }

@@ -17,16 +17,16 @@ pub(crate) struct Normal<S: Space = Layer> {
     pub(crate) compliance: f64,
 }
 
-/// A friction row of one candidate: `z = D v + shift − compliance t`, `|t| ≤ ρ(f)`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Tangential<S: Space = Layer> {
+/// One friction force of one candidate: `z = D v + shift − compliance t`, `|t| ≤ ρ(f)`.
+#[derive(Clone, Copy)]
+pub(crate) struct Friction<S: Space = Layer> {
     /// Index of its candidate.
     pub(crate) contact: usize,
-    /// Row of D.
-    pub(crate) row: Row<S>,
+    /// Rows of D, along orthonormal directions.
+    pub(crate) rows: S::PerTangent<Row<S>>,
     /// Constant part of z, in a·rate: the background's contribution, and that of the spring force
     /// over the time span.
-    pub(crate) shift: f64,
+    pub(crate) shift: S::PerTangent<f64>,
     /// In a·rate per unit of force.
     pub(crate) compliance: f64,
     /// Coefficient of the bound `ρ(f) = max(0, coefficient f + intercept)` while friction is
@@ -42,7 +42,7 @@ pub(crate) struct Tangential<S: Space = Layer> {
     pub(crate) was_deactivated: bool,
 }
 
-impl<S: Space> Tangential<S> {
+impl<S: Space> Friction<S> {
     /// Bound ρ on |t| at a normal force f.
     pub(crate) fn bound(&self, f: f64) -> f64 {
         if !self.active {
@@ -52,12 +52,12 @@ impl<S: Space> Tangential<S> {
         (load_part + self.intercept).max(0.0)
     }
 
-    /// Friction force in a state other than sticking, at a normal force of either sign.
-    pub(crate) fn slipping_force(&self, state: FrictionState, f: f64) -> f64 {
-        match state {
-            FrictionState::Inactive | FrictionState::Stick => 0.0,
-            _ if self.follows_load() => state.sign() * (self.coefficient * f + self.intercept),
-            _ => state.sign() * self.intercept,
+    /// Friction force along the direction of a slip, at a normal force of either sign.
+    pub(crate) fn slipping_force(&self, f: f64) -> f64 {
+        if self.follows_load() {
+            self.coefficient * f + self.intercept
+        } else {
+            self.intercept
         }
     }
 
@@ -66,56 +66,69 @@ impl<S: Space> Tangential<S> {
     pub(crate) fn follows_load(&self) -> bool {
         self.coefficient > 0.0
     }
+
+    /// The row along a direction, given by its components in the rows.
+    pub(crate) fn row_along(&self, components: &S::PerTangent<f64>) -> Row<S> {
+        let mut row = self.rows[0].times(components[0]);
+        for k in 1..S::TANGENTS {
+            row = row.plus(components[k], &self.rows[k]);
+        }
+        row
+    }
 }
 
 /// One contact problem; see [`super`].
-#[derive(Default, Debug)]
 pub(crate) struct Problem<S: Space = Layer> {
     /// Candidates, ordered by (i, j).
     pub(crate) normal: Vec<Normal<S>>,
-    /// Friction rows, ordered by candidate; candidates without a row have no friction. Consecutive
-    /// rows, as many as slip has components, are along orthonormal directions: together they are
-    /// one vector with a bounded length.
-    pub(crate) tangential: Vec<Tangential<S>>,
-    /// Whether friction rows act on the motion v_N under normal forces alone, instead of v.
+    /// Friction forces, ordered by candidate; candidates without one have no friction.
+    pub(crate) friction: Vec<Friction<S>>,
+    /// Whether friction depends on the motion v_N under normal forces alone, instead of v.
     pub(crate) uses_frictionless_slip: bool,
 }
 
+impl<S: Space> Default for Problem<S> {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
+
 impl<S: Space> Problem<S> {
+    /// A problem with memory for that many candidates and twice as many friction forces.
+    pub(crate) fn new(candidates: usize) -> Self {
+        Self {
+            normal: Vec::with_capacity(candidates),
+            friction: Vec::with_capacity(2 * candidates),
+            uses_frictionless_slip: false,
+        }
+    }
+
     /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
-        self.tangential.clone_from(&other.tangential);
+        self.friction.clone_from(&other.friction);
         self.uses_frictionless_slip = other.uses_frictionless_slip;
     }
 
-    /// Reserves memory for that many candidates and twice as many friction vectors.
-    pub(crate) fn reserve(&mut self, candidates: usize) {
-        self.normal.reserve(candidates);
-        self.tangential.reserve(2 * S::TANGENTS * candidates);
+    /// Number of components of all friction forces.
+    pub(crate) fn friction_rows(&self) -> usize {
+        S::TANGENTS * self.friction.len()
     }
-}
 
-/// A friction row in the frame of a slide: along its direction or across it.
-pub(crate) struct RotatedRow<S: Space> {
-    pub(crate) row: Row<S>,
-    pub(crate) shift: f64,
-    /// Components of this row in the two rows of the vector.
-    pub(crate) components: [f64; 2],
-}
-
-impl<S: Space> Problem<S> {
-    /// Row `m` rotated to the frame of its slide: the first of the two rows is along the direction,
-    /// the second across it.
-    pub(crate) fn rotated_row(&self, slide: &Slide, m: usize) -> RotatedRow<S> {
-        let first = m - m % 2;
-        let [a, b] = [&self.tangential[first], &self.tangential[first + 1]];
-        let [c, s] = slide.direction;
-        let components = if m == first { [c, s] } else { [-s, c] };
-        RotatedRow {
-            row: a.row.combined(components[0], &b.row, components[1]),
-            shift: components[0] * a.shift + components[1] * b.shift,
-            components,
+    /// Sets the friction forces that an active set prescribes: zero, or by the load along the
+    /// direction of a slip. `in_frame`: whether the forces of slips are given in their frames.
+    pub(crate) fn prescribe(&self, states: &States<S>, forces: &mut Forces<S>, in_frame: bool) {
+        let entries = self.friction.iter().zip(&states.friction);
+        for ((entry, state), t) in entries.zip(&mut forces.tangential) {
+            match state {
+                FrictionState::Stick => {}
+                FrictionState::Inactive => *t = S::each_tangent(0.0),
+                FrictionState::Slip(slide) => {
+                    let mut rotated = if in_frame { *t } else { slide.rotate(t) };
+                    rotated[0] = entry.slipping_force(forces.normal[entry.contact]);
+                    *t = slide.rotate_back(&rotated);
+                }
+            }
         }
     }
 }
@@ -143,64 +156,69 @@ impl<'a> AppliedForces<'a> {
     }
 }
 
-/// Friction state of one row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FrictionState {
+/// Slip velocity, in a·rate, expected of a slide before the first linear system.
+const EXPECTED_SLIP: f64 = 0.3;
+
+/// State of one friction force.
+#[derive(Clone, Copy)]
+pub(crate) enum FrictionState<S: Space = Layer> {
     /// No friction force: friction is not active, or there is no load.
     Inactive,
     /// |t| below the bound and z = 0.
     Stick,
-    /// t = ρ; in a suspension t = ρ d, with the direction d of a [`Slide`].
-    SlipPositive,
-    /// t = −ρ.
-    SlipNegative,
+    /// t = ρ d, with the direction d of the slide.
+    Slip(Slide<S>),
 }
 
-impl FrictionState {
-    /// The slipping state with a force of the given sign.
-    pub(crate) fn slipping(towards: f64) -> Self {
-        if towards > 0.0 {
-            Self::SlipPositive
-        } else {
-            Self::SlipNegative
-        }
-    }
-
-    /// The state of a row, inferred from its unbounded force.
-    pub(crate) fn from_force(force: f64, bound: f64) -> Self {
+impl<S: Space> FrictionState<S> {
+    /// The state that follows from an unbounded force.
+    pub(crate) fn from_force(force: &S::PerTangent<f64>, bound: f64) -> Self {
+        let length = S::length(force);
         if bound == 0.0 {
             Self::Inactive
-        } else if force.abs() < bound * (1.0 - 1e-12) {
+        } else if length < bound * (1.0 - 1e-12) {
             Self::Stick
         } else {
-            Self::slipping(force)
+            Self::Slip(Slide::along(force, length, EXPECTED_SLIP / bound))
         }
     }
 
-    /// Sign of the force of a slipping row; 0 in other states.
-    pub(crate) fn sign(self) -> f64 {
+    /// Whether the other state differs, apart from the direction of a slide.
+    pub(crate) fn differs_from(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) != std::mem::discriminant(other)
+    }
+
+    /// Whether component `d` sticks, in the frame of a slide: across its direction it does.
+    pub(crate) fn sticks(&self, d: usize) -> bool {
         match self {
-            Self::SlipPositive => 1.0,
-            Self::SlipNegative => -1.0,
-            Self::Inactive | Self::Stick => 0.0,
+            Self::Inactive => false,
+            Self::Stick => true,
+            Self::Slip(_) => d > 0,
         }
     }
 }
 
-/// The active set: the state of each candidate and each friction row. For a given active set the
+/// The active set: the state of each candidate and each friction force. For a given active set the
 /// problem is linear.
-#[derive(Debug, Default)]
-pub(crate) struct States {
+#[derive(Default)]
+pub(crate) struct States<S: Space = Layer> {
     /// Whether each candidate is closed.
     pub(crate) closed: Vec<bool>,
-    /// State of each row. In a suspension both rows of a vector have the same state.
-    pub(crate) friction: Vec<FrictionState>,
-    /// Linearised slip of each friction vector in a suspension; empty where slip has one component.
-    pub(crate) slides: Vec<Slide>,
+    pub(crate) friction: Vec<FrictionState<S>>,
 }
 
-/// Linearised slip in a suspension, where the direction rotates with the forces. Vectors are given
-/// by their components in the two rows.
+impl<S: Space> States<S> {
+    /// States with memory for that many candidates and twice as many friction forces.
+    pub(crate) fn new(candidates: usize) -> Self {
+        Self {
+            closed: Vec::with_capacity(candidates),
+            friction: Vec::with_capacity(2 * candidates),
+        }
+    }
+}
+
+/// Linearised slip. In a suspension its direction rotates with the forces. Vectors are given by
+/// their components in the rows.
 ///
 /// ```text
 /// t = ρ(f) p/|p|,  p = t + z/G       linearised about the current p, with d = p/|p| and e ⟂ d:
@@ -208,127 +226,113 @@ pub(crate) struct States {
 /// ```
 /// Along d the contact slips as in a layer; along e it sticks, with a compliance (Alart & Curnier
 /// 1991).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Slide {
-    /// d, by its components in the rows.
-    pub(crate) direction: [f64; 2],
+#[derive(Clone, Copy)]
+pub(crate) struct Slide<S: Space = Layer> {
+    /// d; in a layer ±1.
+    pub(crate) direction: S::PerTangent<f64>,
     /// c, in a·rate per unit of force.
     pub(crate) compliance: f64,
 }
 
-impl Slide {
-    /// A slide whose direction is not known yet.
-    pub(crate) const NONE: Self = Self {
-        direction: [1.0, 0.0],
-        compliance: 0.0,
-    };
+impl<S: Space> Slide<S> {
+    /// A slide along a vector of the given length; along any direction if that is 0.
+    fn along(vector: &S::PerTangent<f64>, length: f64, compliance: f64) -> Self {
+        let mut direction = *vector;
+        if length > 0.0 {
+            for x in direction.as_mut() {
+                *x /= length;
+            }
+        } else {
+            direction[0] = -1.0;
+        }
+        Self {
+            direction,
+            compliance,
+        }
+    }
 
     /// The slide of a trial force p with a `length` above the bound ρ ≥ 0; `self_mobility` is G.
     pub(crate) fn from_trial(
-        [x, y]: [f64; 2],
+        trial: &S::PerTangent<f64>,
         length: f64,
         bound: f64,
         self_mobility: f64,
     ) -> Self {
-        Self {
-            direction: [x / length, y / length],
-            compliance: if bound > 0.0 {
-                self_mobility * ((length - bound) / bound).max(0.0)
-            } else {
-                f64::INFINITY
-            },
-        }
+        let compliance = if bound > 0.0 {
+            self_mobility * ((length - bound) / bound).max(0.0)
+        } else {
+            f64::INFINITY
+        };
+        Self::along(trial, length, compliance)
     }
 
     /// Components along d and e of a vector given by its components in the rows.
-    pub(crate) fn rotate(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.direction;
-        [c * x + s * y, c * y - s * x]
+    pub(crate) fn rotate(&self, vector: &S::PerTangent<f64>) -> S::PerTangent<f64> {
+        self.rotated(vector, 1.0)
     }
 
     /// The inverse of [`Slide::rotate`].
-    pub(crate) fn rotate_back(&self, [d, e]: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.direction;
-        [c * d - s * e, s * d + c * e]
+    pub(crate) fn rotate_back(&self, vector: &S::PerTangent<f64>) -> S::PerTangent<f64> {
+        self.rotated(vector, -1.0)
+    }
+
+    /// A vector rotated by the angle of the direction times −`sense`.
+    fn rotated(&self, vector: &S::PerTangent<f64>, sense: f64) -> S::PerTangent<f64> {
+        let mut rotated = *vector;
+        match (self.direction.as_ref(), rotated.as_mut()) {
+            (&[c, s], [x, y]) => [*x, *y] = [c * *x + sense * s * *y, c * *y - sense * s * *x],
+            (&[sign, ..], rotated) => rotated[0] *= sign,
+            ([], _) => {}
+        }
+        rotated
+    }
+
+    /// Components in the rows of axis `k` of its frame: d, then e.
+    pub(crate) fn axis(&self, k: usize) -> S::PerTangent<f64> {
+        let mut unit = S::each_tangent(0.0);
+        unit[k] = 1.0;
+        self.rotate_back(&unit)
+    }
+
+    /// Sign of the force on rows that are rotated only where slip has several components.
+    pub(crate) fn sign(&self) -> f64 {
+        if S::TANGENTS == 1 {
+            self.direction[0]
+        } else {
+            1.0
+        }
     }
 }
 
-impl States {
-    /// Removes all friction states.
-    pub(crate) fn clear_friction(&mut self) {
-        self.friction.clear();
-        self.slides.clear();
-    }
+/// Forces, and the velocities that correspond to them.
+pub(crate) struct Forces<S: Space = Layer> {
+    /// f of each candidate, in mu·a²·rate.
+    pub(crate) normal: Vec<f64>,
+    /// t of each friction force.
+    pub(crate) tangential: Vec<S::PerTangent<f64>>,
+    /// w of each candidate, in a·rate.
+    pub(crate) slack: Vec<f64>,
+    /// z of each friction force.
+    pub(crate) slip: Vec<S::PerTangent<f64>>,
+}
 
-    /// Adds the state of a friction vector, inferred from its unbounded force.
-    pub(crate) fn push_friction<S: Space>(&mut self, force: &S::PerTangent<f64>, bound: f64) {
-        let [x, y] = *force.as_ref() else {
-            let states = force.as_ref().iter();
-            self.friction
-                .extend(states.map(|&t| FrictionState::from_force(t, bound)));
-            return;
-        };
-        let length = x.hypot(y);
-        let mut slide = Slide::NONE;
-        let state = match FrictionState::from_force(length, bound) {
-            FrictionState::SlipPositive if length > 0.0 => {
-                slide.direction = [x / length, y / length];
-                slide.compliance = EXPECTED_SLIP / bound;
-                FrictionState::SlipPositive
-            }
-            FrictionState::Inactive => FrictionState::Inactive,
-            _ => FrictionState::Stick,
-        };
-        self.friction.extend([state; 2]);
-        self.slides.push(slide);
+impl<S: Space> Default for Forces<S> {
+    fn default() -> Self {
+        Self::new(0)
     }
+}
 
-    /// Sign of the force of row `m` if it is proportional to the load; 0 for others.
-    pub(crate) fn sign(&self, m: usize) -> f64 {
-        // In the frame of a slide, the first row slips and the second sticks.
-        if self.slide(m).is_some() && m % 2 == 1 {
-            0.0
-        } else {
-            self.friction[m].sign()
+impl<S: Space> Forces<S> {
+    /// Forces with memory for that many candidates and twice as many friction forces.
+    pub(crate) fn new(candidates: usize) -> Self {
+        Self {
+            normal: Vec::with_capacity(candidates),
+            tangential: Vec::with_capacity(2 * candidates),
+            slack: Vec::with_capacity(candidates),
+            slip: Vec::with_capacity(2 * candidates),
         }
     }
 
-    /// Whether row `m`, in the frame of its slide if it slides, sticks.
-    pub(crate) fn sticks(&self, m: usize) -> bool {
-        self.friction[m] == FrictionState::Stick || self.slide(m).is_some() && m % 2 == 1
-    }
-
-    /// The slide of the vector that row `m` belongs to, if it slides in a suspension.
-    pub(crate) fn slide(&self, m: usize) -> Option<&Slide> {
-        let slide = self.slides.get(m / 2)?;
-        (self.friction[m] == FrictionState::SlipPositive).then_some(slide)
-    }
-
-    /// Reserves memory for that many candidates and twice as many friction vectors.
-    pub(crate) fn reserve(&mut self, candidates: usize) {
-        self.closed.reserve(candidates);
-        self.friction.reserve(4 * candidates);
-        self.slides.reserve(2 * candidates);
-    }
-}
-
-/// Slip velocity, in a·rate, expected of a slide before the first linear system.
-const EXPECTED_SLIP: f64 = 0.3;
-
-/// Forces, and the velocities that correspond to them.
-#[derive(Debug, Default)]
-pub(crate) struct Forces {
-    /// f of each candidate, in mu·a²·rate.
-    pub(crate) normal: Vec<f64>,
-    /// t of each row.
-    pub(crate) tangential: Vec<f64>,
-    /// w of each candidate, in a·rate.
-    pub(crate) slack: Vec<f64>,
-    /// z of each row.
-    pub(crate) slip: Vec<f64>,
-}
-
-impl Forces {
     /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
@@ -337,45 +341,35 @@ impl Forces {
         self.slip.clone_from(&other.slip);
     }
 
-    /// Reserves memory for that many candidates and twice as many friction vectors.
-    pub(crate) fn reserve(&mut self, candidates: usize) {
-        self.normal.reserve(candidates);
-        self.slack.reserve(candidates);
-        self.tangential.reserve(4 * candidates);
-        self.slip.reserve(4 * candidates);
-    }
-
-    /// Removes all forces.
-    pub(crate) fn clear(&mut self) {
-        for values in [
-            &mut self.normal,
-            &mut self.tangential,
-            &mut self.slack,
-            &mut self.slip,
-        ] {
-            values.clear();
-        }
+    /// Sets all forces to zero, of as many candidates and friction forces as the problem has.
+    pub(crate) fn reset(&mut self, problem: &Problem<S>) {
+        self.normal.clear();
+        self.normal.resize(problem.normal.len(), 0.0);
+        self.tangential.clear();
+        self.tangential
+            .resize(problem.friction.len(), S::each_tangent(0.0));
     }
 
     /// Projects forces onto their bounds.
-    pub(crate) fn project_onto_bounds<S: Space>(&mut self, problem: &Problem<S>) {
+    pub(crate) fn project_onto_bounds(&mut self, problem: &Problem<S>) {
         for f in &mut self.normal {
             *f = f.max(0.0);
         }
-        let slips = S::by_slip_mut(&mut self.tangential).iter_mut();
-        for (t, rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
-            let bound = rows[0].bound(self.normal[rows[0].contact]);
-            *t = S::within(t, bound);
+        for (t, entry) in self.tangential.iter_mut().zip(&problem.friction) {
+            *t = S::within(t, entry.bound(self.normal[entry.contact]));
         }
     }
 
     /// Halves the step from `from` to these forces, whose slack and slip are known.
     pub(crate) fn halve_step(&mut self, from: &Self) {
         for (values, from) in [
-            (&mut self.normal, &from.normal),
-            (&mut self.tangential, &from.tangential),
+            (&mut self.normal[..], &from.normal[..]),
             (&mut self.slack, &from.slack),
-            (&mut self.slip, &from.slip),
+            (
+                S::components_mut(&mut self.tangential),
+                S::components(&from.tangential),
+            ),
+            (S::components_mut(&mut self.slip), S::components(&from.slip)),
         ] {
             for (x, x_from) in values.iter_mut().zip(from) {
                 *x = 0.5 * (*x + x_from);
@@ -384,9 +378,9 @@ impl Forces {
     }
 
     /// Evaluates the violation of the conditions by forces whose slack and slip are known:
-    /// `min(G f, w)` of each candidate, and `|t − P(t + z/G)|` of each friction vector, where P
+    /// `min(G f, w)` of each candidate, and `|t − P(t + z/G)|` of each friction force, where P
     /// projects onto the bound ρ. `mobility` returns the G of a candidate.
-    fn violations<S: Space>(
+    fn violations(
         &self,
         problem: &Problem<S>,
         mobility: impl Fn(usize) -> f64,
@@ -396,17 +390,10 @@ impl Forces {
         for (k, &f) in self.normal.iter().enumerate() {
             normal(k, (mobility(k) * f).min(self.slack[k]));
         }
-        let slips = S::by_slip(&self.tangential)
-            .iter()
-            .zip(S::by_slip(&self.slip));
-        for ((t, z), rows) in slips.zip(problem.tangential.chunks_exact(S::TANGENTS)) {
-            let row = &rows[0];
-            let bound = row.bound(self.normal[row.contact]);
-            let self_mobility = mobility(row.contact) + row.compliance;
-            let mut trial = *t;
-            for k in 0..S::TANGENTS {
-                trial[k] += z[k] / self_mobility;
-            }
+        let pairs = self.tangential.iter().zip(&self.slip);
+        for ((t, z), entry) in pairs.zip(&problem.friction) {
+            let bound = entry.bound(self.normal[entry.contact]);
+            let trial = trial_force::<S>(t, z, mobility(entry.contact) + entry.compliance);
             let mut difference = S::within(&trial, bound);
             for k in 0..S::TANGENTS {
                 difference[k] = t[k] - difference[k];
@@ -417,11 +404,7 @@ impl Forces {
 
     /// Sum of the squared violations of the conditions by these forces, whose slack and slip are
     /// known.
-    pub(crate) fn square_violation<S: Space>(
-        &self,
-        problem: &Problem<S>,
-        system: &impl System<S>,
-    ) -> f64 {
+    pub(crate) fn square_violation(&self, problem: &Problem<S>, system: &impl System<S>) -> f64 {
         let (mut normal, mut friction) = (0.0, 0.0);
         self.violations(
             problem,
@@ -434,7 +417,7 @@ impl Forces {
 
     /// The quality of these forces, whose slack and slip are known, as a solution: it is measured
     /// alike for any linear algebra, with [`TYPICAL_MOBILITY`] as G.
-    pub(crate) fn quality<S: Space>(&self, problem: &Problem<S>) -> Quality {
+    pub(crate) fn quality(&self, problem: &Problem<S>) -> Quality {
         let (mut residual, mut error) = (0.0_f64, 0.0_f64);
         let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
         self.violations(
@@ -459,6 +442,19 @@ impl Forces {
             systems: 0,
         }
     }
+}
+
+/// The trial force `p = t + z/G` of the projection onto a bound, with G = `self_mobility`.
+pub(crate) fn trial_force<S: Space>(
+    t: &S::PerTangent<f64>,
+    z: &S::PerTangent<f64>,
+    self_mobility: f64,
+) -> S::PerTangent<f64> {
+    let mut trial = *t;
+    for k in 0..S::TANGENTS {
+        trial[k] += z[k] / self_mobility;
+    }
+    trial
 }
 
 /// Typical normal velocity of a contact under a unit of its own force, in 1/(mu·a).
@@ -494,18 +490,18 @@ pub(crate) trait System<S: Space = Layer> {
     fn solve(
         &mut self,
         problem: &Problem<S>,
-        states: &States,
+        states: &States<S>,
         last: bool,
-        forces: &mut Forces,
+        forces: &mut Forces<S>,
     ) -> Option<RoundoffThresholds>;
 
     /// Sets slack and slip from the motion of the preceding solution; returns whether there is one.
-    fn read_motion(&self, _problem: &Problem<S>, _forces: &mut Forces) -> bool {
+    fn read_motion(&self, _problem: &Problem<S>, _forces: &mut Forces<S>) -> bool {
         false
     }
 
     /// Sets slack and slip of given forces.
-    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces);
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces<S>);
 
     /// Approximate normal velocity of a contact under a unit of its own force; in a·rate per unit
     /// of force.

@@ -1,14 +1,20 @@
-//! The conditions of the contact problem on random networks, under every law.
+//! The conditions of the contact problem on random networks, in layers and suspensions, under every
+//! law; and the solution by an interior-point method.
 
 use super::ProblemSolver;
 use super::newton::FrictionActivation;
 use super::statement::{
-    Forces, FrictionState, Normal, Problem, RoundoffThresholds, States, System, Tangential, largest,
+    Forces, Friction, FrictionState, Normal, Problem, RoundoffThresholds, States, System, largest,
 };
 use crate::contact::row::Row;
 use crate::contact::{Quality, Status};
+use crate::space::{Bulk, Layer, Space};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
+use proptest::test_runner::TestCaseError;
 
 /// Mobility of the contacts in a synthetic network: Gram matrices of random columns.
 struct Network {
@@ -18,9 +24,10 @@ struct Network {
 }
 
 impl Network {
-    /// `columns`: those of the normal forces, then those of friction, contact by contact.
-    fn new(columns: &[Vec<f64>], law: Law) -> Self {
-        let (rows, isolated) = (law.rows(), law.isolated);
+    /// `columns`: those of the normal forces, then those of the components of friction, contact by
+    /// contact.
+    fn new<S: Space>(columns: &[Vec<f64>], law: Law) -> Self {
+        let (rows, isolated) = (S::TANGENTS * law.forces(), law.isolated);
         let count = columns.len() / (1 + rows);
         let matrix = |part: &[Vec<f64>]| DMatrix::from_fn(24, part.len(), |row, k| part[k][row]);
         let (normal, tangential) = columns.split_at(count);
@@ -36,31 +43,34 @@ impl Network {
         }
     }
 
-    /// w and z of given forces.
-    fn velocities(&self, problem: &Problem, forces: &Forces) -> [DVector<f64>; 2] {
+    /// w, and the components of z, of given forces.
+    fn velocities<S: Space>(&self, problem: &Problem<S>, forces: &Forces<S>) -> [DVector<f64>; 2] {
         let f = DVector::from_column_slice(&forces.normal);
-        let t = DVector::from_column_slice(&forces.tangential);
+        let t = DVector::from_column_slice(S::components(&forces.tangential));
         let mut w = &self.normal * &f - self.coupling.transpose() * &t;
         let mut z = &self.coupling * &f - &self.tangential * &t;
         for (k, entry) in problem.normal.iter().enumerate() {
             w[k] += entry.bias + entry.compliance * f[k];
         }
-        for (m, entry) in problem.tangential.iter().enumerate() {
-            z[m] += entry.shift - entry.compliance * t[m];
+        for (k, entry) in problem.friction.iter().enumerate() {
+            for d in 0..S::TANGENTS {
+                let m = S::TANGENTS * k + d;
+                z[m] += entry.shift[d] - entry.compliance * t[m];
+            }
         }
         [w, z]
     }
 }
 
-impl System for Network {
+impl<S: Space> System<S> for Network {
     fn solve(
         &mut self,
-        problem: &Problem,
-        states: &States,
+        problem: &Problem<S>,
+        states: &States<S>,
         _: bool,
-        forces: &mut Forces,
+        forces: &mut Forces<S>,
     ) -> Option<RoundoffThresholds> {
-        let (count, rows) = (problem.normal.len(), problem.tangential.len());
+        let (count, rows) = (problem.normal.len(), problem.friction_rows());
         let mut matrix = DMatrix::identity(count + rows, count + rows);
         let mut rhs = DVector::zeros(count + rows);
         for k in 0..count {
@@ -76,25 +86,42 @@ impl System for Network {
                 rhs[k] = -problem.normal[k].bias;
             }
         }
-        for (m, entry) in problem.tangential.iter().enumerate() {
-            let row = count + m;
-            match states.friction[m] {
-                FrictionState::Stick => {
-                    matrix[(row, row)] = 0.0;
+        for (k, (entry, state)) in problem.friction.iter().zip(&states.friction).enumerate() {
+            let first = S::TANGENTS * k;
+            for d in 0..S::TANGENTS {
+                let row = count + first + d;
+                let (axis, compliance) = match state {
+                    FrictionState::Inactive => continue,
+                    FrictionState::Stick => {
+                        let mut axis = S::each_tangent(0.0);
+                        axis[d] = 1.0;
+                        (axis, entry.compliance)
+                    }
+                    FrictionState::Slip(slide) => {
+                        (slide.axis(d), entry.compliance + slide.compliance)
+                    }
+                };
+                matrix[(row, row)] = 0.0;
+                let slips = d == 0 && matches!(state, FrictionState::Slip(_));
+                if slips {
+                    if entry.follows_load() && states.closed[entry.contact] {
+                        matrix[(row, entry.contact)] = -entry.coefficient;
+                    }
+                    rhs[row] = entry.intercept;
+                }
+                for (e, &x) in axis.as_ref().iter().enumerate() {
+                    if slips {
+                        matrix[(row, count + first + e)] = x;
+                        continue;
+                    }
                     for l in 0..count {
-                        matrix[(row, l)] = self.coupling[(m, l)];
+                        matrix[(row, l)] += x * self.coupling[(first + e, l)];
                     }
                     for l in 0..rows {
-                        matrix[(row, count + l)] -= self.tangential[(m, l)];
+                        matrix[(row, count + l)] -= x * self.tangential[(first + e, l)];
                     }
-                    matrix[(row, row)] -= entry.compliance;
-                    rhs[row] = -entry.shift;
-                }
-                state => {
-                    if entry.follows_load() && states.closed[entry.contact] {
-                        matrix[(row, entry.contact)] = -state.sign() * entry.coefficient;
-                    }
-                    rhs[row] = state.sign() * entry.intercept;
+                    matrix[(row, count + first + e)] -= x * compliance;
+                    rhs[row] -= x * entry.shift[e];
                 }
             }
         }
@@ -102,8 +129,9 @@ impl System for Network {
         if !solution.iter().all(|x| x.is_finite()) {
             return None;
         }
-        forces.normal = solution.as_slice()[..count].to_vec();
-        forces.tangential = solution.as_slice()[count..].to_vec();
+        forces.reset(problem);
+        forces.normal.copy_from_slice(&solution.as_slice()[..count]);
+        S::components_mut(&mut forces.tangential).copy_from_slice(&solution.as_slice()[count..]);
         self.measure(problem, forces);
         Some(RoundoffThresholds {
             force: 1e-13 * solution.amax(),
@@ -112,10 +140,12 @@ impl System for Network {
         })
     }
 
-    fn measure(&mut self, problem: &Problem, forces: &mut Forces) {
+    fn measure(&mut self, problem: &Problem<S>, forces: &mut Forces<S>) {
         let [w, z] = self.velocities(problem, forces);
         forces.slack = w.as_slice().to_vec();
-        forces.slip = z.as_slice().to_vec();
+        let zero = S::each_tangent(0.0);
+        forces.slip.resize(problem.friction.len(), zero);
+        S::components_mut(&mut forces.slip).copy_from_slice(z.as_slice());
     }
 
     fn mobility(&self, candidate: usize) -> f64 {
@@ -133,15 +163,15 @@ struct Law {
     compliance: f64,
     tangential_compliance: f64,
     friction: f64,
-    /// Coefficient of a second row, for rolling friction; 0 without it.
+    /// Coefficient of a second force, for rolling friction; 0 without it.
     rolling: f64,
     offset: f64,
     isolated: bool,
 }
 
 impl Law {
-    /// Number of friction rows of a contact.
-    fn rows(self) -> usize {
+    /// Number of friction forces of a contact.
+    fn forces(self) -> usize {
         1 + usize::from(self.rolling > 0.0)
     }
 }
@@ -188,27 +218,26 @@ fn rigid_coulomb(friction: f64) -> Law {
 }
 
 /// The problem of a law.
-fn problem_of(law: Law, count: usize, given: &[f64]) -> Problem {
-    let row = Row {
-        spheres: [0, 1],
-        weights: [0.0; 6],
-    };
-    let mut problem = Problem {
-        uses_frictionless_slip: law.isolated,
-        ..Problem::default()
-    };
+fn problem_of<S: Space>(law: Law, count: usize, given: &[f64]) -> Problem<S> {
+    let row = Row::normal([0, 1], &S::Vector::default());
+    let mut problem = Problem::new(count);
+    problem.uses_frictionless_slip = law.isolated;
     for k in 0..count {
         problem.normal.push(Normal {
             row,
-            bias: given[k],
+            bias: given[k % 10],
             compliance: law.compliance,
         });
         let coefficients = [law.friction, law.rolling];
-        for (which, coefficient) in coefficients.into_iter().take(law.rows()).enumerate() {
-            problem.tangential.push(Tangential {
+        for (which, coefficient) in coefficients.into_iter().take(law.forces()).enumerate() {
+            let mut shift = S::each_tangent(0.0);
+            for (d, x) in shift.as_mut().iter_mut().enumerate() {
+                *x = given[10 + (k + which + 3 * d) % 10];
+            }
+            problem.friction.push(Friction {
                 contact: k,
-                row,
-                shift: given[10 + (k + which) % 10],
+                rows: S::each_tangent(row),
+                shift,
                 compliance: law.tangential_compliance,
                 coefficient,
                 intercept: -coefficient * law.offset,
@@ -227,22 +256,180 @@ const FIXED_ACTIVATION: FrictionActivation = FrictionActivation {
 };
 
 /// Solves the problem of a law, starting with all contacts closed.
-fn solve(
+fn solve<S: Space>(
     law: Law,
     network: &mut Network,
     given: &[f64],
     activation: FrictionActivation,
-) -> (Problem, ProblemSolver, Quality) {
+) -> (Problem<S>, ProblemSolver<S>, Quality) {
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
-    let mut solver = ProblemSolver::default();
+    let mut solver = ProblemSolver::new(count);
     solver.states.closed.resize(count, true);
-    let rows = problem.tangential.len();
-    solver.states.friction.resize(rows, FrictionState::Stick);
-    solver.forces.normal.resize(count, 0.0);
-    solver.forces.tangential.resize(rows, 0.0);
+    let frictions = problem.friction.len();
+    let states = &mut solver.states.friction;
+    states.resize(frictions, FrictionState::Stick);
+    solver.forces.reset(&problem);
     let outcome = solver.solve(&mut problem, network, activation, None, |_, _| 0);
     (problem, solver, outcome)
+}
+
+/// Solves with every law and evaluates the conditions independently of the solver.
+fn conditions_hold<S: Space>(columns: &[Vec<f64>], given: &[f64]) -> Result<(), TestCaseError> {
+    for law in laws() {
+        let mut network = Network::new::<S>(columns, law);
+        let (mut problem, mut solver, outcome) =
+            solve::<S>(law, &mut network, given, FIXED_ACTIVATION);
+        prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
+        let forces = &solver.forces;
+        let [w, z] = network.velocities(&problem, forces);
+        for (k, &f) in forces.normal.iter().enumerate() {
+            prop_assert!(
+                f >= 0.0 && w[k] > -1e-9 && f * w[k] < 1e-8,
+                "{law:?}: {f} {}",
+                w[k]
+            );
+        }
+        // Tolerance of friction, relative to the largest force.
+        let exact = Quality::FRICTION_LIMIT * largest(&forces.normal);
+        for (k, entry) in problem.friction.iter().enumerate() {
+            let t = DVector::from_column_slice(forces.tangential[k].as_ref());
+            let z = z.rows(S::TANGENTS * k, S::TANGENTS);
+            let f = forces.normal[entry.contact];
+            let acts = entry.active && f > law.offset;
+            let bound = if acts {
+                entry.coefficient * (f - law.offset)
+            } else {
+                0.0
+            };
+            prop_assert!(t.norm() <= bound + exact, "{law:?}: {t} of {bound}");
+            if bound <= exact {
+                continue;
+            }
+            if t.norm() < bound - exact {
+                prop_assert!(z.norm() < 1e-8, "{law:?}: {z} inside the bound");
+            } else {
+                let direction = &t / t.norm();
+                let along = z.dot(&direction);
+                let across = (&z - &direction * along).norm();
+                prop_assert!(
+                    along > -1e-8 && across < 1e-6,
+                    "{law:?}: {z} at {t}, the bound"
+                );
+            }
+        }
+        // With friction bounds held at the loads of the solution it is found from zero forces.
+        let (normal, tangential) = (forces.normal.clone(), forces.tangential.clone());
+        solver.forces.reset(&problem);
+        let held = Some(&normal[..]);
+        let again = solver.solve(&mut problem, &mut network, FIXED_ACTIVATION, held, |_, _| 0);
+        prop_assert!(again.status == Status::Solved, "{law:?}: {again:?}");
+        let tolerance = 1e-6 * (1.0 + largest(&normal));
+        let found = &solver.forces;
+        for (expected, found) in [
+            (&normal[..], &found.normal[..]),
+            (S::components(&tangential), S::components(&found.tangential)),
+        ] {
+            for (a, b) in expected.iter().zip(found) {
+                prop_assert!((a - b).abs() < tolerance, "{law:?}: {a} {b}");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Compares the motion with that of an interior-point method, which minimises a convex function of
+/// the forces. The bounds of friction are those of the solution:
+///
+/// ```text
+/// minimise   fᵀ (G_nn + κ) f/2 − fᵀ G_nt t + tᵀ (G_tt + μ) t/2 + bᵀ f − dᵀ t
+/// subject to f ≥ 0,  |t_k| ≤ ρ_k          its gradient is (w, −z)
+/// ```
+fn motion_is_the_convex_minimum<S: Space>(
+    columns: &[Vec<f64>],
+    given: &[f64],
+) -> Result<(), TestCaseError> {
+    let laws = laws().into_iter().filter(|law| !law.isolated);
+    for law in laws.chain([rigid_coulomb(0.3)]) {
+        let mut network = Network::new::<S>(columns, law);
+        let (problem, solver, outcome) = solve::<S>(law, &mut network, given, FIXED_ACTIVATION);
+        if law.compliance < 1e-9 && outcome.jammed() {
+            continue;
+        }
+        prop_assert!(outcome.residual < 1e-9, "{law:?}: {outcome:?}");
+        let forces = &solver.forces;
+        let (count, size) = (
+            problem.normal.len(),
+            problem.normal.len() + problem.friction_rows(),
+        );
+        let mut quadratic = DMatrix::zeros(size, size);
+        let mut linear = vec![0.0; size];
+        quadratic
+            .view_mut((0, 0), (count, count))
+            .copy_from(&network.normal);
+        let rows = size - count;
+        quadratic
+            .view_mut((count, count), (rows, rows))
+            .copy_from(&network.tangential);
+        let coupling = -network.coupling.transpose();
+        quadratic
+            .view_mut((0, count), (count, rows))
+            .copy_from(&coupling);
+        for (k, entry) in problem.normal.iter().enumerate() {
+            quadratic[(k, k)] += entry.compliance;
+            linear[k] = entry.bias;
+        }
+        let mut b = vec![0.0; count];
+        let mut cones = vec![NonnegativeConeT(count)];
+        let mut entries: Vec<_> = (0..count).map(|k| (k, k)).collect();
+        for (k, entry) in problem.friction.iter().enumerate() {
+            b.push(entry.bound(forces.normal[entry.contact]));
+            cones.push(SecondOrderConeT(1 + S::TANGENTS));
+            for d in 0..S::TANGENTS {
+                let m = count + S::TANGENTS * k + d;
+                quadratic[(m, m)] += entry.compliance;
+                linear[m] = -entry.shift[d];
+                entries.push((b.len(), m));
+                b.push(0.0);
+            }
+        }
+        let (rows, columns) = entries.iter().copied().unzip();
+        let values = vec![-1.0; entries.len()];
+        let a = CscMatrix::new_from_triplets(b.len(), size, rows, columns, values);
+        let upper: Vec<(usize, usize)> = (0..size)
+            .flat_map(|j| (0..=j).map(move |i| (i, j)))
+            .collect();
+        let values = upper.iter().map(|&at| quadratic[at]).collect();
+        let (rows, columns) = upper.iter().copied().unzip();
+        let p = CscMatrix::new_from_triplets(size, size, rows, columns, values);
+        let settings = DefaultSettings {
+            verbose: false,
+            tol_gap_abs: 1e-11,
+            tol_gap_rel: 1e-11,
+            tol_feas: 1e-11,
+            ..DefaultSettings::default()
+        };
+        let mut method = DefaultSolver::new(&p, &linear, &a, &b, &cones, settings).unwrap();
+        method.solve();
+        let status = method.solution.status;
+        prop_assert!(
+            matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved),
+            "{law:?}: {status:?}"
+        );
+        let mut expected = Forces::<S>::default();
+        expected.reset(&problem);
+        expected.normal.copy_from_slice(&method.solution.x[..count]);
+        S::components_mut(&mut expected.tangential).copy_from_slice(&method.solution.x[count..]);
+        let (found, expected) = (
+            network.velocities(&problem, forces),
+            network.velocities(&problem, &expected),
+        );
+        for (found, expected) in found.iter().zip(&expected) {
+            let error = (found - expected).amax();
+            prop_assert!(error < 1e-5 * (1.0 + expected.amax()), "{law:?}: {error}");
+        }
+    }
+    Ok(())
 }
 
 proptest! {
@@ -265,12 +452,19 @@ proptest! {
             .collect();
         for friction in [1.0, 10.0] {
             let law = rigid_coulomb(friction);
-            let mut network = Network::new(&columns, law);
-            let (_, _, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
-            prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
-            let jammed = outcome.status == Status::NoAdmissibleMotion;
-            let residual = outcome.residual;
-            prop_assert!(jammed || residual <= Quality::RESIDUAL_LIMIT, "ν = {friction}: {outcome:?}");
+            let outcomes = [
+                solve::<Layer>(law, &mut Network::new::<Layer>(&columns, law), &given, FIXED_ACTIVATION).2,
+                solve::<Bulk>(law, &mut Network::new::<Bulk>(&columns, law), &given, FIXED_ACTIVATION).2,
+            ];
+            for outcome in outcomes {
+                prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
+                let jammed = outcome.status == Status::NoAdmissibleMotion;
+                let residual = outcome.residual;
+                prop_assert!(
+                    jammed || residual <= Quality::RESIDUAL_LIMIT,
+                    "ν = {friction}: {outcome:?}"
+                );
+            }
         }
     }
 
@@ -280,66 +474,54 @@ proptest! {
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
         for law in laws().into_iter().filter(|law| law.offset == 0.0) {
-            let mut network = Network::new(&columns, law);
+            let mut network = Network::new::<Layer>(&columns, law);
             let activation = FrictionActivation { critical_load: 0.05, updates: true };
-            let (problem, solver, outcome) = solve(law, &mut network, &given, activation);
+            let (problem, solver, outcome) =
+                solve::<Layer>(law, &mut network, &given, activation);
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
-            for row in &problem.tangential {
-                let loaded = solver.forces.normal[row.contact] > activation.critical_load;
+            for entry in &problem.friction {
+                let load = solver.forces.normal[entry.contact];
+                let loaded = load > activation.critical_load;
                 // Friction that was deactivated once and reactivated stays active.
-                prop_assert!(row.active == loaded || row.was_deactivated, "{law:?}: {row:?}");
+                prop_assert!(entry.active == loaded || entry.was_deactivated, "{law:?}: {load}");
             }
         }
     }
 
     #[test]
-    fn conditions_hold_for_random_networks_under_every_law(
+    fn conditions_hold_for_random_layers_under_every_law(
         columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
         given in prop::collection::vec(-1.0..1.0f64, 20),
     ) {
-        for law in laws() {
-            let mut network = Network::new(&columns, law);
-            let (mut problem, mut solver, outcome) =
-                solve(law, &mut network, &given, FIXED_ACTIVATION);
-            prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
-            // The conditions are evaluated independently of the solver.
-            let forces = &solver.forces;
-            let [w, z] = network.velocities(&problem, forces);
-            for (m, row) in problem.tangential.iter().enumerate() {
-                let (f, w, t) = (forces.normal[row.contact], w[row.contact], forces.tangential[m]);
-                prop_assert!(f >= 0.0 && w > -1e-9 && f * w < 1e-8, "{law:?}: {f} {w}");
-                let acts = row.active && f > law.offset;
-                let bound = if acts { row.coefficient * (f - law.offset) } else { 0.0 };
-                // Tolerance of friction, relative to the largest force.
-                let exact = Quality::FRICTION_LIMIT * largest(&forces.normal);
-                prop_assert!(t.abs() <= bound + exact, "{law:?}: {t} of {bound}");
-                if bound <= exact {
-                    continue;
-                }
-                if t.abs() < bound - exact {
-                    prop_assert!(z[m].abs() < 1e-8, "{law:?}: {} inside the bound", z[m]);
-                } else {
-                    prop_assert!(z[m] * t > -1e-8, "{law:?}: {} at the bound", z[m]);
-                }
-            }
-            if problem.tangential.iter().any(|row| row.coefficient.is_infinite()) {
-                continue;
-            }
-            // With friction bounds held at the loads of the solution it is found from zero forces.
-            let (normal, tangential) = (forces.normal.clone(), forces.tangential.clone());
-            solver.forces.normal.fill(0.0);
-            solver.forces.tangential.fill(0.0);
-            let held = Some(&normal[..]);
-            let again = solver.solve(&mut problem, &mut network, FIXED_ACTIVATION, held, |_, _| 0);
-            prop_assert!(again.status == Status::Solved, "{law:?}: {again:?}");
-            let exact = 1e-6 * (1.0 + largest(&normal));
-            let pairs = [(&normal, &solver.forces.normal), (&tangential, &solver.forces.tangential)];
-            for (expected, found) in pairs {
-                for (a, b) in expected.iter().zip(found) {
-                    prop_assert!((a - b).abs() < exact, "{law:?}: {a} {b}");
-                }
-            }
-        }
+        conditions_hold::<Layer>(&columns, &given)?;
+    }
+
+    #[test]
+    fn conditions_hold_for_random_suspensions_under_every_law(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 5..24),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        conditions_hold::<Bulk>(&columns, &given)?;
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn random_layers_move_as_an_interior_point_method_finds(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..20),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        motion_is_the_convex_minimum::<Layer>(&columns, &given)?;
+    }
+
+    #[test]
+    fn random_suspensions_move_as_an_interior_point_method_finds(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 5..24),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        motion_is_the_convex_minimum::<Bulk>(&columns, &given)?;
     }
 }
 
@@ -405,11 +587,10 @@ fn isolated_contact_has_the_solution_by_hand() {
             0.25,
         ),
     ] {
-        let mut network = Network::new(&columns, law);
-        let (_, solver, outcome) = solve(law, &mut network, &given, FIXED_ACTIVATION);
-        let violation = outcome;
-        let (f, t) = (solver.forces.normal[0], solver.forces.tangential[0]);
-        assert!(violation.residual < 1e-14 && violation.friction_error < 1e-14);
+        let mut network = Network::new::<Layer>(&columns, law);
+        let (_, solver, outcome) = solve::<Layer>(law, &mut network, &given, FIXED_ACTIVATION);
+        let (f, [t]) = (solver.forces.normal[0], solver.forces.tangential[0]);
+        assert!(outcome.residual < 1e-14 && outcome.friction_error < 1e-14);
         assert!((f - force).abs() < 1e-14 && (t - friction).abs() < 1e-14);
     }
 }

@@ -3,7 +3,7 @@
 //! About a third of the candidates and rows is absent from the system. Testing each of them in
 //! every product would cost more than the arithmetic, as the branches are unpredictable.
 
-use crate::contact::problem::statement::{Problem, States};
+use crate::contact::problem::statement::{FrictionState, Problem, States};
 use crate::contact::row::Row;
 use crate::space::Space;
 
@@ -16,15 +16,18 @@ pub(super) struct ClosedContact<S: Space> {
     normal: S::Vector,
 }
 
-/// A sticking row, or the row across the direction of a slide, which sticks with a compliance.
+/// A sticking component, or the one across the direction of a slide, which sticks with a
+/// compliance.
 pub(super) struct StickingRow<S: Space> {
+    /// Number of the component among those of all friction forces.
     pub(super) index: usize,
+    pub(super) contact: usize,
     pub(super) compliance: f64,
     pub(super) shift: f64,
     pub(super) row: Row<S>,
-    /// First row of its friction vector, and the components of this row in the rows of the vector.
-    first: usize,
-    components: S::PerTangent<f64>,
+    /// Its friction force, and the direction by its components in the rows of that.
+    friction: usize,
+    direction: S::PerTangent<f64>,
 }
 
 /// A row whose force is a factor times an element of (f, t): of its own force if it sticks, of its
@@ -44,19 +47,15 @@ pub(super) struct ActiveTerms<S: Space> {
 }
 
 impl<S: Space> StickingRow<S> {
-    /// Its force, from the forces of all rows.
-    pub(super) fn force(&self, forces: &[f64]) -> f64 {
-        let mut sum = self.components[0] * forces[self.first];
-        for k in 1..S::TANGENTS {
-            sum += self.components[k] * forces[self.first + k];
-        }
-        sum
+    /// Its force, from all friction forces.
+    pub(super) fn force(&self, forces: &[S::PerTangent<f64>]) -> f64 {
+        component::<S>(&self.direction, &forces[self.friction])
     }
 
     /// Adds a force to it.
-    pub(super) fn add(&self, force: f64, forces: &mut [f64]) {
+    pub(super) fn add(&self, force: f64, forces: &mut [S::PerTangent<f64>]) {
         for k in 0..S::TANGENTS {
-            forces[self.first + k] += self.components[k] * force;
+            forces[self.friction][k] += self.direction[k] * force;
         }
     }
 }
@@ -70,7 +69,7 @@ impl<S: Space> ClosedContact<S> {
 
 impl<S: Space> ActiveTerms<S> {
     /// Lists the terms of an active set.
-    pub(super) fn list(&mut self, problem: &Problem<S>, states: &States) {
+    pub(super) fn list(&mut self, problem: &Problem<S>, states: &States<S>) {
         self.closed.clear();
         for (k, entry) in problem.normal.iter().enumerate() {
             if states.closed[k] {
@@ -85,52 +84,57 @@ impl<S: Space> ActiveTerms<S> {
         self.sticking.clear();
         self.force_terms.clear();
         let contacts = problem.normal.len();
-        for (m, entry) in problem.tangential.iter().enumerate() {
-            let (first, k) = (m - m % S::TANGENTS, m % S::TANGENTS);
-            let factor = slope(problem, states, m);
-            let mut components = S::each_tangent(0.0);
-            components[k] = 1.0;
-            let mut sticking = StickingRow {
-                index: m,
-                compliance: entry.compliance,
-                shift: entry.shift,
-                row: entry.row,
-                first,
-                components,
-            };
-            if let Some(slide) = states.slide(m) {
-                let rotated = problem.rotated_row(slide, m);
-                (sticking.row, sticking.shift) = (rotated.row, rotated.shift);
-                sticking.compliance += slide.compliance;
-                components.as_mut().copy_from_slice(&rotated.components);
-                sticking.components = components;
+        for (friction, (entry, state)) in problem.friction.iter().zip(&states.friction).enumerate()
+        {
+            let contact = entry.contact;
+            let mut compliance = entry.compliance;
+            if let FrictionState::Slip(slide) = state {
+                compliance += slide.compliance;
+                if states.closed[contact] && entry.coefficient != 0.0 {
+                    self.force_terms.push(ForceTerm {
+                        force: contact,
+                        factor: entry.coefficient,
+                        row: entry.row_along(&slide.direction),
+                    });
+                }
             }
-            if factor != 0.0 {
+            for d in (0..S::TANGENTS).filter(|&d| state.sticks(d) && compliance.is_finite()) {
+                let (direction, row, shift) = if let FrictionState::Slip(slide) = state {
+                    let axis = slide.axis(d);
+                    let shift = component::<S>(&axis, &entry.shift);
+                    (axis, entry.row_along(&axis), shift)
+                } else {
+                    let mut axis = S::each_tangent(0.0);
+                    axis[d] = 1.0;
+                    (axis, entry.rows[d], entry.shift[d])
+                };
+                let index = S::TANGENTS * friction + d;
                 self.force_terms.push(ForceTerm {
-                    force: entry.contact,
-                    factor,
-                    row: sticking.row,
-                });
-            } else if states.sticks(m) && sticking.compliance.is_finite() {
-                self.force_terms.push(ForceTerm {
-                    force: contacts + m,
+                    force: contacts + index,
                     factor: 1.0,
-                    row: sticking.row,
+                    row,
                 });
-                self.sticking.push(sticking);
+                self.sticking.push(StickingRow {
+                    index,
+                    contact,
+                    compliance,
+                    shift,
+                    row,
+                    friction,
+                    direction,
+                });
             }
         }
     }
 }
 
-/// Ratio of friction to load of a slipping row of a closed candidate; 0 for others.
-pub(super) fn slope<S: Space>(problem: &Problem<S>, states: &States, m: usize) -> f64 {
-    let sign = states.sign(m);
-    if sign == 0.0 || !states.closed[problem.tangential[m].contact] {
-        0.0
-    } else {
-        sign * problem.tangential[m].coefficient
+/// Component of a vector along a direction.
+fn component<S: Space>(direction: &S::PerTangent<f64>, vector: &S::PerTangent<f64>) -> f64 {
+    let mut sum = direction[0] * vector[0];
+    for k in 1..S::TANGENTS {
+        sum += direction[k] * vector[k];
     }
+    sum
 }
 
 /// There are fewer than 2^32 spheres and candidates.

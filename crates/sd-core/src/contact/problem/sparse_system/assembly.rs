@@ -1,14 +1,14 @@
 //! Assembly of the preconditioner.
 
 use super::SparseSystem;
-use super::linear::row_of;
-use crate::contact::problem::statement::{Problem, States};
+use super::active::ActiveTerms;
+use crate::contact::problem::statement::Problem;
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern};
 
 impl<S: Fluid> SparseSystem<S> {
-    /// Assembles the preconditioner: the near-field part of R, and the stiffnesses of the first
-    /// `rows` candidates and friction rows.
+    /// Assembles the preconditioner: the near-field part of R, and the stiffnesses of the terms of
+    /// the linear system among the first `rows` candidates and components of friction.
     ///
     /// If the preceding matrix had the same candidates, only the blocks of spheres whose stiffness
     /// changed are assembled.
@@ -17,7 +17,7 @@ impl<S: Fluid> SparseSystem<S> {
     /// system.
     pub(super) fn assemble(
         &mut self,
-        (problem, states): (&Problem<S>, &States),
+        (problem, terms): (&Problem<S>, &ActiveTerms<S>),
         pattern: &NearPattern<S>,
         rows: usize,
     ) {
@@ -26,10 +26,14 @@ impl<S: Fluid> SparseSystem<S> {
         self.changed.clear();
         self.changed.resize(pattern.spheres(), !is_update);
         let (matrix, changed) = (&mut self.stiff_factor, &mut self.changed);
+        let contacts = problem.normal.len();
         if is_update {
             for (at, (old, new)) in self.factored.iter().zip(&self.stiffness).enumerate() {
                 if old != new {
-                    for sphere in row_of(problem, states, at).1.spheres {
+                    let contact = at.checked_sub(contacts).map_or(at, |component| {
+                        problem.friction[component / S::TANGENTS].contact
+                    });
+                    for sphere in problem.normal[contact].row.spheres {
                         changed[sphere] = true;
                     }
                 }
@@ -46,14 +50,19 @@ impl<S: Fluid> SparseSystem<S> {
         } else {
             matrix.copy_matrix(&self.near);
         }
-        for (at, &s) in self.stiffness[..rows].iter().enumerate() {
-            if s != 0.0 {
-                let (contact, row) = row_of(problem, states, at);
-                let selected = row.spheres.map(|sphere| changed[sphere]);
-                if selected != [false, false] {
-                    add_stiffness(matrix, pattern, &row, self.numbers[contact], s, selected);
-                }
+        let mut add = |row: &Row<S>, contact: usize, at: usize| {
+            let selected = row.spheres.map(|sphere| changed[sphere]);
+            if at < rows && selected != [false, false] {
+                let (number, stiffness) = (self.numbers[contact], self.stiffness[at]);
+                add_stiffness(matrix, pattern, row, number, stiffness, selected);
             }
+        };
+        for closed in &terms.closed {
+            let k = closed.index as usize;
+            add(&closed.row(), k, k);
+        }
+        for sticking in &terms.sticking {
+            add(&sticking.row, sticking.contact, contacts + sticking.index);
         }
     }
 }
@@ -91,7 +100,7 @@ fn add_stiffness<S: Fluid>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::problem::statement::{Normal, Tangential};
+    use crate::contact::problem::statement::{Friction, FrictionState, Normal, States};
     use crate::space::Layer;
     use crate::space::modes::Vec2;
 
@@ -108,26 +117,22 @@ mod tests {
             let own_block = [9.0, 0.5, 0.1, 0.5, 8.0, -0.3, 0.1, -0.3, 10.0 + i as f64];
             system.near.add_own(&pattern, i, &own_block);
         }
-        let mut problem = Problem::<Layer>::default();
+        let mut problem = Problem::<Layer>::new(n);
         for (k, &(i, j)) in pairs.iter().enumerate() {
             let block = std::array::from_fn(|m| (0.7 * k as f64 + m as f64).sin());
             system.near.add_coupling(&pattern, k, &block);
             let (y, x) = (k as f64).sin_cos();
+            let (spheres, normal) = ([i, j].map(|i| i as usize), Vec2::new(x, y));
             problem.normal.push(Normal {
-                row: Row::normal([i, j].map(|i| i as usize), &Vec2::new(x, y)),
+                row: Row::normal(spheres, &normal),
                 bias: 0.0,
                 compliance: 0.0,
             });
             if k % 2 == 0 {
-                problem.tangential.push(Tangential {
+                problem.friction.push(Friction {
                     contact: k,
-                    row: Row::slip(
-                        [i, j].map(|i| i as usize),
-                        &Vec2::new(x, y),
-                        &Vec2::new(-y, x),
-                        [1.0, 1.0],
-                    ),
-                    shift: 0.0,
+                    rows: [Row::slip(spheres, &normal, &Vec2::new(-y, x), [1.0; 2])],
+                    shift: [0.0],
                     compliance: 0.0,
                     coefficient: 0.3,
                     intercept: 0.0,
@@ -141,14 +146,36 @@ mod tests {
         (problem, pattern, system)
     }
 
-    /// The solution of a system with the matrix of the current stiffnesses.
+    /// The solution of a system where five contacts or friction forces are missing, different ones
+    /// for each number.
     fn read(
         system: &mut SparseSystem,
         problem: &Problem,
         pattern: &NearPattern<Layer>,
+        number: usize,
     ) -> Vec<f64> {
-        let rows = system.stiffness.len();
-        system.assemble((problem, &States::default()), pattern, rows);
+        let (contacts, rows) = (problem.normal.len(), problem.friction_rows());
+        let is_missing = |at: usize| at / 5 == number;
+        let mut states = States::new(contacts);
+        states.closed.extend((0..contacts).map(|k| !is_missing(k)));
+        states.friction.extend((0..rows).map(|m| {
+            if is_missing(contacts + m) {
+                FrictionState::Inactive
+            } else {
+                FrictionState::Stick
+            }
+        }));
+        let mut terms = ActiveTerms::default();
+        terms.list(problem, &states);
+        let stiffness = |at: usize| {
+            if is_missing(at) {
+                0.0
+            } else {
+                30.0 + at as f64
+            }
+        };
+        system.stiffness = (0..contacts + rows).map(stiffness).collect();
+        system.assemble((problem, &terms), pattern, contacts + rows);
         system.stiff_factor.factor(pattern).unwrap();
         system.is_factored = true;
         system.factored.clone_from(&system.stiffness);
@@ -163,22 +190,9 @@ mod tests {
     #[test]
     fn updated_matrix_has_the_bits_of_a_new_one() {
         let (problem, pattern, mut system) = ring(24);
-        let rows = problem.normal.len() + problem.tangential.len();
-        // Five contacts are open, different ones each time.
-        let stiffness = |number: usize| {
-            let of = |at: usize| {
-                if at / 5 == number {
-                    0.0
-                } else {
-                    30.0 + at as f64
-                }
-            };
-            (0..rows).map(of).collect()
-        };
         let mut last = Vec::new();
-        for number in 0..4 {
-            system.stiffness = stiffness(number);
-            let found = read(&mut system, &problem, &pattern);
+        for number in 0..6 {
+            let found = read(&mut system, &problem, &pattern, number);
             let kept = system.changed.iter().any(|changed| !changed);
             assert_eq!(
                 kept,
@@ -186,8 +200,7 @@ mod tests {
                 "only blocks that changed are assembled again"
             );
             let (_, _, mut new) = ring(24);
-            new.stiffness = stiffness(number);
-            assert_eq!(found, read(&mut new, &problem, &pattern));
+            assert_eq!(found, read(&mut new, &problem, &pattern, number));
             assert_ne!(found, last);
             last = found;
         }

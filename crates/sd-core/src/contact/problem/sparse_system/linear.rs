@@ -3,37 +3,16 @@
 use super::active::ActiveTerms;
 use super::{MIN_COMPLIANCE, VELOCITY_WEIGHT};
 use crate::contact::problem::statement::{Problem, States};
-use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{
     Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
 };
-use crate::space::Space;
 
 /// The data that define the linear system.
 pub(super) struct Linear<'a, S: Fluid> {
     pub(super) resistance: &'a PairwiseResistance<S>,
     pub(super) problem: &'a Problem<S>,
-    pub(super) states: &'a States,
+    pub(super) states: &'a States<S>,
     pub(super) active: &'a ActiveTerms<S>,
-}
-
-/// Candidate and row of a normal or friction unknown, numbered like the stiffnesses: candidates
-/// come first. Rows of slides are rotated to their frames.
-pub(super) fn row_of<S: Space>(
-    problem: &Problem<S>,
-    states: &States,
-    at: usize,
-) -> (usize, Row<S>) {
-    match at.checked_sub(problem.normal.len()) {
-        None => (at, problem.normal[at].row),
-        Some(m) => {
-            let entry = &problem.tangential[m];
-            let turned = states
-                .slide(m)
-                .map(|slide| problem.rotated_row(slide, m).row);
-            (entry.contact, turned.unwrap_or(entry.row))
-        }
-    }
 }
 
 /// The data that define the preconditioner.
@@ -43,7 +22,7 @@ pub(super) struct Preconditioner<'a, S: Fluid> {
     pub(super) stiff_factor: &'a mut NearMatrix<S>,
     /// Factor of the near-field part of R.
     pub(super) near: &'a mut NearMatrix<S>,
-    /// Stiffness of each candidate, then of each friction row.
+    /// Stiffness of each candidate, then of each component of friction.
     pub(super) stiffness: &'a [f64],
     /// Forces on the spheres, `[3N]`.
     pub(super) work: &'a mut [f64],
@@ -156,10 +135,10 @@ impl<S: Fluid> Linear<'_, S> {
         }
     }
 
-    /// Computes the stiffness of each candidate, then of each friction row, for the preconditioner.
+    /// Computes the stiffnesses of the preconditioner.
     pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
         let of = |compliance: f64| compliance.max(MIN_COMPLIANCE).recip();
-        let (contacts, rows) = (self.problem.normal.len(), self.problem.tangential.len());
+        let (contacts, rows) = (self.problem.normal.len(), self.problem.friction_rows());
         stiffness.clear();
         stiffness.resize(contacts + rows, 0.0);
         for closed in &self.active.closed {
