@@ -292,19 +292,23 @@ impl DenseSystem {
                 *entry = tangential[s];
             }
         }
-        for (column, &s) in sticking.iter().enumerate() {
-            let target = matrix.column_mut(first + column);
-            for (entry, &a) in target.iter_mut().zip(active.iter()) {
-                *entry = g_tn[(s, a)];
+        // Adds a multiple of the column of one component, for its force p = −t.
+        let is_coupled = !self.uses_frictionless_slip;
+        let add_column = |factor: f64, component: usize, target: &mut [f64]| {
+            let (upper, lower) = target.split_at_mut(first);
+            for (x, &a) in upper.iter_mut().zip(active.iter()) {
+                *x += factor * g_tn[(component, a)];
             }
-            if self.uses_frictionless_slip {
-                target[first..].fill(0.0);
-            } else {
-                let friction = g_tt.column(s);
-                for (entry, &r) in target[first..].iter_mut().zip(sticking.iter()) {
-                    *entry = friction[r];
+            if is_coupled {
+                for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
+                    *x += factor * g_tt[(s, component)];
                 }
             }
+        };
+        for (column, &s) in sticking.iter().enumerate() {
+            let target = matrix.column_mut(first + column);
+            target.fill(0.0);
+            add_column(1.0, s, target);
             let (k, _) = component(s);
             target[first + column] += problem.friction[k].compliance;
             if let FrictionState::Slip(slide) = &states.friction[k] {
@@ -335,33 +339,13 @@ impl DenseSystem {
             };
             let (sign, own_column) = (slide.sign(), self.place[1][S::TANGENTS * k]);
             if row.intercept != 0.0 {
-                let given = sign * row.intercept;
-                let (upper, lower) = self.solution.split_at_mut(first);
-                for (x, &a) in upper.iter_mut().zip(active.iter()) {
-                    *x += given * g_tn[(own_column, a)];
-                }
-                if !self.uses_frictionless_slip {
-                    for (x, &s) in lower.iter_mut().zip(sticking.iter()) {
-                        *x += given * g_tt[(s, own_column)];
-                    }
-                }
+                add_column(sign * row.intercept, own_column, &mut self.solution);
             }
-            let Ok(column) = active.binary_search(&self.place[0][row.contact]) else {
-                continue;
-            };
-            if !row.follows_load() {
-                continue;
-            }
-            // Friction is proportional to the load: its column p = −t is added to the column of f.
-            let slope = sign * row.coefficient;
-            let target = matrix.column_mut(column);
-            for (entry, &a) in target.iter_mut().zip(active.iter()) {
-                *entry -= slope * g_tn[(own_column, a)];
-            }
-            for (entry, &s) in target[first..].iter_mut().zip(sticking.iter()) {
-                if !self.uses_frictionless_slip {
-                    *entry -= slope * g_tt[(s, own_column)];
-                }
+            // Friction that is proportional to the load is added to the column of the load.
+            let load = active.binary_search(&self.place[0][row.contact]);
+            if let (Ok(column), true) = (load, row.follows_load()) {
+                let target = matrix.column_mut(column);
+                add_column(-(sign * row.coefficient), own_column, target);
             }
         }
     }

@@ -311,7 +311,7 @@ fn conditions_hold<S: Space>(columns: &[Vec<f64>], given: &[f64]) -> Result<(), 
             } else {
                 let direction = &t / t.norm();
                 let along = z.dot(&direction);
-                let across = (&z - &direction * along).norm();
+                let across = (z - &direction * along).norm();
                 prop_assert!(
                     along > -1e-8 && across < 1e-6,
                     "{law:?}: {z} at {t}, the bound"

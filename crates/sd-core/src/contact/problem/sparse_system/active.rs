@@ -54,8 +54,9 @@ impl<S: Space> StickingRow<S> {
 
     /// Adds a force to it.
     pub(super) fn add(&self, force: f64, forces: &mut [S::PerTangent<f64>]) {
-        for k in 0..S::TANGENTS {
-            forces[self.friction][k] += self.direction[k] * force;
+        let force_vector = forces[self.friction].as_mut().iter_mut();
+        for (x, direction) in force_vector.zip(self.direction.as_ref()) {
+            *x += direction * force;
         }
     }
 }
