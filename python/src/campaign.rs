@@ -14,7 +14,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use sweep::model::axes::Axis;
-use sweep::model::order::Priority;
 use sweep::runner::{
     CampaignProgress, Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
@@ -219,9 +218,6 @@ impl Campaign {
     ///     continues.
     /// max_wall_time : float or str, optional
     ///     Computing time after which a single run ends as failed; 50 times its estimate.
-    /// priority : str or list of str, optional
-    ///     Points to compute first, as `sweep run --priority`: "shear_rate", "-friction",
-    ///     "shear_rate=inf,10".
     /// reuse : str, path or list of them, optional
     ///     Stores of other campaigns, whose runs with the same parameters and seeds are reused.
     ///
@@ -230,10 +226,10 @@ impl Campaign {
     /// Store
     #[pyo3(
         signature = (
-            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None, priority=None,
+            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None,
             reuse=None
         ),
-        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None, priority=None, reuse=None)"
+        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None, reuse=None)"
     )]
     #[expect(
         clippy::too_many_arguments,
@@ -249,7 +245,6 @@ impl Campaign {
         trajectory: Option<&Bound<'_, PyAny>>,
         time_limit: Option<&Bound<'_, PyAny>>,
         max_wall_time: Option<&Bound<'_, PyAny>>,
-        priority: Option<&Bound<'_, PyAny>>,
         reuse: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Store> {
         let path = self.place("store", store)?;
@@ -259,7 +254,6 @@ impl Campaign {
             trajectory: values::flag("trajectory", trajectory, false)?,
             time_limit: time("time_limit", time_limit)?,
             wall_limit: time("max_wall_time", max_wall_time)?,
-            priority: self.priority(priority)?,
             reuse: files("reuse", reuse)?,
         };
         if let Some(network) = network_file_system(&path) {
@@ -318,19 +312,6 @@ impl Campaign {
         )?;
         Ok(std::path::absolute(store)?)
     }
-
-    /// Points to compute first.
-    fn priority(&self, given: Option<&Bound<'_, PyAny>>) -> PyResult<Priority> {
-        let texts = match given {
-            None => Vec::new(),
-            Some(one) if one.is_instance_of::<PyString>() => vec![values::text("priority", one)?],
-            Some(several) => values::texts("priority", several)?,
-        };
-        let refused = |words| PyValueError::new_err(format!("priority: {words}"));
-        let priority = Priority::parse(&texts).map_err(refused)?;
-        priority.check(&self.0).map_err(refused)?;
-        Ok(priority)
-    }
 }
 
 /// Options of a run.
@@ -342,7 +323,6 @@ struct Wanted {
     time_limit: Option<Duration>,
     /// Of a single run.
     wall_limit: Option<Duration>,
-    priority: Priority,
     reuse: Vec<PathBuf>,
 }
 
@@ -397,7 +377,6 @@ fn compute(
             reuse: &wanted.reuse,
             retry_failed: wanted.retry_failed,
             trajectory: wanted.trajectory,
-            priority: &wanted.priority,
         };
         let StartedCampaign {
             mut store, taken, ..

@@ -198,28 +198,6 @@ def test_a_run_stops_at_its_time_limit_and_goes_on(tmp_path):
     assert short.run(tmp_path / "long.sqlite", progress=False, time_limit="2h", max_wall_time="1h").counts()["done"] == 2
 
 
-def test_points_put_first_are_computed_first(tmp_path):
-    campaign = small_campaign(shear_rate=(0.1, 1.0, 10.0), seeds=1)
-    for priority, first in [("-shear_rate", 10.0), (["shear_rate=1"], 1.0)]:
-        path = tmp_path / f"{first}.sqlite"
-
-        def stop(fraction, text):
-            if campaign.store(path).counts()["done"] > 0:
-                raise KeyboardInterrupt
-
-        try:
-            campaign.run(path, workers=1, progress=stop, priority=priority)
-        except KeyboardInterrupt:
-            pass
-        # The done runs are the first ones of the order, whatever their number.
-        with closing(sqlite3.connect(path)) as store:
-            order = (
-                "SELECT runs.shear_rate FROM runs JOIN cases ON cases.key = runs.key "
-                "WHERE cases.state = 'done' ORDER BY cases.changed_at"
-            )
-            assert store.execute(order).fetchone()[0] == first
-
-
 def test_runs_of_another_store_are_reused(store, tmp_path):
     # Bits of one machine and build: the reused runs were not computed here.
     other = small_campaign(name="other", seeds=3)
@@ -266,9 +244,6 @@ def test_runs_of_another_store_are_reused(store, tmp_path):
         (lambda: small_campaign().run("x.sqlite", time_limit=0), ValueError, ["time_limit", "0", "2h"]),
         (lambda: small_campaign().run("x.sqlite", time_limit=math.nan), ValueError, ["time_limit", "nan"]),
         (lambda: small_campaign().run("x.sqlite", max_wall_time=[1]), TypeError, ["max_wall_time", "[1]"]),
-        (lambda: small_campaign().run("x.sqlite", priority="colour"), ValueError, ["priority", "colour", "shear_rate"]),
-        (lambda: small_campaign().run("x.sqlite", priority="shear_rate=3"), ValueError, ["priority", "shear_rate = 3"]),
-        (lambda: small_campaign().run("x.sqlite", priority=[1]), TypeError, ["priority", "a list of texts"]),
         (lambda: small_campaign().run("x.sqlite", reuse=3), TypeError, ["reuse", "the name of a file"]),
     ],
 )

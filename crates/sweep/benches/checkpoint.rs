@@ -7,7 +7,6 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use sd_core::model::Words as _;
 use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
-use sweep::model::order::Order;
 use sweep::model::spaces::AnySnapshot;
 use sweep::store::{Checkpoint, NewRows, Store};
 
@@ -37,7 +36,7 @@ fn checkpoint(criterion: &mut Criterion) {
     let campaign = sweep::campaign::parse("bench.toml", CAMPAIGN.into()).expect("a good campaign");
     let directory = tempfile::tempdir().expect("a place for the store");
     let path = directory.path().join("bench.sqlite");
-    let (mut store, _) = Store::enter(&path, &campaign, Order::default()).expect("a new store");
+    let (mut store, _) = Store::enter(&path, &campaign).expect("a new store");
     store.register(1).expect("room for a process");
     let stride = campaign
         .protocol

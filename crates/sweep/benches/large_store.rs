@@ -9,7 +9,6 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use sweep::model::order::Order;
 use sweep::store::{Store, accept_changes};
 
 fn campaign(points: &str, seeds: u32) -> String {
@@ -92,7 +91,7 @@ fn main() {
         time("one run", &["run", &one, "--quiet", "--store", &store_path]);
         let campaign = sweep::campaign::parse("large.toml", text).expect("a good campaign");
         time_of("all cases are entered", || {
-            Store::enter(&store, &campaign, Order::default()).expect("a campaign for the store");
+            Store::enter(&store, &campaign).expect("a campaign for the store");
         });
         copy_the_run(&store).expect("a store to write to");
         accept_changes(&store).expect("a store to write to");

@@ -2,8 +2,8 @@
 //!
 //! Time is that of a step, times the steps, times the runs. A step is timed for each class of runs
 //! and each fraction of spheres: by runs of the store that this build has computed on this machine,
-//! or else by a trial, which also shows whether the spheres can be placed at all. `step_cost`, which
-//! knows how the methods scale with the number of spheres, carries it over to runs like these.
+//! or else by a trial, which also shows whether the spheres can be placed at all. `step_cost`,
+//! which knows how the methods scale with the number of spheres, carries it over to similar runs.
 
 mod precision;
 mod trials;

@@ -3,7 +3,6 @@
 use super::Output;
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::model::order::Order;
 use crate::store::Store;
 use crate::system::exit;
 use crate::text::format::bytes;
@@ -51,7 +50,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         let mut store = Store::open(&path)?;
         if let Some(campaign) = source.campaign() {
-            store.adopt(campaign, Order::default())?;
+            store.adopt(campaign)?;
         }
         removed = store.prune()?;
     }

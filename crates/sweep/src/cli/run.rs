@@ -9,7 +9,6 @@ use crate::cluster::status::jobs;
 use crate::cluster::task::Part;
 use crate::error::Error;
 use crate::model::campaign::Campaign;
-use crate::model::order::Priority;
 use crate::runner::{
     Options, Progress, Reason, RunObserver, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
@@ -35,8 +34,8 @@ use std::time::Duration;
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
                   sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
-                  sweep run sweeps/figure-11.toml --priority shear_rate=inf --time-limit 2h\n  \
-                  sweep run sweeps/figure-11.toml --progress json --on-finish ./tell-me.sh\n  \
+                  sweep run sweeps/figure-11.toml --time-limit 2h\n  \
+                  sweep run sweeps/figure-11.toml --progress json\n  \
                   sweep run sweeps/figure-11.toml --shard 3/24"
 )]
 pub(crate) struct Arguments {
@@ -67,23 +66,10 @@ pub(crate) struct Arguments {
     /// continues
     #[arg(long, value_name = "TIME", conflicts_with = "shard", value_parser = parse_positive_duration)]
     time_limit: Option<Duration>,
-    /// Points to compute first: KEY for the lowest values of an axis, -KEY for the highest,
-    /// KEY=VALUE[,VALUE..] for these; the first option counts most
-    #[arg(
-        long,
-        value_name = "KEY[=VALUE,..]",
-        conflicts_with = "shard",
-        allow_hyphen_values = true
-    )]
-    priority: Vec<String>,
     /// Progress on standard error: bars, lines, lines of JSON, or nothing [default: bars on a
     /// terminal, else lines]
     #[arg(long, value_name = "HOW", value_parser = choice::<Style>())]
     progress: Option<Style>,
-    /// Command for `sh -c` at the end: SWEEP_OUTCOME is done, failed, stopped or error,
-    /// SWEEP_EXIT_CODE the exit code, SWEEP_CAMPAIGN the file
-    #[arg(long, value_name = "COMMAND", conflicts_with = "shard")]
-    on_finish: Option<String>,
     /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead
     /// of computing them; repeatable
     #[arg(long, value_name = "STORE", conflicts_with = "shard")]
@@ -136,42 +122,6 @@ fn part(text: &str) -> Result<Part, String> {
         .ok_or_else(|| "write I/N with I from 0 to N - 1, as in 0/24".to_owned())
 }
 
-pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let result = run(arguments, output);
-    if let Some(command) = &arguments.on_finish {
-        let code = match &result {
-            Ok(code) => *code,
-            Err(error) => error.exit_code(),
-        };
-        on_finish(command, code, arguments, style(arguments, output));
-    }
-    result
-}
-
-/// Runs the user's command at the end. Its output goes to standard error, and its outcome has no
-/// effect.
-fn on_finish(command: &str, code: u8, arguments: &Arguments, style: Style) {
-    let outcome = match code {
-        exit::DONE => "done",
-        exit::FAILED => "failed",
-        exit::BAD_INPUT | exit::STORE => "error",
-        _ => "stopped",
-    };
-    let ran = std::process::Command::new("sh")
-        .args(["-c", command])
-        .env("SWEEP_OUTCOME", outcome)
-        .env("SWEEP_EXIT_CODE", code.to_string())
-        .env("SWEEP_CAMPAIGN", &arguments.campaign)
-        .stdin(std::process::Stdio::null())
-        .stdout(std::io::stderr())
-        .status();
-    match ran {
-        Ok(status) if status.success() => {}
-        Ok(status) => style.note(&format!("the command of --on-finish ended with {status}")),
-        Err(error) => style.note(&format!("the command of --on-finish was not run: {error}")),
-    }
-}
-
 /// Form of the progress display.
 fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
     match (
@@ -187,17 +137,11 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 }
 
 /// Computes the open cases and prints the report.
-fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
     if let Some(part) = arguments.cluster.shard {
         return task::run(arguments, part, campaign, output);
     }
-    let refused = |message| Error::Argument {
-        argument: "--priority",
-        message,
-    };
-    let priority = Priority::parse(&arguments.priority).map_err(refused)?;
-    priority.check(&campaign).map_err(refused)?;
     let stop = Stop::on_signals()?;
     if let Some(limit) = arguments.time_limit {
         stop.after(limit);
@@ -219,7 +163,6 @@ fn run(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
         reuse: &arguments.reuse,
         retry_failed: arguments.retry_failed,
         trajectory: arguments.trajectory,
-        priority: &priority,
     };
     let StartedCampaign {
         mut store,

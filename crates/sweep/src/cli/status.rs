@@ -11,6 +11,9 @@ use crate::system::exit;
 use crate::text::format::{counted, duration};
 use std::path::Path;
 
+/// Maximum number of failures to list.
+const FAILURES: u32 = 10;
+
 /// Show the progress of a campaign
 ///
 /// Reads only and needs no write access; works while the campaign runs.
@@ -21,16 +24,13 @@ use std::path::Path;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Maximum number of failures to list
-    #[arg(long, default_value_t = 10, value_name = "N")]
-    failures: u32,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let source = arguments.place.find()?;
     let (path, store) = (source.path(), source.open()?);
     print_warning(&store);
-    let status = Status::of(&store, arguments.failures)?;
+    let status = Status::of(&store, FAILURES)?;
     if output.json {
         output.json(&status)?;
     } else {
@@ -143,16 +143,12 @@ fn write_failures(
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
     let out = &mut *output.out;
-    let listed = usize::try_from(arguments.failures).unwrap_or(usize::MAX);
+    let listed = FAILURES as usize;
     for group in groups.iter().take(listed) {
         writeln!(out, "{}", group.text())?;
     }
     if groups.len() > listed {
-        writeln!(
-            out,
-            "and {} more kinds of failures: --failures N lists more",
-            groups.len() - listed
-        )?;
+        writeln!(out, "and {} more kinds of failures", groups.len() - listed)?;
     }
     if !groups.is_empty() {
         writeln!(

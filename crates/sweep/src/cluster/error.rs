@@ -58,10 +58,6 @@ pub enum ClusterError {
         #[source]
         source: Box<ClusterError>,
     },
-    /// A job that was not submitted from this store.
-    #[error("no job {job} was submitted from this store")]
-    #[diagnostic(help("`sweep status` lists the jobs; without --job all of them are cancelled"))]
-    NoJob { job: String },
     /// A word that no command line can hold.
     #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
     Word { word: String },

@@ -1,7 +1,6 @@
 //! Joining shards into the store of their campaign.
 
 use super::{ClusterError, shard};
-use crate::model::order::Order;
 use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -63,14 +62,14 @@ pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Stor
         return Ok(Store::open(path)?);
     }
     if let Some(campaign) = source.campaign() {
-        return Ok(Store::enter(path, campaign, Order::default())?.0);
+        return Ok(Store::enter(path, campaign)?.0);
     }
     let mut first = None;
     for shard in shards {
         match Store::campaign_of(shard) {
             Ok(text) => {
                 let campaign = crate::campaign::parse(&shard.display().to_string(), text)?;
-                return Ok(Store::enter(path, &campaign, Order::default())?.0);
+                return Ok(Store::enter(path, &campaign)?.0);
             }
             Err(error) => first = first.or(Some(error)),
         }

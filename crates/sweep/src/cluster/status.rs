@@ -10,7 +10,9 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
-/// Interval between checks of tasks that are ending.
+/// Maximum time to wait for tasks that are ending.
+const WAIT: Duration = Duration::from_mins(2);
+/// Interval between checks of them.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Progress of a campaign.
@@ -212,21 +214,11 @@ pub(crate) struct Cancelled {
     pub(crate) ending: usize,
 }
 
-/// Ends the tasks of one job, or of all of the campaign, and waits for that long until they have
-/// ended.
-pub(crate) fn cancel(
-    path: &Path,
-    job: Option<&str>,
-    wait: Duration,
-) -> Result<Cancelled, ClusterError> {
+/// Ends the tasks of a campaign, and waits for them, for some time.
+pub(crate) fn cancel(path: &Path) -> Result<Cancelled, ClusterError> {
     let mut store = Store::open(path)?;
-    let mut submissions = store.submissions()?;
-    submissions.retain(|submission| job.is_none() || submission.job.as_deref() == job);
-    if let Some(job) = job.filter(|_| submissions.is_empty()) {
-        return Err(ClusterError::NoJob { job: job.into() });
-    }
     let mut cancelled: Vec<(String, Engine)> = Vec::new();
-    for submission in submissions {
+    for submission in store.submissions()? {
         let engine = Engine::by_name(&submission.engine);
         let (Some(job), Some(engine)) = (submission.job, engine) else {
             continue;
@@ -251,7 +243,7 @@ pub(crate) fn cancel(
         for (job, engine) in &cancelled {
             ending += engine.active(job)?.len();
         }
-        if ending == 0 || begun.elapsed() >= wait {
+        if ending == 0 || begun.elapsed() >= WAIT {
             break ending;
         }
         std::thread::sleep(LOOK);

@@ -4,7 +4,6 @@ use super::slices::Slices;
 use super::slurm::TimeLimit;
 use super::{ClusterError, Engine, Job, merge, shard};
 use crate::model::campaign::Campaign;
-use crate::model::order::Order;
 use crate::store::{self, OpenCase, Store, Submission};
 use crate::system::files::{is_left_behind, temporary_file, write_whole};
 use crate::system::process::build;
@@ -81,7 +80,7 @@ pub(crate) fn submit(
             store::snapshot(path, &at)?;
         }
     }
-    let mut store = Store::enter(&at, campaign, Order::default())?.0;
+    let mut store = Store::enter(&at, campaign)?.0;
     gather(&wanted, &mut store, &folder, note)?;
     if wanted.trajectory {
         store.request_frames()?;

@@ -4,7 +4,6 @@ use super::publish::Publisher;
 use super::slices::Slices;
 use super::{ClusterError, Requeue, shard, slurm};
 use crate::model::campaign::Campaign;
-use crate::model::order::Order;
 use crate::runner::{Progress, RunObserver};
 use crate::store::{MergeMode, OpenCase, Store, StoreError, TaskName};
 use crate::system::process::Identity;
@@ -111,7 +110,7 @@ impl Task {
                 note(&format!("damaged, and computed again: {}", finding.what));
             }
         }
-        let (mut store, _) = Store::enter(&work, campaign, Order::default())?;
+        let (mut store, _) = Store::enter(&work, campaign)?;
         // Results known when the slices were planned and those of other jobs with the same slices;
         // and what the task itself published before a restart.
         let shards = shard::published(folder).into_iter();

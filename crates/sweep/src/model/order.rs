@@ -1,141 +1,17 @@
-//! The order of work: the user's priorities, then one seed of every point, the cheapest first, so
+//! The order of work: one seed of every point, the cheapest first, so
 //! that curves appear early; then the other seeds, the most expensive first, so that no core idles
 //! at the end; then the seeds that precisions request, the batch with the largest gain per second
 //! first. Where every point has one seed only, the most expensive points, which account for 75 % of
 //! the work, are ordered like the other seeds.
 
-use super::axes::{AXES, Axis, Identity, identity};
+use super::axes::{Identity, identity};
 use super::campaign::Campaign;
-use super::case::Case;
-use crate::data::Value;
 use sd_core::Params;
 use std::collections::HashMap;
-use std::fmt;
 
-/// Inputs of the order of work.
-#[derive(Clone, Copy)]
-pub struct Order<'o> {
-    /// Points to compute first.
-    pub priority: &'o Priority,
-    /// Estimated CPU seconds of a case.
-    pub cost: &'o dyn Fn(&Case) -> f64,
-}
-
-impl Default for Order<'_> {
-    /// No priorities, and rough estimates of costs.
-    fn default() -> Self {
-        static NONE: Priority = Priority { axes: Vec::new() };
-        Self {
-            priority: &NONE,
-            cost: &|case| case.cost(),
-        }
-    }
-}
-
-impl fmt::Debug for Order<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Order")
-            .field("priority", self.priority)
-            .finish_non_exhaustive()
-    }
-}
-
-/// Points to compute first: see [`Priority::parse`].
-#[derive(Debug, Clone, Default)]
-pub struct Priority {
-    /// Axes, the most important first, with the values that come first on each.
-    axes: Vec<(&'static Axis, Vec<String>)>,
-}
-
-impl Priority {
-    /// Reads `KEY` (the lowest value first), `-KEY` (the highest) or `KEY=VALUE[,VALUE..]` (these
-    /// values first, in this order); what is given first counts most.
-    ///
-    /// # Errors
-    /// A message about the fault.
-    pub fn parse(texts: &[String]) -> Result<Self, String> {
-        let mut axes = Vec::with_capacity(texts.len());
-        for text in texts {
-            let (key, values) = match text.split_once('=') {
-                Some((key, values)) => {
-                    let values: Vec<String> =
-                        values.split(',').map(|value| value.trim().into()).collect();
-                    (key.trim(), values)
-                }
-                None => match text.trim().strip_prefix('-') {
-                    Some(key) => (key, vec![HIGHEST.to_owned()]),
-                    None => (text.trim(), Vec::new()),
-                },
-            };
-            let axis = Axis::of_key(key).ok_or_else(|| {
-                let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
-                format!(
-                    "{key:?} is no axis of a campaign; they are {}",
-                    known.join(", ")
-                )
-            })?;
-            axes.push((axis, values));
-        }
-        Ok(Self { axes })
-    }
-
-    /// The priority as text.
-    pub(crate) fn words(&self) -> String {
-        let word =
-            |(axis, values): &(&Axis, Vec<String>)| format!("{}={}", axis.key, values.join(","));
-        self.axes.iter().map(word).collect::<Vec<_>>().join(" ")
-    }
-
-    /// Checks that every value named occurs in some case.
-    ///
-    /// # Errors
-    /// The value that none has.
-    pub fn check(&self, campaign: &Campaign) -> Result<(), String> {
-        for (axis, values) in &self.axes {
-            for wanted in values.iter().filter(|wanted| *wanted != HIGHEST) {
-                let mut cases = campaign.cases.iter();
-                if !cases.any(|(_, case)| is(wanted, axis.value(&case.params))) {
-                    return Err(format!("no case has {} = {wanted}", axis.key));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Rank of a point: lower ranks come first.
-    fn place(&self, params: &Params) -> Vec<f64> {
-        self.axes
-            .iter()
-            .map(|(axis, values)| {
-                let value = axis.value(params);
-                if values.first().is_some_and(|first| first == HIGHEST) {
-                    -axis.number(params)
-                } else if values.is_empty() {
-                    axis.number(params)
-                } else {
-                    let place = values.iter().position(|wanted| is(wanted, value));
-                    place.unwrap_or(values.len()) as f64
-                }
-            })
-            .collect()
-    }
-}
-
-/// Requests the highest value first.
-const HIGHEST: &str = "-";
-
-/// Whether a value equals the given one.
-fn is(wanted: &str, value: Value) -> bool {
-    match value {
-        Value::Word(word) => wanted == word,
-        Value::Count(count) => wanted.parse() == Ok(count),
-        Value::Number(number) => wanted.replace('∞', "inf").parse() == Ok(number),
-    }
-}
-
-/// The rank of every case, in the order of the file. Cases that precisions may add share one, after
-/// all others of their priority.
-pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> Vec<u64> {
+/// The rank of every case, in the order of the file. Cases that precisions may add share the
+/// last.
+pub(crate) fn ranks(campaign: &Campaign, costs: &[f64]) -> Vec<u64> {
     let mut later = vec![false; campaign.cases.len()];
     for rule in &campaign.rules {
         let first = (rule.cases.start + rule.precision.at_least).min(rule.cases.end);
@@ -144,8 +20,7 @@ pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
     let mut seeds: HashMap<_, usize> = HashMap::new();
     // Cases of a point come one after the other in their file.
     let mut last: Option<(&Params, Identity)> = None;
-    let mut order: Vec<(Vec<f64>, usize, f64, usize, usize)> =
-        Vec::with_capacity(campaign.cases.len());
+    let mut order: Vec<(usize, f64, usize, usize)> = Vec::with_capacity(campaign.cases.len());
     for (position, (_, case)) in campaign.cases.iter().enumerate() {
         let point = match last.take() {
             Some((params, point)) if *params == case.params => point,
@@ -161,37 +36,22 @@ pub(crate) fn ranks(campaign: &Campaign, costs: &[f64], priority: &Priority) -> 
             0 => (0, costs[position]),
             _ => (1, -costs[position]),
         };
-        order.push((priority.place(&case.params), round, cost, *seed, position));
+        order.push((round, cost, *seed, position));
         *seed += 1;
     }
-    if order.iter().all(|(_, round, ..)| *round == 0) {
+    if order.iter().all(|(round, ..)| *round == 0) {
         let limit = expensive_threshold(costs);
-        for (_, round, cost, ..) in order.iter_mut().filter(|(_, _, cost, ..)| *cost > limit) {
+        for (round, cost, ..) in order.iter_mut().filter(|(_, cost, ..)| *cost > limit) {
             (*round, *cost) = (1, -*cost);
         }
     }
-    let places = |a: &[f64], b: &[f64]| {
-        let unequal = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
-        unequal.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
-    };
     order.sort_by(|a, b| {
-        places(&a.0, &b.0)
-            .then(a.1.cmp(&b.1))
-            .then(a.2.total_cmp(&b.2))
-            .then(a.3.cmp(&b.3))
-            .then(a.4.cmp(&b.4))
+        (a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).then((a.2, a.3).cmp(&(b.2, b.3)))
     });
+    let certain = order.iter().filter(|(round, ..)| *round < 2).count();
     let mut ranks = vec![0; order.len()];
-    let mut shared: Option<(&[f64], u64)> = None;
-    for (rank, (place, round, .., position)) in order.iter().enumerate() {
-        let rank = rank as u64;
-        ranks[*position] = match shared {
-            Some((of, shared)) if *round == 2 && of == place.as_slice() => shared,
-            _ => rank,
-        };
-        if *round == 2 {
-            shared = Some((place, ranks[*position]));
-        }
+    for (rank, (.., position)) in order.iter().enumerate() {
+        ranks[*position] = rank.min(certain) as u64;
     }
     ranks
 }
@@ -212,6 +72,7 @@ fn expensive_threshold(costs: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::case::Case;
 
     fn campaign(text: &str) -> Campaign {
         let text = format!(
@@ -222,14 +83,13 @@ mod tests {
     }
 
     /// Cases as (area fraction, shear rate, seed) in the order of work.
-    fn order(campaign: &Campaign, priority: &[&str]) -> Vec<(f64, f64, u64)> {
+    fn order(campaign: &Campaign) -> Vec<(f64, f64, u64)> {
         let costs: Vec<f64> = campaign
             .cases
             .iter()
             .map(|(_, case)| case.params.area_fraction)
             .collect();
-        let texts: Vec<String> = priority.iter().map(ToString::to_string).collect();
-        let ranks = ranks(campaign, &costs, &Priority::parse(&texts).unwrap());
+        let ranks = ranks(campaign, &costs);
         let mut order: Vec<_> = ranks.into_iter().zip(&campaign.cases).collect();
         order.sort_by_key(|(rank, _)| *rank);
         order
@@ -242,7 +102,7 @@ mod tests {
     fn one_seed_of_every_point_cheapest_first_then_the_most_expensive() {
         let inf = f64::INFINITY;
         assert_eq!(
-            order(&campaign("seeds = 2\n"), &[]),
+            order(&campaign("seeds = 2\n")),
             [
                 (0.5, 1.0, 1),
                 (0.5, inf, 1),
@@ -283,7 +143,7 @@ mod tests {
             let campaign = grid(seeds);
             let cost = |case: &Case| (case.params.area_fraction * 10.0).exp2();
             let costs: Vec<f64> = campaign.cases.iter().map(|(_, c)| cost(c)).collect();
-            let ranks = ranks(&campaign, &costs, &Priority::default());
+            let ranks = ranks(&campaign, &costs);
             let last = ranks.iter().zip(&costs).max_by_key(|(rank, _)| **rank);
             let longest = costs.iter().copied().fold(0.0, f64::max);
             assert!(*last.unwrap().1 < longest, "{seeds}");
@@ -308,34 +168,10 @@ mod tests {
     }
 
     #[test]
-    fn priority_of_an_axis_goes_before_all() {
-        let found = order(
-            &campaign("seeds = 2\n"),
-            &["shear_rate=inf", "-area_fraction"],
-        );
-        let first: Vec<_> = found.iter().take(4).map(|c| (c.0, c.1)).collect();
-        assert_eq!(
-            first,
-            [(0.6, f64::INFINITY); 2]
-                .into_iter()
-                .chain([(0.5, f64::INFINITY); 2])
-                .collect::<Vec<_>>()
-        );
-        assert!(
-            Priority::parse(&["colour".into()])
-                .unwrap_err()
-                .contains("area_fraction")
-        );
-        let unmatched = Priority::parse(&["shear_rate=7".into()]).unwrap();
-        let campaign = campaign("seeds = 2\n");
-        assert!(unmatched.check(&campaign).is_err());
-    }
-
-    #[test]
     fn seeds_of_a_precision_beyond_the_first_batch_share_the_last_rank() {
         let campaign = campaign("seeds = { precision = 0.1, at_least = 3, at_most = 9 }\n");
         let costs = vec![1.0; campaign.cases.len()];
-        let ranks = ranks(&campaign, &costs, &Priority::default());
+        let ranks = ranks(&campaign, &costs);
         for rule in &campaign.rules {
             let (first, later) = ranks[rule.cases.clone()].split_at(3);
             assert!(first.iter().all(|rank| *rank < 12));

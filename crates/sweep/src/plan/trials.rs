@@ -33,8 +33,8 @@ struct Trial {
     error: Option<String>,
 }
 
-/// Tries a case of each class, fraction and roughness: makes its start and, where the time of a step
-/// is unknown, some steps, of which the second half counts. Returns warnings.
+/// Tries a case of each class, fraction and roughness: makes its start and, where the time of a
+/// step is unknown, some steps, of which the second half counts. Returns warnings.
 pub(super) fn time<'c>(cases: impl Iterator<Item = &'c Case>, costs: &mut Costs) -> Vec<String> {
     let cases = ranked(cases).into_iter().cloned();
     let cases: Vec<_> = cases

@@ -2,8 +2,6 @@
 
 use super::{Options, RunnerError, compute_campaign};
 use crate::model::campaign::Campaign;
-use crate::model::case::Case;
-use crate::model::order::{Order, Priority};
 use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
 use std::path::{Path, PathBuf};
 
@@ -17,8 +15,6 @@ pub struct StartOptions<'b> {
     /// Whether all runs are to keep a frame with each sample: those that lack some are computed
     /// again.
     pub trajectory: bool,
-    /// The points to compute first.
-    pub priority: &'b Priority,
 }
 
 /// A campaign in its store, ready to be computed.
@@ -49,16 +45,12 @@ pub fn begin(
     for other in beginning.reuse {
         Store::open_read_only(other)?;
     }
-    let order = Order {
-        priority: beginning.priority,
-        cost: &Case::cost,
-    };
     let damaged = if store::is_free(path) {
         Vec::new()
     } else {
         Store::open(path)?.forget_damaged()?
     };
-    let (mut store, adoption) = Store::enter(path, campaign, order)?;
+    let (mut store, adoption) = Store::enter(path, campaign)?;
     let taken = if beginning.reuse.is_empty() {
         None
     } else {

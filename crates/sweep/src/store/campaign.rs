@@ -10,7 +10,7 @@ use super::statements::Statements;
 use super::{Store, StoreError, rules, settle, states};
 use crate::model::campaign::{Campaign, PointRule, Written};
 use crate::model::case::Case;
-use crate::model::order::{self, Order};
+use crate::model::order;
 use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
@@ -35,27 +35,19 @@ impl Store {
     ///
     /// # Errors
     /// Those of [`Store::open`] and [`Store::adopt`].
-    pub fn enter(
-        path: &Path,
-        campaign: &Campaign,
-        order: Order<'_>,
-    ) -> Result<(Self, Adoption), StoreError> {
+    pub fn enter(path: &Path, campaign: &Campaign) -> Result<(Self, Adoption), StoreError> {
         if place::is_free(path)
-            && let Some(made) = Self::create(path, campaign, order)?
+            && let Some(made) = Self::create(path, campaign)?
         {
             return Ok(made);
         }
         let mut store = Self::open(path)?;
-        let adoption = store.adopt(campaign, order)?;
+        let adoption = store.adopt(campaign)?;
         Ok((store, adoption))
     }
 
     /// Creates a store of a campaign; `None` if another process was faster.
-    fn create(
-        path: &Path,
-        campaign: &Campaign,
-        order: Order<'_>,
-    ) -> Result<Option<(Self, Adoption)>, StoreError> {
+    fn create(path: &Path, campaign: &Campaign) -> Result<Option<(Self, Adoption)>, StoreError> {
         // The log of a deleted store belongs to no other one. In this order: that of another
         // process is younger than its store.
         if place::has_log(path) && place::is_free(path) {
@@ -79,7 +71,7 @@ impl Store {
             .and_then(|()| connection.execute_batch("COMMIT"))
             .map_err(failed)?;
         let mut store = Self::on(connection, path)?;
-        let adoption = store.adopt(campaign, order)?;
+        let adoption = store.adopt(campaign)?;
         store.use_write_ahead_log()?;
         let (registered, request) = (store.process.take(), store.request.take());
         drop(store);
@@ -112,8 +104,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes
     /// another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
-    pub fn adopt(&mut self, campaign: &Campaign, order: Order<'_>) -> Result<Adoption, StoreError> {
-        let entry = Entry::of(campaign, order, &self.path)?;
+    pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
+        let entry = Entry::of(campaign, &self.path)?;
         let me = self.process.clone();
         let id = self.me();
         let mut last = self.read(LastRun::of(&self.connection))?;
@@ -173,7 +165,7 @@ impl Store {
         if last.request == request.hash && last.text == campaign.text {
             return Ok(());
         }
-        let entry = Entry::of(campaign, Order::default(), &self.path)?;
+        let entry = Entry::of(campaign, &self.path)?;
         // Copies must be complete: readers compare digests with the data shown.
         self.point_runs()?;
         let shown = schema::shadow(&self.connection)
@@ -271,7 +263,6 @@ struct LastRun {
     protocol: String,
     file: String,
     request: String,
-    priority: String,
 }
 
 impl LastRun {
@@ -284,11 +275,6 @@ impl LastRun {
                 protocol: row.get(2)?,
                 file: row.get(3)?,
                 request: row.get(4)?,
-                // No digest covers it: an unreadable value is rewritten.
-                priority: connection
-                    .value("SELECT priority FROM campaign", [])
-                    .unwrap_or_default()
-                    .unwrap_or_default(),
             })
         };
         match SEALED.all(connection, "true", [], read) {
@@ -301,14 +287,13 @@ impl LastRun {
 /// A version of a campaign to enter into a store.
 struct Entry<'c> {
     campaign: &'c Campaign,
-    order: Order<'c>,
     request: Request,
     protocol: String,
     written: String,
 }
 
 impl<'c> Entry<'c> {
-    fn of(campaign: &'c Campaign, order: Order<'c>, path: &Path) -> Result<Self, StoreError> {
+    fn of(campaign: &'c Campaign, path: &Path) -> Result<Self, StoreError> {
         let protocol = serde_json::to_string(&campaign.protocol)
             .map_err(|error| StoreError::unreadable(path, &error))?;
         let written = serde_json::to_string(&campaign.written)
@@ -316,7 +301,6 @@ impl<'c> Entry<'c> {
         Ok(Self {
             written,
             campaign,
-            order,
             request: Request::of(campaign),
             protocol,
         })
@@ -327,7 +311,6 @@ impl<'c> Entry<'c> {
         last.text != self.campaign.text
             || last.protocol != self.protocol
             || last.request != self.request.hash
-            || last.priority != self.order.priority.words()
     }
 
     /// Sets the cases of a store to those of the campaign.
@@ -344,7 +327,7 @@ impl<'c> Entry<'c> {
         ];
         let more = [
             ("id", Value::Integer(1)),
-            ("priority", Value::Text(self.order.priority.words())),
+            ("priority", Value::Text(String::new())),
         ];
         SEALED.put(connection, None, &row, &more)?;
         self.enter_cases(connection)?;
@@ -369,8 +352,8 @@ impl<'c> Entry<'c> {
             [],
         )?;
         let cases = self.campaign.cases.iter();
-        let costs: Vec<f64> = cases.map(|(_, case)| (self.order.cost)(case)).collect();
-        let ranks = order::ranks(self.campaign, &costs, self.order.priority);
+        let costs: Vec<f64> = cases.map(|(_, case)| case.cost()).collect();
+        let ranks = order::ranks(self.campaign, &costs);
         let mut known = Points::default();
         let points = self
             .campaign

@@ -11,7 +11,7 @@ CREATE TABLE campaign (
     grid     TEXT NOT NULL,         -- number and sum of the keys of these runs
     written  TEXT NOT NULL,         -- JSON: points that share runs, names of start layers
     digest   INTEGER NOT NULL,      -- of all above
-    priority TEXT NOT NULL          -- points that come first
+    priority TEXT NOT NULL          -- empty
 );
 
 -- One row for every process that ever worked on this store.

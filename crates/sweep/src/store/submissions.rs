@@ -204,7 +204,7 @@ impl Store {
         some.rules.clear();
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
-        let (mut new, _) = Store::enter(to, &some, crate::model::order::Order::default())?;
+        let (mut new, _) = Store::enter(to, &some)?;
         new.merge_as(
             super::merge::MergeMode::Task,
             std::slice::from_ref(&self.path),

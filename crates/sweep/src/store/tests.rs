@@ -1,7 +1,6 @@
 use super::*;
 use crate::model::campaign::Campaign;
 use crate::model::case::State;
-use crate::model::order::Order;
 use crate::test_support::{counters, frame, sample, snapshot};
 use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
@@ -42,11 +41,11 @@ fn open(directory: &Path) -> Store {
 impl Store {
     /// The store of a campaign, created if missing.
     fn at(path: &Path, campaign: &Campaign) -> Self {
-        Self::enter(path, campaign, Order::default()).unwrap().0
+        Self::enter(path, campaign).unwrap().0
     }
 
     fn take_in(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
-        self.adopt(campaign, Order::default())
+        self.adopt(campaign)
     }
 
     fn next(&mut self) -> Option<Claim> {
@@ -382,11 +381,7 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
         Err(StoreError::Missing { .. })
     ));
     assert!(matches!(
-        Store::enter(
-            Path::new("/proc/none/small.sqlite"),
-            &other,
-            Order::default()
-        ),
+        Store::enter(Path::new("/proc/none/small.sqlite"), &other),
         Err(StoreError::Unwritable { .. })
     ));
 }

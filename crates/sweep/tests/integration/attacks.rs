@@ -193,7 +193,6 @@ fn text_that_is_no_utf_8_is_damage_of_the_store() {
     let whole = std::fs::read(at.join("results/small.sqlite")).unwrap();
     for (table, column) in [
         ("campaign", "text"),
-        ("campaign", "priority"),
         ("processes", "host"),
         ("points", "params"),
         ("cases", "key"),

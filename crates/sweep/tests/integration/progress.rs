@@ -103,28 +103,6 @@ fn time_limit_checkpoints_and_the_same_command_continues() {
 }
 
 #[test]
-fn command_at_the_end_receives_the_outcome_of_the_run() {
-    let directory = directory();
-    let hook = "echo $SWEEP_OUTCOME $SWEEP_EXIT_CODE $SWEEP_CAMPAIGN >> outcomes";
-    for (arguments, code) in [
-        (&["--max-wall-time", "1e-6s"][..], 1),
-        (&["--retry-failed", "--time-limit", "1ms"][..], 4),
-        (&["--retry-failed"][..], 0),
-        (&["--store", "/proc/none/small.sqlite"][..], 2),
-    ] {
-        let mut all = vec!["run", "small.toml", "--quiet", "--on-finish", hook];
-        all.extend(arguments);
-        let output = run(directory.path(), &all);
-        assert_eq!(output.status.code(), Some(code), "{output:?}");
-    }
-    let outcomes = std::fs::read_to_string(directory.path().join("outcomes")).unwrap();
-    assert_eq!(
-        outcomes,
-        "failed 1 small.toml\nstopped 4 small.toml\ndone 0 small.toml\nerror 2 small.toml\n"
-    );
-}
-
-#[test]
 fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
     let directory = directory();
     let plan = |arguments: &[&str]| {
@@ -139,16 +117,7 @@ fn plan_leaves_out_what_is_done_and_knows_of_trajectories() {
     let memory = before["memory_bytes"].as_f64().unwrap();
     assert!((8e6..40e6).contains(&memory), "{memory}");
     assert!(disk(&plan(&["--trajectory"])) > 2.0 * disk(&before));
-    let run = run(
-        directory.path(),
-        &[
-            "run",
-            "small.toml",
-            "--quiet",
-            "--priority",
-            "-area_fraction",
-        ],
-    );
+    let run = run(directory.path(), &["run", "small.toml", "--quiet"]);
     assert_eq!(run.status.code(), Some(0), "{run:?}");
     let after = plan(&[]);
     assert_eq!((&after["cases"], &after["ended"]), (&4.into(), &4.into()));

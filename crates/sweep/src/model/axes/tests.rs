@@ -87,7 +87,6 @@ fn written_values_make_parameters_that_have_them() {
 /// One entry adds an axis everywhere: see [`ONE_MORE`].
 mod one_more {
     use crate::model::campaign::Campaign;
-    use crate::model::order::Order;
     use crate::report::{
         PageHost, Report, Selection, data, point_table, write_json, write_markdown,
     };
@@ -150,7 +149,7 @@ hydrodynamics = "ball-melrose"
     fn store_report_and_page_have_it() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("one-more.sqlite");
-        let (store, _) = Store::enter(&path, &read(FILE).unwrap(), Order::default()).unwrap();
+        let (store, _) = Store::enter(&path, &read(FILE).unwrap()).unwrap();
         let sql = rusqlite::Connection::open(&path).unwrap();
         let rows: Vec<f64> = sql
             .prepare("SELECT small_fraction FROM runs")
