@@ -309,7 +309,7 @@ pub struct Answer {
     /// Stresslets of a suspension, xz.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stresslet_xz: Option<Vec<f64>>,
-    /// The same, yz.
+    /// Stresslets of a suspension, yz.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stresslet_yz: Option<Vec<f64>>,
     /// Viscosity in full; `null` in unbounded fluid, as the next two.
@@ -323,7 +323,7 @@ pub struct Answer {
     pub(crate) n1: Option<f64>,
     pub(crate) n2: Option<f64>,
     pub(crate) particle_pressure: Option<f64>,
-    /// The same and the shear stress, split by cause.
+    /// Normal stress differences, particle pressure and shear stress, split by cause.
     pub(crate) stress: Option<StressComponents>,
     /// All candidate pairs.
     pub(crate) contacts: Vec<Pair>,

@@ -54,7 +54,7 @@ pub fn make(ratios: &[f64], note: impl FnMut(&str)) -> Result<NearFields, Error>
     make_at(ratios, place_of, note)
 }
 
-/// The same, with the paths of the cached tables.
+/// [`make`] with the paths of the cached tables.
 fn make_at(
     ratios: &[f64],
     place_of: impl Fn(f64) -> Option<PathBuf>,

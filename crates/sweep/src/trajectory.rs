@@ -19,9 +19,9 @@ use serde::{Deserialize, Serialize};
 
 /// First byte of a stored frame of a layer.
 const LAYER: u8 = 2;
-/// The same for a suspension.
+/// First byte of a stored frame of a suspension.
 const SUSPENSION: u8 = 3;
-/// The same for a suspension with an offset along the vorticity, which precedes the frame.
+/// First byte of a suspension with an offset along the vorticity, which precedes the frame.
 const CROSSED: u8 = 4;
 
 /// A stored frame.

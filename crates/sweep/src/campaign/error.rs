@@ -154,19 +154,19 @@ impl Problem {
         }
     }
 
-    /// The same problem, about this key.
+    /// Names the key that the problem is about.
     pub(super) fn of_key(mut self, key: &str) -> Self {
         self.about.key = Some(key.to_owned());
         self
     }
 
-    /// The same problem, about this value of a key.
+    /// Names the key and the value that the problem is about.
     pub(super) fn of_value(mut self, key: &str, value: &str) -> Self {
         self.about.value = Some(value.to_owned());
         self.of_key(key)
     }
 
-    /// The same problem with the suggested key or word, if there is one.
+    /// Adds the key or word that is suggested, if there is one.
     pub(super) fn suggesting(mut self, meant: Option<&str>) -> Self {
         if let Some(meant) = meant {
             self.allowed = format!("did you mean {meant}? {}", self.allowed);
@@ -175,13 +175,13 @@ impl Problem {
         self
     }
 
-    /// The same problem with one more place.
+    /// Adds one more place.
     pub(super) fn also(mut self, span: &Range<usize>, label: impl Into<String>) -> Self {
         self.labels.push((span.clone(), label.into()));
         self
     }
 
-    /// The same problem with another label at its first place.
+    /// Puts another label at the first place.
     pub(super) fn labelled(mut self, label: impl Into<String>) -> Self {
         if let Some(first) = self.labels.first_mut() {
             first.1 = label.into();

@@ -55,7 +55,7 @@ pub(super) fn shared(
         .collect()
 }
 
-/// The same parameters, as in a grid before its start layers are read.
+/// Parameters as in a grid before its start layers are read.
 fn without_start(params: &Params) -> Params {
     Params {
         start: None,

@@ -52,7 +52,8 @@ impl StoreArguments {
         ))
     }
 
-    /// The same, restricted to one segment of its runs, by its number from 1, if given.
+    /// Opens the store for reading, restricted to one segment of its runs, by its number from 1, if
+    /// given.
     pub(super) fn open_segment(
         &self,
         segment: Option<usize>,

@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     /// Write all numbers, one row per segment of a point: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// The same as Parquet
+    /// Write these numbers as Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
     /// Draw η′ and η″ against the amplitude of the oscillations: FILE.svg

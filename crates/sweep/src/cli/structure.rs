@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     /// Write all numbers, one row per point: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// The same as Parquet
+    /// Write these numbers as Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
     /// Write all curves, one row per bin: FILE.csv or FILE.parquet

@@ -38,7 +38,7 @@ pub(super) struct Contact<S: Space> {
     laws: Option<ContactLaws>,
     /// Pairs, and the forces of their tangential springs.
     springs: Option<Vec<Spring<S::Tangent>>>,
-    /// The same of rolling friction.
+    /// Pairs, and the forces of their springs of rolling friction.
     rolling_springs: Option<Vec<Spring<S::Tangent>>>,
 }
 

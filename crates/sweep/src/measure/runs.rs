@@ -62,7 +62,7 @@ impl Runs<'_> {
         Distribution::of(self.values("viscosity_median"))
     }
 
-    /// The same of several runs.
+    /// Median and quartiles of several runs.
     pub(super) fn quartiles(&self) -> Option<Distribution> {
         self.medians().filter(|_| self.averaged.len() > 1)
     }

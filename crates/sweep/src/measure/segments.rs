@@ -40,7 +40,7 @@ pub(crate) struct Cycle {
     /// η′ and η″ in mu: the stress is γ0 ω (η′ cos ωt + η″ sin ωt) and higher harmonics, where the
     /// strain is γ0 sin ωt.
     pub(crate) viscosity: [f64; 2],
-    /// The same for the third harmonic, cos 3ωt and sin 3ωt.
+    /// Coefficients of the third harmonic, cos 3ωt and sin 3ωt.
     pub(crate) third: [f64; 2],
     /// Strain from a turning point until the viscosity has risen half way from its minimum to its
     /// maximum in the half cycle.

@@ -217,8 +217,8 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination>
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// The same of a run in segments, and where friction or shear rate have no effect beside the other,
-/// the parameters with both as they are given.
+/// Parameters of a run in segments; and where friction or shear rate have no effect beside the
+/// other, the parameters with both as they are given.
 ///
 /// # Errors
 /// As [`params_of`].

@@ -62,7 +62,7 @@ impl Case {
         self.label_within(usize::MAX)
     }
 
-    /// The same within a number of columns: the least distinctive parts are dropped first.
+    /// The label within a number of columns: the least distinctive parts are dropped first.
     pub fn label_within(&self, columns: usize) -> String {
         let p = &self.params;
         let shear = match p.shear_stress {
@@ -156,7 +156,7 @@ impl CaseKey {
         Self(key)
     }
 
-    /// The same as one number.
+    /// The key as one number.
     pub(crate) fn number(self) -> u128 {
         u128::from_be_bytes(self.0)
     }

@@ -193,7 +193,7 @@ impl Column {
         (!number.is_nan()).then_some(Value::Number(number))
     }
 
-    /// The same in the units of a report.
+    /// The cell in the units of a report.
     pub(super) fn shown(&self, report: &Report, point: &Point) -> Option<Value> {
         match self.cell(point)? {
             Value::Number(number) => {

@@ -74,7 +74,7 @@ impl Selection {
         Ok(selection)
     }
 
-    /// The same points, with or without runs with doubtful numbers in averages.
+    /// Selects runs with doubtful numbers for averages, or leaves them out.
     #[must_use]
     pub fn with_doubtful(self, with_doubtful: bool) -> Self {
         Self {

@@ -62,7 +62,7 @@ pub(crate) struct Head {
 }
 
 impl Head {
-    /// The same heading on the screen and in print.
+    /// A column with one heading on the screen and in print.
     pub(crate) fn new(
         name: &'static str,
         heading: impl Into<String>,

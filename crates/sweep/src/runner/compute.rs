@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 const CHECKPOINT_SHARE: u32 = 20;
 /// Maximum number of samples in memory: a checkpoint is stored after these.
 const SAMPLES_IN_MEMORY: usize = 1 << 14;
-/// The same for frames.
+/// Maximum number of frames in memory.
 const FRAMES_IN_MEMORY: usize = 1 << 7;
 
 /// Default limit of the computing time of a case, as a multiple of its estimate.

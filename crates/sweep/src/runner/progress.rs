@@ -54,7 +54,7 @@ pub struct CampaignProgress {
     pub fraction: f64,
     /// Its cases by state, as last read from the store.
     pub counts: Counts,
-    /// The same as text, with the remaining time.
+    /// Ended cases and the remaining time, as text.
     pub message: String,
 }
 

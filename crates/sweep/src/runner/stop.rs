@@ -60,7 +60,7 @@ impl Stop {
         Self::listen(StopRequest::default())
     }
 
-    /// The same for a task of a scheduler, which may send several signals at the end and then KILL:
+    /// Listens in a task of a scheduler, which may send several signals at the end and then KILL:
     /// only INT ends the process before it has published its results.
     ///
     /// # Errors

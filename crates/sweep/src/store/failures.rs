@@ -124,7 +124,7 @@ impl Store {
         self.last_failures("c.counts", "NULL", params![limit])
     }
 
-    /// The same with states, or that of the case with this key.
+    /// The last failures with the states before them, or that of the case with this key.
     pub(crate) fn replays(
         &self,
         key: Option<&str>,

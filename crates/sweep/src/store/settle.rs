@@ -118,7 +118,7 @@ impl Computed {
         states::end(connection, id, state, steps)
     }
 
-    /// The same if every run discards the same strain; otherwise nothing is discarded yet.
+    /// Settles it if every run discards the same strain; otherwise nothing is discarded yet.
     fn settle_alone(
         &self,
         connection: &Connection,

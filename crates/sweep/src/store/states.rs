@@ -46,8 +46,8 @@ pub(super) fn free_where(
     )
 }
 
-/// The same for cases that ended or whose data changed: earlier deaths are reset, and they continue
-/// from the last stored state.
+/// Sets cases that ended or whose data changed to pending: earlier deaths are reset, and they
+/// continue from the last stored state.
 pub(super) fn reopen(
     connection: &Connection,
     condition: &str,

@@ -143,7 +143,7 @@ pub(crate) struct Structure {
     pub with_angle: (Vec<f64>, Vec<f64>, Vec<Vec<f64>>),
     /// Fraction of contacts in each bin of the angle from the flow towards the gradient.
     pub contact_angle: Curve,
-    /// The same, weighted by the normal force.
+    /// Fraction of the normal forces in each of these bins.
     pub force_angle: Curve,
     /// n n averaged over contacts; `None` without contacts.
     pub fabric: Vec<Vec<Option<Band>>>,
@@ -151,7 +151,7 @@ pub(crate) struct Structure {
     pub fabric_deviator: Option<Band>,
     /// Probability density of normal forces over their mean.
     pub normal_force: Curve,
-    /// The same for friction forces.
+    /// Probability density of friction forces over their mean.
     pub tangential_force: Curve,
     /// Fraction of spheres in clusters of frictional contacts by size.
     pub cluster_size: Curve,

@@ -14,14 +14,14 @@ const LARGEST_FORCE: f64 = 6.0;
 pub(super) struct Contacts {
     /// Contacts by the angle of their normals, in the bins of [`angle_bins`].
     pub(super) angles: Vec<f64>,
-    /// The same, weighted by the normal force.
+    /// Normal forces by the angle of the normals, in the same bins.
     pub(super) forces_by_angle: Vec<f64>,
     /// Sum of n n over the contacts.
     pub(super) fabric: [[f64; 3]; 3],
     pub(super) number: f64,
     /// Normal forces over their mean at this instant, by the bins of [`force_bins`].
     pub(super) normal: Vec<f64>,
-    /// The same for friction forces, where friction acts.
+    /// Friction forces over their mean, where friction acts, by the bins of [`force_bins`].
     pub(super) tangential: Vec<f64>,
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Network<S: Space> {
 pub(crate) struct Link<S: Space> {
     /// One sphere.
     pub i: usize,
-    /// The other.
+    /// The sphere at its other end.
     pub j: usize,
     /// From `i` to `j`, in a.
     pub separation: S::Vector,

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 /// Maximum distance of g(r), in a, limited by half the shortest side of the cell.
 const FARTHEST: f64 = 10.0;
-/// The same for g(r, θ).
+/// Maximum distance of g(r, θ), in a.
 const FARTHEST_WITH_ANGLE: f64 = 6.0;
 /// Bins of the angle over half a turn: a pair has two opposite ones.
 pub(super) const ANGLES: usize = 36;

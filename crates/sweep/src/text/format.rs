@@ -272,7 +272,7 @@ pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     read.ok_or_else(|| "write a time such as 90s, 15m or 2h".to_owned())
 }
 
-/// The same for a positive time.
+/// Reads a time above 0.
 ///
 /// # Errors
 /// A message with the allowed format.

@@ -32,7 +32,7 @@ pub(crate) fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// The same with an equal number of bytes, so that positions in it remain valid.
+/// The visible form with an equal number of bytes, so that positions in the text remain valid.
 pub(crate) fn visible_in_place(text: &str) -> Cow<'_, str> {
     if !text.contains(is_control_sequence) {
         return Cow::Borrowed(text);

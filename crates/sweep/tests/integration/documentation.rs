@@ -270,13 +270,15 @@ fn leaning_comments(text: &str) -> Vec<usize> {
 }
 
 #[test]
-fn documentation_of_the_physics_stands_alone() {
+fn documentation_stands_alone() {
     assert_eq!(
         leaning_comments("/// One.\n/// The same.\n\n    /// The same.\n"),
         [4]
     );
     let mut leaning = String::new();
-    let mut paths = vec![root().join("crates/sd-core")];
+    let mut paths = ["sd-core", "sweep"]
+        .map(|folder| root().join("crates").join(folder))
+        .to_vec();
     while let Some(path) = paths.pop() {
         if path.is_dir() {
             let entries = std::fs::read_dir(path).unwrap();

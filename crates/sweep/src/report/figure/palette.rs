@@ -23,7 +23,7 @@ pub(in crate::report) const COLOURS: [Colour; CURVES] = [
     Colour(0x0000e1),
 ];
 
-/// The same for a dark background.
+/// Colours of curves on a dark background.
 pub(in crate::report) const COLOURS_ON_DARK: [Colour; CURVES] = [
     Colour(0x4aa8e0),
     Colour(0xf0803c),

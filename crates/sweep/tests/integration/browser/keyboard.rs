@@ -133,7 +133,7 @@ fn curves(page: &mut Page<'_>) {
     }
 }
 
-/// The other seed's layer: chosen, played, scrubbed, coloured.
+/// Chooses, plays, scrubs and colours the layer of the second seed.
 fn movie(page: &mut Page<'_>) {
     tab_to(page, "[aria-label='play the movie of seed 2']");
     page.press("Enter");
