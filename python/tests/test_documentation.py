@@ -3,29 +3,41 @@
 import importlib.util
 import os
 import re
+import shutil
 import subprocess
 import sys
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, SWEEP
 
 import sheared_layers as sl
 
 NOTEBOOKS = sorted((ROOT / "python/notebooks").glob("*.ipynb"))
 
 
-@pytest.mark.parametrize("page", ["docs/python.md", "python/README.md"])
+@pytest.mark.parametrize("page", ["docs/python.md", "docs/other-tools.md", "python/README.md"])
 def test_every_block_runs(page, tmp_path, monkeypatch):
     import matplotlib
 
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python *(.*)\n((?:.*\n)*?)```$", (ROOT / page).read_text(), re.MULTILINE)
-    assert blocks
+    # For the blocks of a shell: the program, the tools beside this interpreter, and a short campaign.
+    folders = [os.path.dirname(SWEEP), os.path.dirname(sys.executable), os.environ["PATH"]]
+    monkeypatch.setenv("PATH", os.pathsep.join(folders))
+    (tmp_path / "sweeps").mkdir()
+    quickstart = (ROOT / "sweeps/quickstart.toml").read_text()
+    short = quickstart.replace("strain = 4.0", "strain = 0.3").replace("discard = 1.0", "discard = 0.0")
+    assert short != quickstart
+    (tmp_path / "sweeps/quickstart.toml").write_text(short.replace("seeds = 8 ", "seeds = 2 "))
+    blocks = re.findall(r"^```(python|sh) *(.*)\n((?:.*\n)*?)```$", (ROOT / page).read_text(), re.MULTILINE)
+    assert any(kind == "python" for kind, _, _ in blocks)
     names = {}
-    for needs, text in blocks:
+    for kind, needs, text in blocks:
         needed = needs.removeprefix("needs=").split(",") if needs else []
-        if all(importlib.util.find_spec(module) for module in needed):
+        if kind == "sh":
+            if all(shutil.which(program) for program in needed):
+                subprocess.run(["sh", "-eu", "-c", text], check=True)
+        elif all(importlib.util.find_spec(module) for module in needed):
             exec(compile(text, page, "exec"), names)
 
 
