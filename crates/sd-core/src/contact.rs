@@ -19,14 +19,13 @@
 //! that take part, sets up the problem and stores its solution. `procedure` is separate because it
 //! is a time-stepping procedure and not a law.
 
-pub(crate) mod adhesive_pairs;
 pub(crate) mod contact_pair;
 pub(crate) mod contact_solver;
+pub(crate) mod distant_forces;
 pub(crate) mod laws;
 pub(crate) mod memory;
 pub(crate) mod pair_forces;
 pub(crate) mod problem;
-pub(crate) mod repulsive_pairs;
 mod row;
 pub(crate) mod springs;
 
@@ -36,6 +35,8 @@ pub(crate) use contact_solver::{ContactSolver, SolvePass};
 pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
 pub use pair_forces::PairForces;
+
+use crate::space::Space;
 
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.
@@ -90,8 +91,6 @@ impl Quality {
         self.status == Status::NoAdmissibleMotion
     }
 }
-
-use crate::space::Space;
 
 /// Maximum number of spheres for whose contacts memory is reserved in advance.
 const MAX_RESERVED_SPHERES: usize = 1000;

@@ -5,10 +5,9 @@ mod method;
 
 pub use method::{Method, memory_bytes};
 
-use crate::contact::adhesive_pairs::AdhesivePairs;
 use crate::contact::contact_solver::{AppliedForces, StageInput};
+use crate::contact::distant_forces::DistantForces;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::repulsive_pairs::RepulsivePairs;
 use crate::contact::{
     ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface, reserved_contacts,
 };
@@ -60,10 +59,8 @@ pub struct StageSolver<S: Fluid = Layer> {
     pub resistance: Resistance<S>,
     /// Contact solver with the last solution; its list is empty without contact.
     pub contacts: ContactSolver<S>,
-    /// Pairs with an additional repulsion.
-    pub repulsive: RepulsivePairs<S>,
-    /// Adhesive pairs; their normal force is the attraction and negative.
-    pub adhesive: AdhesivePairs<S>,
+    /// Pairs with a repulsion or adhesion.
+    pub distant: DistantForces<S>,
     /// External and background forces.
     forces: Vec<f64>,
     /// Disturbance velocities of the last solve.
@@ -81,13 +78,12 @@ impl<S: Fluid> StageSolver<S> {
     pub fn new(resistance: Resistance<S>) -> Self {
         let spheres = resistance.radii().len();
         let n = S::MODES * spheres;
-        let mut adhesive = AdhesivePairs::default();
-        adhesive.pairs.reserve(reserved_contacts::<S>(spheres));
+        let mut distant = DistantForces::default();
+        distant.adhesive.reserve(reserved_contacts::<S>(spheres));
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
-            repulsive: RepulsivePairs::default(),
-            adhesive,
+            distant,
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
             applied: Vec::with_capacity(n),
@@ -299,13 +295,8 @@ impl<S: Fluid> StageSolver<S> {
                     .solve(&input, contact_list, &mut contacts.list, velocities)?
             }
         };
-        self.repulsive.finish(&self.velocities);
-        for contact in self
-            .contacts
-            .list
-            .iter_mut()
-            .chain(&mut self.adhesive.pairs)
-        {
+        self.distant.finish(&self.velocities);
+        for contact in &mut self.contacts.list {
             contact.set_velocities(&self.velocities);
         }
         match self.velocities.iter().position(|v| !v.is_finite()) {
@@ -330,17 +321,9 @@ impl<S: Fluid> StageSolver<S> {
         for (force, x) in forces.iter_mut().zip(external) {
             *force += x;
         }
-        self.repulsive.pairs.clear();
-        self.adhesive.pairs.clear();
+        self.distant.clear();
         if let StageContacts::Laws { laws, span, .. } = contact {
-            if let Some(repulsion) = &laws.repulsion {
-                self.repulsive
-                    .add(repulsion, resistance, background, span, forces);
-            }
-            if laws.adhesion > 0.0 {
-                self.adhesive
-                    .add(laws, resistance, background, span, forces);
-            }
+            self.distant.add(laws, resistance, background, span, forces);
         }
         resistance.factor()
     }

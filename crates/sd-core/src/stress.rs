@@ -152,10 +152,10 @@ impl<S: Fluid> StressWork<S> {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
             sums.add(tangential_stress(c), |parts| &mut parts.tangential_contact);
         }
-        for c in &stage.adhesive.pairs {
+        for c in &stage.distant.adhesive {
             sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
         }
-        for c in &stage.repulsive.pairs {
+        for c in &stage.distant.repulsive {
             sums.add(normal_stress(c), |parts| &mut parts.repulsion);
         }
         let components = sums.components.scaled(volume.recip());

@@ -10,7 +10,6 @@ use super::laws::{Laws, Overlap, Span};
 use super::memory::ContactMemory;
 use super::problem::ProblemSolver;
 use super::problem::dense_system::DenseSystem;
-use super::problem::newton::FrictionActivation;
 use super::problem::sparse_system::{SparseSystem, SparseSystemView};
 use super::problem::statement::{Forces, Problem};
 use super::{Quality, reserved_contacts};
@@ -118,10 +117,6 @@ impl<S: Fluid> ContactSolver<S> {
         velocities: &mut [f64],
     ) -> Result<(Quality, bool), Error> {
         let laws = input.laws;
-        let activation = FrictionActivation {
-            critical_load: laws.surface.critical_load,
-            updates: matches!(pass, SolvePass::First | SolvePass::Repeat) && !laws.is_smooth(),
-        };
         if pass == SolvePass::First {
             if let Backend::Sparse(system) = &mut self.backend {
                 system.begin_stage();
@@ -146,14 +141,14 @@ impl<S: Fluid> ContactSolver<S> {
             let solved = match &mut self.backend {
                 Backend::Dense(system) => {
                     system.set_up(input.resistance, problem, applied.all);
-                    let solved = solver.solve(problem, &mut **system, activation, loads, refine);
+                    let solved = solver.solve(problem, &mut **system, loads, refine);
                     system.finish(input.resistance, &solver.forces, velocities);
                     solved
                 }
                 Backend::Sparse(system) => {
                     let mut view =
                         SparseSystemView::begin(input.resistance, system, problem, applied)?;
-                    let solved = solver.solve(problem, &mut view, activation, loads, refine);
+                    let solved = solver.solve(problem, &mut view, loads, refine);
                     view.finish(velocities);
                     solved
                 }

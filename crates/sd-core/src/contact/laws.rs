@@ -88,27 +88,11 @@ impl ForceLaw {
         }
     }
 
-    /// Force at an overlap d, as [`CustomNormalLaw::force`].
-    pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
+    /// Its force as a function of the overlap.
+    pub fn curve(&self) -> &dyn CustomNormalLaw {
         match self {
-            Self::BuiltIn(law) => law.force(overlap, stiffness),
-            Self::Custom(law) => law.force(overlap, stiffness),
-        }
-    }
-
-    /// Slope dF/dd at an overlap d, as [`CustomNormalLaw::slope`].
-    pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
-        match self {
-            Self::BuiltIn(law) => law.slope(overlap, stiffness),
-            Self::Custom(law) => law.slope(overlap, stiffness),
-        }
-    }
-
-    /// Overlap at a force, as [`CustomNormalLaw::overlap`].
-    pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
-        match self {
-            Self::BuiltIn(law) => law.overlap(force, stiffness),
-            Self::Custom(law) => law.overlap(force, stiffness),
+            Self::BuiltIn(law) => law,
+            Self::Custom(law) => *law,
         }
     }
 }
@@ -137,8 +121,9 @@ impl Laws {
     /// The given choice of laws, for spheres with this surface.
     pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
         let load = surface.critical_load;
-        let springs = choice.normal.is_spring();
-        let stiffness = if springs {
+        // The load may be infinite, and 0 times infinity is NaN.
+        let times = |factor: f64, unit: f64| if factor > 0.0 { factor * unit } else { 0.0 };
+        let stiffness = if choice.normal.is_spring() {
             choice.stiffness * choice.stiffness_unit.force(load)
         } else {
             f64::INFINITY
@@ -154,23 +139,14 @@ impl Laws {
                 dashpot: choice.dashpot,
             },
             tangential: choice.tangential,
-            tangential_stiffness: if choice.tangential.has_spring() {
-                choice.tangential_stiffness * stiffness
-            } else {
-                0.0
-            },
+            tangential_stiffness: times(choice.tangential_stiffness, stiffness),
             onset: choice.onset,
             repulsion: (choice.repulsion > 0.0).then_some(ExponentialRepulsion {
                 force: choice.repulsion * load,
                 length: choice.repulsion_length,
             }),
             rolling_friction: choice.rolling_friction,
-            // The load may be infinite, and 0 times infinity is NaN.
-            adhesion: if choice.adhesion > 0.0 {
-                choice.adhesion * load
-            } else {
-                0.0
-            },
+            adhesion: times(choice.adhesion, load),
         }
     }
 
@@ -239,7 +215,7 @@ pub(super) struct Overlap {
 impl NormalForce {
     /// Force at an overlap d, in mu·a²·rate, of a pair at rest; meaningless for rigid contacts.
     pub fn force(&self, overlap: f64) -> f64 {
-        self.law.force(overlap, self.stiffness)
+        self.law.curve().force(overlap, self.stiffness)
     }
 
     /// Whether contacts are rigid.
@@ -251,7 +227,7 @@ impl NormalForce {
     /// force at the preceding stage.
     pub(super) fn first_reference(&self, overlap: f64, force: f64) -> f64 {
         overlap
-            .max(self.law.overlap(force, self.stiffness))
+            .max(self.law.curve().overlap(force, self.stiffness))
             .max(INITIAL_OVERLAP)
     }
 
@@ -263,7 +239,7 @@ impl NormalForce {
             let separation = self.separation_velocity(overlap, time, immediately);
             return [overlap.background - separation, COMPLIANCE];
         }
-        let slope = self.law.slope(overlap.reference, self.stiffness);
+        let slope = self.law.curve().slope(overlap.reference, self.stiffness);
         let intercept = self.force(overlap.reference) + slope * (overlap.now - overlap.reference);
         let damping = slope * time + self.damping(overlap);
         [overlap.background - intercept / damping, damping.recip()]
@@ -310,11 +286,11 @@ impl NormalForce {
         if (exact - force).abs() <= tolerance {
             return None;
         }
-        let before = self.law.slope(overlap.reference, self.stiffness);
+        let before = self.law.curve().slope(overlap.reference, self.stiffness);
         // A dashpot has a slope of its own, so that no minimum overlap is needed.
         let minimum = if damping > 0.0 { 0.0 } else { MIN_OVERLAP };
         overlap.reference = at_end.max(minimum);
-        let slope = self.law.slope(overlap.reference, self.stiffness);
+        let slope = self.law.curve().slope(overlap.reference, self.stiffness);
         (slope != before).then(|| self.entry(overlap, time, false))
     }
 }

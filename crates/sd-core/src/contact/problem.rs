@@ -28,8 +28,8 @@
 //! linear algebra of both is [`dense_system`] of few spheres and [`sparse_system`] of many.
 
 pub(crate) mod dense_system;
-pub(crate) mod newton;
-pub(crate) mod proximal;
+mod newton;
+mod proximal;
 pub(crate) mod sparse_system;
 pub(crate) mod statement;
 
@@ -38,8 +38,7 @@ mod tests;
 
 use super::Quality;
 use crate::space::{Layer, Space};
-use newton::FrictionActivation;
-use statement::{Forces, FrictionState, Problem, RoundoffThresholds, States, System};
+use statement::{Forces, Problem, RoundoffThresholds, States, System};
 
 /// Active set, forces and workspace of a contact problem.
 pub(crate) struct ProblemSolver<S: Space = Layer> {
@@ -84,7 +83,6 @@ impl<S: Space> ProblemSolver<S> {
         &mut self,
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
-        activation: FrictionActivation,
         held_loads: Option<&[f64]>,
         mut refine: impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
@@ -97,14 +95,14 @@ impl<S: Space> ProblemSolver<S> {
             // The preceding motion provides the initial slip directions.
             self.update_states(problem, system, RoundoffThresholds::NONE, false);
         }
-        let (converged, systems) = self.newton(problem, system, activation, &mut refine);
+        let (converged, systems) = self.newton(problem, system, &mut refine);
         if converged {
             return self.accept(problem, systems);
         }
         self.restore_activation(problem);
         self.forces.copy_from(&self.initial);
         self.infer_states(problem);
-        let quality = self.solve_proximal(problem, system, activation, &mut refine);
+        let quality = self.solve_proximal(problem, system, &mut refine);
         Quality {
             systems: systems + quality.systems,
             ..quality
@@ -137,13 +135,8 @@ impl<S: Space> ProblemSolver<S> {
 
     /// Infers the active set from the current forces.
     pub(crate) fn infer_states(&mut self, problem: &Problem<S>) {
-        let (forces, states) = (&self.forces, &mut self.states);
-        states.closed.clear();
-        states.closed.extend(forces.normal.iter().map(|&f| f > 0.0));
-        states.friction.clear();
-        let entries = problem.friction.iter().zip(&forces.tangential);
-        states.friction.extend(entries.map(|(entry, t)| {
-            FrictionState::from_force(t, entry.bound(forces.normal[entry.contact]))
-        }));
+        let f = |k: usize| self.forces.normal[k];
+        self.states
+            .infer(problem, f, |k, _| self.forces.tangential[k]);
     }
 }

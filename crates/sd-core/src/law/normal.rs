@@ -4,8 +4,8 @@
 //! F(d) ≥ 0,   F = 0 for d ≤ 0
 //! ```
 
-use super::Quantity;
 use super::quantity::Range;
+use super::{CustomNormalLaw, Quantity};
 
 /// Lists the laws: each line has the name of a law and of its file, which declares the rest.
 macro_rules! normal_laws {
@@ -34,24 +34,22 @@ macro_rules! normal_laws {
                     $(Self::$law => $file::TOUCHES,)+
                 }
             }
+        }
 
-            /// Force at an overlap d in a, of a contact at rest, in the unit of the stiffness times
-            /// the overlap's.
-            pub fn force(self, overlap: f64, stiffness: f64) -> f64 {
+        impl CustomNormalLaw for NormalLaw {
+            fn force(&self, overlap: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::force(overlap, stiffness),)+
                 }
             }
 
-            /// Slope dF/dd at an overlap d; infinite for rigid contacts.
-            pub fn slope(self, overlap: f64, stiffness: f64) -> f64 {
+            fn slope(&self, overlap: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::slope(overlap, stiffness),)+
                 }
             }
 
-            /// Overlap at which the contact has a given force; 0 for rigid contacts.
-            pub fn overlap(self, force: f64, stiffness: f64) -> f64 {
+            fn overlap(&self, force: f64, stiffness: f64) -> f64 {
                 match self {
                     $(Self::$law => $file::overlap(force, stiffness),)+
                 }
@@ -72,6 +70,7 @@ impl NormalLaw {
     ///
     /// ```
     /// use sd_core::NormalLaw;
+    /// use sd_core::law::CustomNormalLaw;
     ///
     /// assert!(NormalLaw::Hertz.is_spring() && !NormalLaw::Rigid.is_spring());
     /// // An overlap of 0.01 a under k = 1e4 mu·rate.

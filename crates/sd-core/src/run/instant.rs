@@ -317,8 +317,8 @@ pub(super) fn solve_with<S: Fluid>(
         stresslets: work.stresslets,
         stress,
         contacts,
-        repulsive: stage.repulsive.pairs.clone(),
-        adhesive: stage.adhesive.pairs.clone(),
+        repulsive: stage.distant.repulsive.clone(),
+        adhesive: stage.distant.adhesive.clone(),
     })
 }
 

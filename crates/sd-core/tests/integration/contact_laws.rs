@@ -32,7 +32,7 @@ const HERTZ: NormalForce = NormalForce {
 
 /// Overlap at which a law has a given force.
 fn overlap(normal: NormalForce, force: f64) -> f64 {
-    normal.law.overlap(force, normal.stiffness)
+    normal.law.curve().overlap(force, normal.stiffness)
 }
 
 fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {

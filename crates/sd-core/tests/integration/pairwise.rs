@@ -321,8 +321,13 @@ fn laws_agree_under(hydrodynamics: Hydrodynamics, area_fraction: f64) {
             let frictional = compare(&found, &expected, [1e-7; 2], &(size_ratio, chosen));
             let alone = chosen.normal == NormalLaw::ExponentialRepulsion;
             assert_eq!(frictional == 0, alone, "{chosen:?}");
-            assert_eq!(found.repulsive.pairs.is_empty(), chosen.repulsion == 0.0);
-            for (a, b) in found.repulsive.pairs.iter().zip(&expected.repulsive.pairs) {
+            assert_eq!(found.distant.repulsive.is_empty(), chosen.repulsion == 0.0);
+            for (a, b) in found
+                .distant
+                .repulsive
+                .iter()
+                .zip(&expected.distant.repulsive)
+            {
                 let off = (a.normal_force - b.normal_force).abs();
                 assert!(off < 1e-7 * params.critical_load(), "{off:e}");
             }

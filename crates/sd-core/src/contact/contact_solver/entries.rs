@@ -26,6 +26,8 @@ impl<S: Fluid> ContactSolver<S> {
         let immediately = input.span.corrects_overlap_immediately();
         let has_friction = laws.surface.has_friction();
         self.problem.uses_frictionless_slip = laws.uses_frictionless_slip() && has_friction;
+        let updates = matches!(pass, SolvePass::First | SolvePass::Repeat) && !laws.is_smooth();
+        self.problem.critical_load = updates.then_some(laws.surface.critical_load);
         self.problem.friction.clear();
         self.problem.normal.clear();
         self.overlaps.clear();

@@ -44,25 +44,6 @@ const NEAR_CONVERGENCE_ANGLE: f64 = 1e-2;
 /// Factor by which the largest angle must decrease in one iteration.
 const ANGLE_REDUCTION: f64 = 0.5;
 
-/// Activation of friction.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FrictionActivation {
-    /// Load above which friction is active.
-    pub(crate) critical_load: f64,
-    /// Whether the set of contacts with active friction is updated. Where friction is continuous at
-    /// the critical load it is not: friction is then active on all contacts, and the bound
-    /// determines the force.
-    pub(crate) updates: bool,
-}
-
-impl FrictionActivation {
-    /// Friction with fixed bounds, whose activation does not depend on loads.
-    pub(crate) const FIXED: Self = Self {
-        critical_load: 0.0,
-        updates: false,
-    };
-}
-
 impl<S: Space> ProblemSolver<S> {
     /// Iterates from the current active set. Returns whether it converged, and the number of linear
     /// systems.
@@ -70,7 +51,6 @@ impl<S: Space> ProblemSolver<S> {
         &mut self,
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
-        activation: FrictionActivation,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
@@ -88,11 +68,7 @@ impl<S: Space> ProblemSolver<S> {
             let (violation, is_full_step) = self.backtrack(problem, system, previous_violation);
             let refined = refine(problem, &self.forces);
             let (changed, rotation) = self.update_states(problem, system, roundoff, is_full_step);
-            let activated = if activation.updates {
-                self.update_activation(problem, system, activation, roundoff.force)
-            } else {
-                0
-            };
+            let activated = self.update_activation(problem, system, roundoff.force);
             let contradicted = refined + changed;
             let changes = contradicted + activated;
             last = changes == 0 && rotation < NEAR_CONVERGENCE_ANGLE && is_full_step;
@@ -191,19 +167,22 @@ impl<S: Space> ProblemSolver<S> {
     }
 
     /// Activates friction where the load exceeds the critical load by more than `roundoff`, and
-    /// deactivates it where the load is below; returns the number of changes.
+    /// deactivates it where the load is below; returns the number of changes. A fixed activation is
+    /// left as it is.
     pub(super) fn update_activation(
         &mut self,
         problem: &mut Problem<S>,
         system: &impl System<S>,
-        activation: FrictionActivation,
         roundoff: f64,
     ) -> usize {
+        let Some(critical_load) = problem.critical_load else {
+            return 0;
+        };
         let mut changes = 0;
         let states = self.states.friction.iter_mut().zip(&self.forces.slip);
         for (entry, (state, slip)) in problem.friction.iter_mut().zip(states) {
             let load = self.forces.normal[entry.contact];
-            let excess = load - activation.critical_load;
+            let excess = load - critical_load;
             let active = excess > 0.0;
             let closed = self.states.closed[entry.contact];
             let keeps = closed && (excess.abs() <= roundoff || entry.was_deactivated && !active);

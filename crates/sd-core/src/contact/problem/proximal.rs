@@ -22,8 +22,7 @@
 //! there is no admissible motion, forces grow without bound.
 
 use super::ProblemSolver;
-use super::newton::FrictionActivation;
-use super::statement::{Forces, FrictionState, Problem, System, largest, trial_force};
+use super::statement::{Forces, Problem, System, largest, trial_force};
 use crate::contact::laws::COMPLIANCE;
 use crate::contact::{Quality, Status};
 use crate::space::Space;
@@ -69,6 +68,7 @@ impl<S: Space> Problem<S> {
 
     /// Fixes the friction bounds at given loads.
     fn fix_bounds(&mut self, loads: &[f64]) {
+        self.critical_load = None;
         for entry in &mut self.friction {
             entry.coefficient = entry.coefficient.min(MAX_COEFFICIENT);
             entry.intercept = entry.bound(loads[entry.contact]);
@@ -84,16 +84,15 @@ impl<S: Space> ProblemSolver<S> {
         &mut self,
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
-        activation: FrictionActivation,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
-        let mut quality = self.iterate(problem, system, Some(activation), refine);
+        let mut quality = self.iterate(problem, system, false, refine);
         let mut systems = quality.systems;
         if quality.status != Status::Solved {
             self.restore_activation(problem);
             self.forces.normal.fill(0.0);
             self.forces.tangential.fill(S::each_tangent(0.0));
-            quality = self.iterate(problem, system, Some(activation), refine);
+            quality = self.iterate(problem, system, false, refine);
             systems += quality.systems;
         }
         if quality.status != Status::Solved {
@@ -112,7 +111,7 @@ impl<S: Space> ProblemSolver<S> {
             self.initial.copy_from(&self.forces);
             self.save_activation(problem);
             self.infer_states(problem);
-            let (converged, more) = self.newton(problem, system, activation, refine);
+            let (converged, more) = self.newton(problem, system, refine);
             systems += more;
             if converged {
                 quality = self.accept(problem, systems);
@@ -137,7 +136,7 @@ impl<S: Space> ProblemSolver<S> {
         let mut bounded = std::mem::take(&mut self.bounded);
         bounded.copy_from(problem);
         bounded.fix_bounds(loads);
-        let found = self.iterate(&mut bounded, system, None, refine);
+        let found = self.iterate(&mut bounded, system, true, refine);
         problem.normal.clone_from(&bounded.normal);
         self.bounded = bounded;
         let quality = self.forces.quality(problem);
@@ -154,18 +153,16 @@ impl<S: Space> ProblemSolver<S> {
 
     /// Solves the sequence of softened problems, from the current forces.
     ///
-    /// `activation`: `None` where the friction bounds are fixed.
+    /// `is_bounded`: whether the friction bounds are fixed.
     fn iterate(
         &mut self,
         problem: &mut Problem<S>,
         system: &mut impl System<S>,
-        activation: Option<FrictionActivation>,
+        is_bounded: bool,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
-        let fixed = FrictionActivation::FIXED;
-        let first = activation.unwrap_or(fixed);
         let mut softened = std::mem::take(&mut self.softened);
         let (mut softness, mut systems, mut failed) = (FIRST_SOFTNESS, 0, false);
         let mut before = f64::INFINITY;
@@ -177,24 +174,24 @@ impl<S: Space> ProblemSolver<S> {
             } else {
                 self.infer_states(problem);
             }
-            let (mut solved, mut more) = self.newton(&mut softened, system, first, &mut |_, _| 0);
+            let (mut solved, mut more) = self.newton(&mut softened, system, &mut |_, _| 0);
             systems += more;
             failed = !solved;
             if solved {
                 problem.copy_activation(&softened);
-            } else if activation.is_some() {
+            } else if !is_bounded {
                 softened.soften(problem, softness, &self.reference);
                 softened.fix_bounds(&self.reference.normal);
                 self.forces.copy_from(&self.reference);
                 self.forces.project_onto_bounds(&softened);
                 self.infer_states(&softened);
-                (solved, more) = self.newton(&mut softened, system, fixed, &mut |_, _| 0);
+                (solved, more) = self.newton(&mut softened, system, &mut |_, _| 0);
                 systems += more;
             }
             if solved {
                 self.forces.project_onto_bounds(&softened);
-                if failed && first.updates {
-                    self.update_activation(problem, system, first, 0.0);
+                if failed {
+                    self.update_activation(problem, system, 0.0);
                 }
             } else {
                 self.forces.copy_from(&self.reference);
@@ -236,17 +233,10 @@ impl<S: Space> ProblemSolver<S> {
 
     /// Infers the active set from the current motion, with contacts as compliant as in `softened`.
     fn infer_states_of_motion(&mut self, softened: &Problem<S>) {
-        let (forces, states) = (&self.forces, &mut self.states);
+        let forces = &self.forces;
         let load = |k: usize| forces.normal[k] - forces.slack[k] / softened.normal[k].compliance;
-        states.closed.clear();
-        let candidates = 0..softened.normal.len();
-        states.closed.extend(candidates.map(|k| load(k) > 0.0));
-        states.friction.clear();
-        let pairs = forces.tangential.iter().zip(&forces.slip);
-        let entries = softened.friction.iter().zip(pairs);
-        states.friction.extend(entries.map(|(entry, (t, z))| {
-            let trial = trial_force::<S>(t, z, entry.compliance);
-            FrictionState::from_force(&trial, entry.bound(load(entry.contact).max(0.0)))
-        }));
+        self.states.infer(softened, load, |k, entry| {
+            trial_force::<S>(&forces.tangential[k], &forces.slip[k], entry.compliance)
+        });
     }
 }

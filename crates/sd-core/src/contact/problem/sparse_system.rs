@@ -145,15 +145,8 @@ impl<S: Fluid> SparseSystem<S> {
     /// Computes the residual of the linear system at the current velocities and forces.
     fn compute_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces<S>) {
         let problem = linear.problem;
-        let n = self.velocities.len();
-        let flow = if problem.uses_frictionless_slip {
-            2 * n
-        } else {
-            n
-        };
-        let size = flow + problem.normal.len() + problem.friction_rows();
         self.residual.clear();
-        self.residual.resize(size, 0.0);
+        self.residual.resize(linear.size(), 0.0);
         let [r_v, r_n, r_f, r_t] = linear.split_mut(&mut self.residual);
         if problem.uses_frictionless_slip {
             let both = &mut self.both;

@@ -85,6 +85,10 @@ pub(crate) struct Problem<S: Space = Layer> {
     pub(crate) friction: Vec<Friction<S>>,
     /// Whether friction depends on the motion v_N under normal forces alone, instead of v.
     pub(crate) uses_frictionless_slip: bool,
+    /// Load above which friction is active; `None` where its activation is fixed. Where friction is
+    /// continuous at the critical load, it is active on all contacts, and the bound determines the
+    /// force.
+    pub(crate) critical_load: Option<f64>,
 }
 
 impl<S: Space> Default for Problem<S> {
@@ -100,6 +104,7 @@ impl<S: Space> Problem<S> {
             normal: Vec::with_capacity(candidates),
             friction: Vec::with_capacity(2 * candidates),
             uses_frictionless_slip: false,
+            critical_load: None,
         }
     }
 
@@ -108,6 +113,7 @@ impl<S: Space> Problem<S> {
         self.normal.clone_from(&other.normal);
         self.friction.clone_from(&other.friction);
         self.uses_frictionless_slip = other.uses_frictionless_slip;
+        self.critical_load = other.critical_load;
     }
 
     /// Number of components of all friction forces.
@@ -214,6 +220,25 @@ impl<S: Space> States<S> {
             closed: Vec::with_capacity(candidates),
             friction: Vec::with_capacity(2 * candidates),
         }
+    }
+
+    /// Infers the states from the loads of candidates, and from the friction forces without bounds
+    /// by their numbers and entries.
+    pub(crate) fn infer(
+        &mut self,
+        problem: &Problem<S>,
+        load: impl Fn(usize) -> f64,
+        trial: impl Fn(usize, &Friction<S>) -> S::PerTangent<f64>,
+    ) {
+        self.closed.clear();
+        let candidates = 0..problem.normal.len();
+        self.closed.extend(candidates.map(|k| load(k) > 0.0));
+        self.friction.clear();
+        let entries = problem.friction.iter().enumerate();
+        self.friction.extend(entries.map(|(k, entry)| {
+            let bound = entry.bound(load(entry.contact).max(0.0));
+            FrictionState::from_force(&trial(k, entry), bound)
+        }));
     }
 }
 
@@ -377,55 +402,54 @@ impl<S: Space> Forces<S> {
         }
     }
 
-    /// Evaluates the violation of the conditions by forces whose slack and slip are known:
-    /// `min(G f, w)` of each candidate, and `|t − P(t + z/G)|` of each friction force, where P
-    /// projects onto the bound ρ. `mobility` returns the G of a candidate.
-    fn violations(
+    /// Violations of the conditions by forces whose slack and slip are known: `min(G f, w)` of each
+    /// candidate, with the G that `mobility` returns.
+    fn normal_violations(&self, mobility: impl Fn(usize) -> f64) -> impl Iterator<Item = f64> {
+        let pairs = self.normal.iter().zip(&self.slack).enumerate();
+        pairs.map(move |(k, (f, w))| (mobility(k) * f).min(*w))
+    }
+
+    /// Violations `|t − P(t + z/G)|` of each friction force, where P projects onto the bound ρ.
+    fn friction_violations(
         &self,
         problem: &Problem<S>,
         mobility: impl Fn(usize) -> f64,
-        mut normal: impl FnMut(usize, f64),
-        mut friction: impl FnMut(f64),
-    ) {
-        for (k, &f) in self.normal.iter().enumerate() {
-            normal(k, (mobility(k) * f).min(self.slack[k]));
-        }
+    ) -> impl Iterator<Item = f64> {
         let pairs = self.tangential.iter().zip(&self.slip);
-        for ((t, z), entry) in pairs.zip(&problem.friction) {
+        pairs.zip(&problem.friction).map(move |((t, z), entry)| {
             let bound = entry.bound(self.normal[entry.contact]);
             let trial = trial_force::<S>(t, z, mobility(entry.contact) + entry.compliance);
             let mut difference = S::within(&trial, bound);
             for k in 0..S::TANGENTS {
                 difference[k] = t[k] - difference[k];
             }
-            friction(S::length(&difference));
-        }
+            S::length(&difference)
+        })
     }
 
     /// Sum of the squared violations of the conditions by these forces, whose slack and slip are
     /// known.
     pub(crate) fn square_violation(&self, problem: &Problem<S>, system: &impl System<S>) -> f64 {
-        let (mut normal, mut friction) = (0.0, 0.0);
-        self.violations(
-            problem,
-            |k| system.mobility(k),
-            |k, violation| normal += (violation / system.mobility(k)).powi(2),
-            |violation| friction += violation * violation,
-        );
-        normal + friction
+        let mobility = |k| system.mobility(k);
+        let normal = self.normal_violations(mobility).enumerate();
+        let normal: f64 = normal.map(|(k, x)| (x / mobility(k)).powi(2)).sum();
+        let friction = self.friction_violations(problem, mobility);
+        normal + friction.map(|x| x * x).sum::<f64>()
     }
 
     /// The quality of these forces, whose slack and slip are known, as a solution: it is measured
     /// alike for any linear algebra, with [`TYPICAL_MOBILITY`] as G.
     pub(crate) fn quality(&self, problem: &Problem<S>) -> Quality {
-        let (mut residual, mut error) = (0.0_f64, 0.0_f64);
-        let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
-        self.violations(
-            problem,
-            |_| TYPICAL_MOBILITY,
-            |_, violation| residual = worse(residual, violation.abs()),
-            |violation| error = worse(error, violation),
-        );
+        let worse = |a: f64, b: f64| {
+            if b.is_nan() {
+                f64::INFINITY
+            } else {
+                a.max(b.abs())
+            }
+        };
+        let mobility = |_| TYPICAL_MOBILITY;
+        let residual = self.normal_violations(mobility).fold(0.0, worse);
+        let error = self.friction_violations(problem, mobility).fold(0.0, worse);
         let loads = self.normal.iter().copied();
         let friction_error = error / loads.fold(f64::MIN_POSITIVE, f64::max);
         let status = if residual > Quality::RESIDUAL_LIMIT {

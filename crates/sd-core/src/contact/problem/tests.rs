@@ -2,7 +2,6 @@
 //! law; and the solution by an interior-point method.
 
 use super::ProblemSolver;
-use super::newton::FrictionActivation;
 use super::statement::{
     Forces, Friction, FrictionState, Normal, Problem, RoundoffThresholds, States, System, largest,
 };
@@ -249,28 +248,23 @@ fn problem_of<S: Space>(law: Law, count: usize, given: &[f64]) -> Problem<S> {
     problem
 }
 
-/// Friction whose activation is fixed.
-const FIXED_ACTIVATION: FrictionActivation = FrictionActivation {
-    critical_load: 0.0,
-    updates: false,
-};
-
 /// Solves the problem of a law, starting with all contacts closed.
 fn solve<S: Space>(
     law: Law,
     network: &mut Network,
     given: &[f64],
-    activation: FrictionActivation,
+    critical_load: Option<f64>,
 ) -> (Problem<S>, ProblemSolver<S>, Quality) {
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
+    problem.critical_load = critical_load;
     let mut solver = ProblemSolver::new(count);
     solver.states.closed.resize(count, true);
     let frictions = problem.friction.len();
     let states = &mut solver.states.friction;
     states.resize(frictions, FrictionState::Stick);
     solver.forces.reset(&problem);
-    let outcome = solver.solve(&mut problem, network, activation, None, |_, _| 0);
+    let outcome = solver.solve(&mut problem, network, None, |_, _| 0);
     (problem, solver, outcome)
 }
 
@@ -278,8 +272,7 @@ fn solve<S: Space>(
 fn conditions_hold<S: Space>(columns: &[Vec<f64>], given: &[f64]) -> Result<(), TestCaseError> {
     for law in laws() {
         let mut network = Network::new::<S>(columns, law);
-        let (mut problem, mut solver, outcome) =
-            solve::<S>(law, &mut network, given, FIXED_ACTIVATION);
+        let (mut problem, mut solver, outcome) = solve::<S>(law, &mut network, given, None);
         prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
         let forces = &solver.forces;
         let [w, z] = network.velocities(&problem, forces);
@@ -322,7 +315,7 @@ fn conditions_hold<S: Space>(columns: &[Vec<f64>], given: &[f64]) -> Result<(), 
         let (normal, tangential) = (forces.normal.clone(), forces.tangential.clone());
         solver.forces.reset(&problem);
         let held = Some(&normal[..]);
-        let again = solver.solve(&mut problem, &mut network, FIXED_ACTIVATION, held, |_, _| 0);
+        let again = solver.solve(&mut problem, &mut network, held, |_, _| 0);
         prop_assert!(again.status == Status::Solved, "{law:?}: {again:?}");
         let tolerance = 1e-6 * (1.0 + largest(&normal));
         let found = &solver.forces;
@@ -352,7 +345,7 @@ fn motion_is_the_convex_minimum<S: Space>(
     let laws = laws().into_iter().filter(|law| !law.isolated);
     for law in laws.chain([rigid_coulomb(0.3)]) {
         let mut network = Network::new::<S>(columns, law);
-        let (problem, solver, outcome) = solve::<S>(law, &mut network, given, FIXED_ACTIVATION);
+        let (problem, solver, outcome) = solve::<S>(law, &mut network, given, None);
         if law.compliance < 1e-9 && outcome.jammed() {
             continue;
         }
@@ -453,8 +446,8 @@ proptest! {
         for friction in [1.0, 10.0] {
             let law = rigid_coulomb(friction);
             let outcomes = [
-                solve::<Layer>(law, &mut Network::new::<Layer>(&columns, law), &given, FIXED_ACTIVATION).2,
-                solve::<Bulk>(law, &mut Network::new::<Bulk>(&columns, law), &given, FIXED_ACTIVATION).2,
+                solve::<Layer>(law, &mut Network::new::<Layer>(&columns, law), &given, None).2,
+                solve::<Bulk>(law, &mut Network::new::<Bulk>(&columns, law), &given, None).2,
             ];
             for outcome in outcomes {
                 prop_assert!(outcome.status != Status::Failed, "ν = {friction}: {outcome:?}");
@@ -475,13 +468,13 @@ proptest! {
     ) {
         for law in laws().into_iter().filter(|law| law.offset == 0.0) {
             let mut network = Network::new::<Layer>(&columns, law);
-            let activation = FrictionActivation { critical_load: 0.05, updates: true };
+            let critical_load = 0.05;
             let (problem, solver, outcome) =
-                solve::<Layer>(law, &mut network, &given, activation);
+                solve::<Layer>(law, &mut network, &given, Some(critical_load));
             prop_assert!(outcome.status == Status::Solved, "{law:?}: {outcome:?}");
             for entry in &problem.friction {
                 let load = solver.forces.normal[entry.contact];
-                let loaded = load > activation.critical_load;
+                let loaded = load > critical_load;
                 // Friction that was deactivated once and reactivated stays active.
                 prop_assert!(entry.active == loaded || entry.was_deactivated, "{law:?}: {load}");
             }
@@ -588,7 +581,7 @@ fn isolated_contact_has_the_solution_by_hand() {
         ),
     ] {
         let mut network = Network::new::<Layer>(&columns, law);
-        let (_, solver, outcome) = solve::<Layer>(law, &mut network, &given, FIXED_ACTIVATION);
+        let (_, solver, outcome) = solve::<Layer>(law, &mut network, &given, None);
         let (f, [t]) = (solver.forces.normal[0], solver.forces.tangential[0]);
         assert!(outcome.residual < 1e-14 && outcome.friction_error < 1e-14);
         assert!((f - force).abs() < 1e-14 && (t - friction).abs() < 1e-14);

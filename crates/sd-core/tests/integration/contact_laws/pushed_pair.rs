@@ -105,7 +105,11 @@ pub(super) fn pushed_by(
                 };
                 power += 0.5 * of(&external);
                 // Dissipation in the fluid: all forces on the spheres times their velocities.
-                let others = motion.repulsive.pairs.iter().chain(&motion.adhesive.pairs);
+                let others = motion
+                    .distant
+                    .repulsive
+                    .iter()
+                    .chain(&motion.distant.adhesive);
                 let contacts = motion.contacts.list.iter().chain(others);
                 let contact: f64 = contacts
                     .map(|c| {

@@ -6,6 +6,7 @@ use crate::contact::problem::statement::{Problem, States};
 use crate::hydrodynamics::resistance::{
     Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
 };
+use std::ops::Range;
 
 /// The data that define the linear system.
 pub(super) struct Linear<'a, S: Fluid> {
@@ -62,30 +63,33 @@ impl<S: Fluid> BothMotions<S> {
 }
 
 impl<S: Fluid> Linear<'_, S> {
+    /// Where v, v_N, f and t are in a vector of unknowns.
+    fn ranges(&self) -> [Range<usize>; 4] {
+        let n = S::MODES * self.resistance.spheres();
+        let flow = if self.problem.uses_frictionless_slip {
+            2 * n
+        } else {
+            n
+        };
+        let contacts = flow + self.problem.normal.len();
+        let end = contacts + self.problem.friction_rows();
+        [0..n, n..flow, flow..contacts, contacts..end]
+    }
+
+    /// Number of unknowns.
+    pub(super) fn size(&self) -> usize {
+        self.ranges()[3].end
+    }
+
     /// Splits a vector into v, v_N, f and t.
     pub(super) fn split<'x>(&self, x: &'x [f64]) -> [&'x [f64]; 4] {
-        let n = S::MODES * self.resistance.spheres();
-        let (v, rest) = x.split_at(n);
-        let (v_n, rest) = rest.split_at(if self.problem.uses_frictionless_slip {
-            n
-        } else {
-            0
-        });
-        let (f, t) = rest.split_at(self.problem.normal.len());
-        [v, v_n, f, t]
+        self.ranges().map(|range| &x[range])
     }
 
     /// Splits a mutable vector into v, v_N, f and t.
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
-        let n = S::MODES * self.resistance.spheres();
-        let (v, rest) = x.split_at_mut(n);
-        let (v_n, rest) = rest.split_at_mut(if self.problem.uses_frictionless_slip {
-            n
-        } else {
-            0
-        });
-        let (f, t) = rest.split_at_mut(self.problem.normal.len());
-        [v, v_n, f, t]
+        let parts = x.get_disjoint_mut(self.ranges());
+        parts.unwrap_or_else(|_| unreachable!("successive ranges of a vector of this size"))
     }
 
     /// `y = A x`, the linear system with its velocity rows multiplied by [`VELOCITY_WEIGHT`].
