@@ -7,6 +7,7 @@ pub use parquet::ParquetFile;
 pub(crate) use value::Tag;
 pub use value::{Kind, Value};
 
+use serde::{Serialize, Serializer};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -95,6 +96,23 @@ impl Cells {
         }
     }
 
+    /// A cell as a number; `None` for an empty one and for words.
+    pub(crate) fn number(&self, row: usize) -> Option<f64> {
+        match self {
+            Self::Word(_) => None,
+            Self::Count(cells) => cells[row].map(|count| count as f64),
+            Self::Number(cells) => cells[row],
+        }
+    }
+
+    /// Whether a cell is empty.
+    pub(crate) fn is_missing(&self, row: usize) -> bool {
+        match self {
+            Self::Word(cells) => cells[row].is_none(),
+            _ => self.number(row).is_none(),
+        }
+    }
+
     /// A cell as text; empty for `None`.
     pub fn text(&self, row: usize) -> String {
         match self {
@@ -134,6 +152,39 @@ impl DataColumn {
         };
         cells.for_each(|cell| column.cells.push(cell));
         column
+    }
+}
+
+/// The rows of a table as objects, by the names of its columns, with null for empty cells.
+pub(crate) struct Objects<'t>(pub(crate) &'t [DataColumn]);
+
+impl Serialize for Objects<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let rows = self.0.first().map_or(0, |column| column.cells.len());
+        s.collect_seq((0..rows).map(|row| Object(self.0, row)))
+    }
+}
+
+/// A row of a table as an object.
+pub(crate) struct Object<'t>(pub(crate) &'t [DataColumn], pub(crate) usize);
+
+impl Serialize for Object<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        let columns = self.0.iter();
+        s.collect_map(columns.map(|column| (column.name.as_ref(), Cell(&column.cells, self.1))))
+    }
+}
+
+/// A cell.
+pub(crate) struct Cell<'t>(pub(crate) &'t Cells, pub(crate) usize);
+
+impl Serialize for Cell<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Cells::Word(cells) => cells[self.1].serialize(s),
+            Cells::Count(cells) => cells[self.1].serialize(s),
+            Cells::Number(cells) => cells[self.1].map(Value::Number).serialize(s),
+        }
     }
 }
 

@@ -9,8 +9,8 @@ use super::place::StoreArguments;
 use super::tables::TableArguments;
 use crate::error::Error;
 use crate::report::{
-    Columns, Excerpt, PageHost, Report, ReportError, Selection, Shape, Units, page, point_table,
-    write_json, write_latex, write_markdown, write_text,
+    Columns, Excerpt, PageHost, Report, Selection, Shape, Units, page, point_table, write_json,
+    write_latex, write_text,
 };
 use crate::store::Store;
 use crate::system::exit;
@@ -29,7 +29,7 @@ use std::path::PathBuf;
                   All options and more examples: sweep report --help",
     after_long_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
-                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --markdown -\n  \
+                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --latex -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
                   sweep report results/figure-11.sqlite --figure contacts.svg --kind contacts --where shear_rate=inf\n  \
                   sweep report results/figure-15.sqlite --figure panels.svg --panels area_fraction\n  \
@@ -98,16 +98,10 @@ struct Files {
     /// Write one row per sample of every run: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     samples: Option<PathBuf>,
-    /// Write a Markdown table, `-` for standard output
-    #[arg(long, value_name = "FILE", hide_short_help = true)]
-    markdown: Option<PathBuf>,
     /// Write one self-contained page with interactive curves, traces and movies
     #[arg(long, value_name = "FILE.html")]
     page: Option<PathBuf>,
 }
-
-/// Writes a table.
-type Writer<'w> = &'w dyn Fn(&mut Vec<u8>) -> Result<(), ReportError>;
 
 /// Writes the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
@@ -125,7 +119,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let files = [
         ("--csv", &arguments.files.csv),
         ("--parquet", &arguments.files.parquet),
-        ("--markdown", &arguments.files.markdown),
         ("--latex", &arguments.tables.latex),
         ("--runs", &arguments.files.runs),
         ("--samples", &arguments.files.samples),
@@ -176,21 +169,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             files = true;
         }
     }
-    let tables: [(&Option<PathBuf>, Writer<'_>); 2] = [
-        (&arguments.files.markdown, &|bytes| {
-            write_markdown(&report, bytes)
-        }),
-        (&arguments.tables.latex, &|bytes| {
-            write_latex(&report, shape, bytes)
-        }),
-    ];
-    for (path, write) in tables {
-        if let Some(path) = path {
-            let mut bytes = Vec::new();
-            write(&mut bytes)?;
-            save(path, &bytes, output)?;
-            files = true;
-        }
+    if let Some(path) = &arguments.tables.latex {
+        let mut bytes = Vec::new();
+        write_latex(&report, shape, &mut bytes)?;
+        save(path, &bytes, output)?;
+        files = true;
     }
     let excerpt = Excerpt {
         store: &store,

@@ -42,7 +42,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         .filter(|axis| axis.matters(std::iter::once(&details.params)))
         .map(|axis| {
             let value = axis.value(&details.params).to_string();
-            let name = starts.name_on(axis, &details.params).unwrap_or(value);
+            let name = starts.name_on(axis, &details.params).unwrap_or(&value);
             format!("{} {name}", axis.symbol())
         })
         .collect();

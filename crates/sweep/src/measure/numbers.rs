@@ -303,11 +303,6 @@ impl Number {
         )
     }
 
-    /// Whether it is a detail: a part of the stress, or a number of the contact network.
-    pub(crate) fn is_detail(&self) -> bool {
-        matches!(self.sample, Some((_, InSample::Part(_)))) || self.is_of_network()
-    }
-
     /// Whether it belongs to the contact network, which most samples lack.
     pub fn is_of_network(&self) -> bool {
         matches!(self.sample, Some((_, InSample::Network(_))))

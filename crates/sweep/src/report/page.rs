@@ -3,22 +3,22 @@
 //! The page loads nothing from the network. All user text is JSON in a script element, with every
 //! `<`, `>` and `&` escaped, and is inserted as text only.
 
-use super::columns::{COLUMNS, Column};
 use super::error::ReportError;
 use super::figure::palette::{COLOURS, COLOURS_ON_DARK, Colour, HEAT, MARKERS};
 use super::points::{Point, Report};
 use super::selection::Excerpt;
 use super::states::{Flow, flows_of};
 use super::units::Units;
-use crate::measure::PointRun;
-use crate::measure::ratio;
+use crate::data::{DataColumn, Kind, Objects};
+use crate::measure::numbers::{Level, Number, columns};
+use crate::measure::{Estimate, PointRun, ratio};
 use crate::model::axes::{AXES, Axis};
 use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::Store;
 use crate::trajectory::{Kept, state_number};
 use sd_core::simulation::Frame;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap};
 
@@ -62,8 +62,7 @@ pub enum PageHost {
 /// The data for the script.
 #[derive(Serialize)]
 struct Data<'r> {
-    /// Points with the keys of `sweep report --json`, in the order of the columns.
-    points: Vec<Row<'r>>,
+    points: Objects<'r>,
     #[serde(flatten)]
     others: Value,
 }
@@ -79,36 +78,40 @@ fn axis_data(report: &Report, axis: &'static Axis) -> Value {
 }
 
 /// A quantity that curves can show.
-fn quantity_data(units: Units, column: &Column) -> Value {
-    let (label, word) = (column.label, units.word(column.unit));
-    let label = if word == column.unit {
+fn quantity_data(units: Units, number: &Number) -> Value {
+    let (label, word) = (number.label, units.word(number.unit));
+    let label = if word == number.unit {
         label.to_owned()
     } else {
         format!("{label} ({word})")
     };
-    json!({"key": column.name, "label": label})
+    json!({"key": number.name, "label": label})
 }
 
-/// A point as an object: the columns of the tables by name, and the shear stress that its flow
-/// curve shows.
-struct Row<'r>(&'r Report, &'r Point);
-
-impl Serialize for Row<'_> {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        let Self(report, point) = self;
-        let stress = point
-            .shear_stress()
-            .filter(|stress| stress.mean.is_finite());
-        let factor = report.units.factor("F_crit/a²", point.at());
-        let shown = |number: Option<f64>| Some(crate::data::Value::Number(factor? * number?));
-        let columns = COLUMNS
-            .iter()
-            .map(|column| (column.name.as_ref(), column.shown(report, point)));
-        s.collect_map(columns.chain([
-            ("stress", shown(stress.map(|stress| stress.mean))),
-            ("stress_ci95", shown(stress.and_then(|stress| stress.ci95))),
-        ]))
+/// The points: the columns of the table by name, and the shear stress that a flow curve shows.
+fn point_data(report: &Report) -> Vec<DataColumn> {
+    let mut table = report.whole_table(report.units);
+    let stress = |of: fn(Estimate) -> Option<f64>| {
+        move |point: &Point| {
+            let stress = point
+                .shear_stress()
+                .filter(|stress| stress.mean.is_finite());
+            let factor = report.units.factor("F_crit/a²", point.at())?;
+            Some(crate::data::Value::Number(factor * of(stress?)?))
+        }
+    };
+    for (name, cell) in [
+        ("stress", stress(|s| Some(s.mean))),
+        ("stress_ci95", stress(|s| s.ci95)),
+    ] {
+        table.push(DataColumn::of(
+            name,
+            Kind::Number,
+            "",
+            report.points.iter().map(cell),
+        ));
     }
+    table
 }
 
 /// The page of a part of a store.
@@ -208,7 +211,7 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         "campaign": report.campaign, "selection": selection.to_string(), "text": store.campaign_text()?,
         "discard": report.discard, "cases": report.counts, "work_done": work_done.unwrap_or(1.0), "eta_s": eta_s,
         "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
-        "quantities": COLUMNS.iter().filter(|column| !column.label.is_empty()).map(|column| quantity_data(units, column)).collect::<Vec<_>>(),
+        "quantities": columns(Level::Points).filter(|number| !number.label.is_empty()).map(|number| quantity_data(units, number)).collect::<Vec<_>>(),
         // State of each point, as in a state diagram.
         "flows": flows_of(&report.points).iter().map(|flow| flow.map(Flow::name)).collect::<Vec<_>>(),
         "doubtful": report.doubtful, "with_doubtful": report.with_doubtful,
@@ -223,12 +226,9 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         // The map of the page includes the yellow end, since its cells have their own background.
         "look": {"markers": MARKERS, "heat": HEAT},
     });
+    let points = &point_data(&report);
     let document = Data {
-        points: report
-            .points
-            .iter()
-            .map(|point| Row(&report, point))
-            .collect(),
+        points: Objects(points),
         others,
     };
     serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))

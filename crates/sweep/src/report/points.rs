@@ -1,14 +1,13 @@
 //! The points of a campaign: what its store holds, averaged over the runs that differ only in their
 //! seed.
 
-use super::columns::{Column, Columns, measure};
 use super::error::ReportError;
 use super::failures::FailureGroup;
+use super::labels::Starts;
 use super::selection::Selection;
-use super::starts::Starts;
 use super::steady;
+use super::table::{Columns, measure};
 use super::units::{At, Units};
-use crate::data::Value;
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs};
 use crate::model::axes::{Axis, Identity, identity};
@@ -76,21 +75,13 @@ pub struct Point {
     pub jammed: u64,
     /// Runs that failed: counted, not averaged.
     pub failed: u64,
-    /// Finished runs with doubtful numbers: counted, and averaged only on request.
-    pub doubtful: u64,
     /// Viscosity in full: mean over the runs of their means.
     pub viscosity: Option<Estimate>,
-    /// Seeds that count: with a requested precision those of its batches so far, else all of the
-    /// file.
-    pub seeds_wanted: u64,
-    /// Half width of the 95 % interval over the mean, of the quantity with a requested precision,
-    /// else of the viscosity.
-    pub precision: Option<f64>,
     /// The requested precision and the state of its rule; `None` for a fixed number of seeds.
     pub rule: Option<(Precision, Decision)>,
     /// Advice on runs that are not steady.
     pub advice: Option<String>,
-    /// Measured values, by column; NaN for missing ones.
+    /// Measured numbers, by column; NaN for missing ones.
     pub(super) measured: Box<[f64]>,
 }
 
@@ -329,14 +320,6 @@ impl Point {
                 .is_some_and(|overlap| overlap > height)
     }
 
-    /// Its value in a column of numbers; `None` for a missing one.
-    pub(super) fn number(&self, name: &str) -> Option<f64> {
-        match Column::named(name)?.cell(self)? {
-            Value::Number(number) => Some(number),
-            _ => None,
-        }
-    }
-
     /// The mean over runs in a column, with the half width of its interval from the column beside
     /// it.
     pub(super) fn estimate(&self, name: &str) -> Option<Estimate> {
@@ -358,10 +341,7 @@ impl Point {
             seeds,
             jammed,
             failed,
-            doubtful: 0,
             viscosity,
-            seeds_wanted: seeds,
-            precision: None,
             rule: None,
             advice: None,
             measured: Box::default(),
@@ -374,10 +354,7 @@ impl Point {
             seeds: runs.averaged.len() as u64,
             jammed: runs.number_of(|run| run.state == State::Jammed),
             failed: runs.number_of(|run| run.state == State::Failed),
-            doubtful: runs.number_of(PointRun::is_doubtful),
             viscosity: runs.estimate("viscosity"),
-            seeds_wanted: runs.wanted(),
-            precision: runs.precision(),
             rule: runs.rule,
             advice: None,
             measured: measure(runs),

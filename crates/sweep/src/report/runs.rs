@@ -4,7 +4,7 @@ use super::error::ReportError;
 use super::points::selected_runs;
 use super::selection::Excerpt;
 use super::units::{At, Units};
-use crate::data::{Cells, DataColumn, ParquetFile, write_csv_header, write_csv_rows, write_units};
+use crate::data::{DataColumn, ParquetFile, write_csv_header, write_csv_rows};
 use crate::measure::{PointRun, axis_column, key_column, run_table, sample_table, seed_column};
 use crate::model::axes::{AXES, Axis};
 use sd_core::Sample;
@@ -32,33 +32,35 @@ impl Excerpt<'_> {
         let runs = selected_runs(self.store, self.selection)?;
         let mut table = run_table(&runs.iter().collect::<Vec<_>>());
         for column in &mut table {
-            convert(column, self.units, |row| at(&runs[row]));
+            self.units.convert(column, runs.iter().map(at));
         }
         Ok(table)
     }
 
-    /// Writes the runs.
+    /// Writes the runs; returns the columns.
     pub(crate) fn write_runs(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
-    ) -> Result<(), ReportError> {
+    ) -> Result<Vec<DataColumn>, ReportError> {
         let table = self.runs()?;
         let mut file = TableFile::begin(format, out, "runs", &table, self)?;
         file.append(&table)?;
-        file.finish()
+        file.finish()?;
+        Ok(table)
     }
 
     /// Writes the samples of all runs, in the order of the campaign: key, seed, the axes that vary,
-    /// then the samples step by step.
+    /// then the samples step by step; returns the columns without cells.
     pub(crate) fn write_samples(
         &self,
         format: TableFormat,
         out: &mut (dyn Write + Send),
-    ) -> Result<(), ReportError> {
+    ) -> Result<Vec<DataColumn>, ReportError> {
         let runs = selected_runs(self.store, self.selection)?;
         let axes = axes_of_samples(&runs);
-        let mut table = table_of(None, &axes, self.units);
+        let empty = table_of(None, &axes, self.units);
+        let mut table = empty.clone();
         let mut file = TableFile::begin(format, out, "samples", &table, self)?;
         for run in &runs {
             let samples = self.store.samples(&run.key)?;
@@ -68,25 +70,12 @@ impl Excerpt<'_> {
             }
             if table[0].cells.len() >= ROWS {
                 file.append(&table)?;
-                table = table_of(None, &axes, self.units);
+                table.clone_from(&empty);
             }
         }
         file.append(&table)?;
-        file.finish()
-    }
-
-    /// Writes name, unit and meaning of each column of the runs.
-    pub(crate) fn write_run_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
-        Ok(write_units(&self.runs()?, out)?)
-    }
-
-    /// Writes name, unit and meaning of each column of the samples.
-    pub(crate) fn write_sample_units(&self, out: &mut dyn Write) -> Result<(), ReportError> {
-        let runs = selected_runs(self.store, self.selection)?;
-        Ok(write_units(
-            &table_of(None, &axes_of_samples(&runs), self.units),
-            out,
-        )?)
+        file.finish()?;
+        Ok(empty)
     }
 }
 
@@ -98,29 +87,6 @@ fn at(run: &PointRun) -> At {
         (_, Some(stress)) => run.number("viscosity").map(|eta| 6.0 * PI * stress / eta),
     };
     At::new(&run.params, rate)
-}
-
-/// Converts the numbers of a column to physical units.
-fn convert(column: &mut DataColumn, units: Units, at: impl Fn(usize) -> At) {
-    let Cells::Number(cells) = &mut column.cells else {
-        return;
-    };
-    if !units.are_requested() {
-        return;
-    }
-    if let Some(axis) = AXES.iter().find(|axis| axis.key == column.name) {
-        for (row, cell) in cells.iter_mut().enumerate() {
-            let number = cell.map(|number| units.along(axis, at(row), number));
-            *cell = number.filter(|number| !number.is_nan());
-        }
-        column.unit = units.of_axis(axis).unwrap_or(column.unit);
-    } else {
-        for (row, cell) in cells.iter_mut().enumerate() {
-            let factor = units.factor(column.unit, at(row));
-            *cell = cell.zip(factor).map(|(number, factor)| factor * number);
-        }
-        column.unit = units.word(column.unit);
-    }
 }
 
 /// A table during writing.
@@ -181,12 +147,17 @@ fn table_of(
     ];
     table.extend(axes.iter().map(|axis| axis_column(axis, of_rows())));
     table.append(&mut sample_table(sampled));
-    for column in &mut table {
-        convert(column, units, |row| match run {
-            // The rate of every sample is its own.
-            Some((run, _)) => At::new(&run.params, Some(sampled[row].1.shear_rate)),
-            None => At::rate(None),
-        });
+    if let Some((run, _)) = run {
+        // The rate of every sample is its own.
+        let rates = sampled.iter().map(|(_, sample)| Some(sample.shear_rate));
+        let rows = rates.map(|rate| At::new(&run.params, rate));
+        for column in &mut table {
+            units.convert(column, rows.clone());
+        }
+    } else {
+        for column in &mut table {
+            units.convert(column, std::iter::empty());
+        }
     }
     table
 }
@@ -203,6 +174,7 @@ fn axes_of_samples(runs: &[PointRun]) -> Vec<&'static Axis> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::Cells;
 
     #[test]
     fn every_column_of_samples_has_a_unit_and_a_meaning() {

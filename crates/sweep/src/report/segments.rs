@@ -1,23 +1,21 @@
 //! Results of each segment of the runs of a campaign, point by point.
 
-use super::axis_words::columns_of_axes;
-use super::columns::point_row;
-use super::curves::{Shared, labels};
 use super::error::ReportError;
 use super::figure::{GraphForm, MeasuredGraph, Origin, draw_graphs_of, mean_trace};
-use super::points::Report;
+use super::labels::Shared;
+use super::points::{Point, Report};
 use super::selection::Selection;
-use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
-use crate::data::DataColumn;
-use crate::data::{Kind, Value};
+use super::sheet::{Shape, Sheet, SheetColumn, View};
+use super::table::axis_table;
+use crate::data::{Cell, DataColumn, Kind, Object, Value};
 use crate::measure::Estimate;
 use crate::measure::segments::{Cycle, RunSegment};
-use crate::model::axes::{AXES, Axis};
+use crate::model::axes::AXES;
 use crate::model::protocol::PlannedSegment;
 use crate::store::Store;
-use crate::text::format::{Uncertain, short};
+use crate::text::format::short;
 use sd_core::Params;
-use serde_json::{Map, Value as Json, json};
+use serde_json::{Value as Json, json};
 
 /// The segments of the runs of a campaign.
 #[derive(Debug)]
@@ -46,88 +44,31 @@ struct PointSegment {
     trace: Vec<(f64, Estimate)>,
 }
 
-/// A number of a segment.
-struct Number {
-    name: &'static str,
-    heading: &'static str,
-    meaning: &'static str,
-    /// Rank at which it is dropped on a narrow terminal, the highest first.
-    rank: u8,
-    of: fn(&RunSegment) -> Option<f64>,
-}
+/// A number of a segment: its name, its heading, the rank at which it is dropped on a narrow
+/// terminal, and its meaning.
+type Number = (&'static str, &'static str, u8, &'static str, OfSegment);
+type OfSegment = fn(&RunSegment) -> Option<f64>;
+
+/// A number of a segment as planned.
+type OfPlanned = fn(&PlannedSegment) -> Option<f64>;
 
 /// All of them.
+#[rustfmt::skip]
 const NUMBERS: [Number; 10] = [
-    Number {
-        name: "viscosity",
-        heading: "viscosity",
-        meaning: "relative viscosity over what is kept of the segment",
-        rank: 0,
-        of: |s| s.number("viscosity"),
-    },
-    Number {
-        name: "viscosity_stresslet",
-        heading: "stresslet\nviscosity",
-        meaning: "the same without contact stress",
-        rank: 2,
-        of: |s| s.number("viscosity_stresslet"),
-    },
-    Number {
-        name: "normal_stress_difference",
-        heading: "N1",
-        meaning: "first normal stress difference, in mu times the rate",
-        rank: 3,
-        of: |s| s.number("normal_stress_difference"),
-    },
-    Number {
-        name: "contacts_per_sphere",
-        heading: "contacts\n/ N",
-        meaning: "pairs in contact per sphere",
-        rank: 3,
-        of: |s| s.number("contacts_per_sphere"),
-    },
-    Number {
-        name: "hydrodynamic_share",
-        heading: "left by the\nreversal",
-        meaning: "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part",
-        rank: 1,
-        of: |s| Some(s.reversal?.hydrodynamic_share),
-    },
-    Number {
-        name: "recovery_strain",
-        heading: "strain of\nrecovery",
-        meaning: "strain after which half of the drop at a reversal has recovered; mean over the runs that have recovered it",
-        rank: 1,
-        of: recovery,
-    },
-    Number {
-        name: "eta_prime",
-        heading: "η′",
-        meaning: "viscous part of the first harmonic of an oscillation, in mu",
-        rank: 0,
-        of: |s| Some(s.oscillation()?.viscosity[0]),
-    },
-    Number {
-        name: "eta_double_prime",
-        heading: "η″",
-        meaning: "elastic part of the first harmonic of an oscillation, in mu: G′/ω",
-        rank: 0,
-        of: |s| Some(s.oscillation()?.viscosity[1]),
-    },
-    Number {
-        name: "third_harmonic",
-        heading: "3rd/1st\nharmonic",
-        meaning: "third over first harmonic of the stress",
-        rank: 1,
-        of: |s| Some(s.oscillation()?.third_over_first()),
-    },
-    Number {
-        name: "yield_strain",
-        heading: "yield\nstrain",
-        meaning: "strain after a turning point at which the viscosity has risen half way to its largest value of the half cycle",
-        rank: 1,
-        of: |s| s.oscillation()?.yield_strain,
-    },
+    ("viscosity", "viscosity", 0, "relative viscosity over what is kept of the segment", |s| s.number("viscosity")),
+    ("viscosity_stresslet", "stresslet\nviscosity", 2, "the same without contact stress", |s| s.number("viscosity_stresslet")),
+    ("normal_stress_difference", "N1", 3, "first normal stress difference, in mu times the rate", |s| s.number("normal_stress_difference")),
+    ("contacts_per_sphere", "contacts\n/ N", 3, "pairs in contact per sphere", |s| s.number("contacts_per_sphere")),
+    ("hydrodynamic_share", "left by the\nreversal", 1,
+        "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part", |s| Some(s.reversal?.hydrodynamic_share)),
+    ("recovery_strain", "strain of\nrecovery", 1,
+        "strain after which half of the drop at a reversal has recovered; mean over the runs that have recovered it", recovery),
+    ("eta_prime", "η′", 0, "viscous part of the first harmonic of an oscillation, in mu", |s| Some(s.oscillation()?.viscosity[0])),
+    ("eta_double_prime", "η″", 0, "elastic part of the first harmonic of an oscillation, in mu: G′/ω", |s| Some(s.oscillation()?.viscosity[1])),
+    ("third_harmonic", "3rd/1st\nharmonic", 1, "third over first harmonic of the stress", |s| Some(s.oscillation()?.third_over_first())),
+    ("yield_strain", "yield\nstrain", 1,
+        "strain after a turning point at which the viscosity has risen half way to its largest value of the half cycle",
+        |s| s.oscillation()?.yield_strain),
 ];
 
 /// The recovery strain, the only number that averages leave out where a run does not have it.
@@ -168,11 +109,11 @@ impl PointSegment {
             .cloned()
             .collect();
         let number = |number: &Number| {
-            let known = match number.name {
+            let known = match number.0 {
                 "recovery_strain" => &recovered,
                 _ => runs,
             };
-            over_runs(known, |run| (number.of)(run))
+            over_runs(known, number.4)
         };
         Self {
             runs: runs.len() as u64,
@@ -232,52 +173,38 @@ impl SegmentReport {
         })
     }
 
-    fn params(&self) -> impl Iterator<Item = &Params> + Clone {
-        let rows = self.rows.iter();
-        rows.map(|(place, ..)| &self.report.points[*place].params)
+    fn points(&self) -> impl Iterator<Item = &Point> + Clone {
+        self.rows.iter().map(|row| &self.report.points[row.0])
     }
 
     /// The table for people, for a terminal of this width.
     pub(crate) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
-        let report = &self.report;
-        let column = |head, cells| SheetColumn::new(head, cells, shape.format);
-        let axes: Vec<&Axis> = AXES
-            .iter()
-            .filter(|axis| axis.varies(self.params()))
-            .collect();
-        let mut columns = columns_of_axes(&axes, report, &self.params(), shape.format);
-        let mut add = |name, heading, rank, cell: &dyn Fn(&Row) -> Option<Uncertain>| {
-            let cells: Vec<_> = self.rows.iter().map(cell).collect();
-            if cells.iter().any(Option::is_some) {
-                columns.push(column(Head::new(name, heading, "", rank), cells));
-            }
+        let words = |name, rank, text: &dyn Fn(usize, &PlannedSegment) -> String| {
+            let cells = self
+                .rows
+                .iter()
+                .map(|row| Some(text(row.1, &self.segments[row.1])));
+            SheetColumn::of_words(name, rank, cells.collect())
         };
-        add("segment", "segment", 0, &|(_, number, _)| {
-            Some(Uncertain::Word(
-                format!("{} {}", number + 1, self.segments[*number].imposed_words()).into(),
-            ))
-        });
-        add("strain", "strain", 1, &|(_, number, _)| {
-            let segment = &self.segments[*number];
-            let [from, to] = [segment.kept_from(), segment.end()].map(|strain| short(strain, 6));
-            Some(Uncertain::Word(format!("{from} to {to}").into()))
-        });
-        add("runs", "runs", 2, &|(.., of)| {
-            Some(Uncertain::Count(of.runs))
-        });
-        for (k, number) in NUMBERS.iter().enumerate() {
-            add(number.name, number.heading, number.rank, &|(.., of)| {
-                let estimate = of.numbers[k]?;
-                Some(Uncertain::measured(estimate.mean, estimate.ci95))
-            });
-            if number.name == "recovery_strain" {
-                add("recovered", "runs\nrecovered", 1, &|(.., of)| {
-                    of.recovered.map(Uncertain::Count)
-                });
+        let words = vec![
+            words("segment", 0, &|number, segment| {
+                format!("{} {}", number + 1, segment.imposed_words())
+            }),
+            words("strain", 1, &|_, segment| {
+                let ends = [segment.kept_from(), segment.end()];
+                ends.map(|strain| short(strain, 6)).join(" to ")
+            }),
+        ];
+        let mut views: Vec<View<'_>> = vec![("runs", "runs", 3, 2)];
+        for (name, heading, rank, ..) in NUMBERS {
+            views.push((name, heading, 3, rank));
+            if name == "recovery_strain" {
+                views.push(("recovered", "runs\nrecovered", 3, 1));
             }
         }
-        let sheet = Sheet::new(axes.len() + 1, columns, NumberFormat::Plain);
-        sheet.shaped(shape, width)
+        let table = self.table();
+        let of = (table.as_slice(), views.as_slice());
+        Sheet::of_rows(&self.report, &self.points(), words, of, shape).shaped(shape, width)
     }
 
     /// Name of the campaign, number of its segments, and number of points with runs.
@@ -294,132 +221,95 @@ impl SegmentReport {
 
     /// The object for programs, a stable interface.
     pub fn json(&self) -> Json {
-        let mut points: Vec<Map<String, Json>> = Vec::new();
+        let table = self.table();
+        let (axes, numbers) = table.split_at(AXES.len());
+        let mut points: Vec<Json> = Vec::new();
         let mut last = None;
-        for (place, number, of) in &self.rows {
-            if last != Some(*place) {
-                let mut point = point_row(&self.report.points[*place]);
-                point.insert("segments".into(), json!([]));
+        for (row, (place, _, of)) in self.rows.iter().enumerate() {
+            if last.replace(*place) != Some(*place) {
+                let mut point = json!(Object(axes, row));
+                point["segments"] = json!([]);
                 points.push(point);
-                last = Some(*place);
             }
-            let own = points
-                .last_mut()
-                .and_then(|point| point["segments"].as_array_mut());
-            if let Some(own) = own {
-                own.push(Json::Object(self.object(*number, of)));
+            // In the object of a segment, its own values need no prefix.
+            let own = numbers.iter().map(|column| {
+                let name = column.name.as_ref();
+                let name = name.strip_prefix("segment_").unwrap_or(name);
+                (name.to_owned(), json!(Cell(&column.cells, row)))
+            });
+            let mut object = Json::Object(own.collect());
+            let value = |number: Option<f64>| json!(number.map(Value::Number));
+            let cycles = of.cycles.iter().map(|cycle| {
+                let mut object = json!({});
+                for ((name, _), estimate) in OF_CYCLES.iter().zip(cycle) {
+                    object[*name] = value(estimate.map(|e| e.mean));
+                    object[format!("{name}_ci95")] = value(estimate.and_then(|e| e.ci95));
+                }
+                object
+            });
+            object["cycles"] = cycles.collect();
+            let trace = |of: fn(&(f64, Estimate)) -> Option<f64>| -> Vec<Option<Value>> {
+                let values = self.rows[row].2.trace.iter().map(of);
+                values.map(|value| value.map(Value::Number)).collect()
+            };
+            object["trace"] = json!({
+                "strain": trace(|spot| Some(spot.0)), "viscosity": trace(|spot| Some(spot.1.mean)),
+                "viscosity_ci95": trace(|spot| spot.1.ci95),
+            });
+            if let Some(segments) = points.last_mut().and_then(|p| p["segments"].as_array_mut()) {
+                segments.push(object);
             }
         }
         json!({ "campaign": self.report.campaign, "points": points })
     }
 
-    fn object(&self, number: usize, of: &PointSegment) -> Map<String, Json> {
-        let segment = &self.segments[number];
-        let imposed = &segment.imposed;
-        let value = |number: Option<f64>| json!(number.map(Value::Number));
-        let mut object = Map::new();
-        let mut put = |name: &str, value: Json| {
-            object.insert(name.to_owned(), value);
-        };
-        put("segment", json!(number + 1));
-        put("start", json!(imposed.start));
-        put("kept_from", json!(segment.kept_from()));
-        put("end", json!(segment.end()));
-        put("direction", value(imposed.direction));
-        put("shear_rate", value(imposed.shear_rate));
-        put("shear_stress", value(imposed.shear_stress));
-        put("amplitude", value(imposed.amplitude));
-        put("runs", json!(of.runs));
-        put("recovered", json!(of.recovered));
-        for (number, estimate) in NUMBERS.iter().zip(&of.numbers) {
-            put(number.name, value(estimate.map(|e| e.mean)));
-            put(
-                &format!("{}_ci95", number.name),
-                value(estimate.and_then(|e| e.ci95)),
-            );
-        }
-        let cycles = of.cycles.iter().map(|cycle| {
-            let mut object = Map::new();
-            for ((name, _), estimate) in OF_CYCLES.iter().zip(cycle) {
-                object.insert((*name).to_owned(), value(estimate.map(|e| e.mean)));
-                let half = value(estimate.and_then(|e| e.ci95));
-                object.insert(format!("{name}_ci95"), half);
-            }
-            Json::Object(object)
-        });
-        put("cycles", cycles.collect());
-        put(
-            "trace",
-            json!({
-                "strain": of.trace.iter().map(|spot| spot.0).collect::<Vec<_>>(),
-                "viscosity": of.trace.iter().map(|spot| Value::Number(spot.1.mean)).collect::<Vec<_>>(),
-                "viscosity_ci95": of.trace.iter().map(|spot| spot.1.ci95).collect::<Vec<_>>(),
-            }),
-        );
-        object
-    }
-
     /// One row per segment of each point: all axes, the segment, numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table: Vec<DataColumn> =
-            AXES.iter().map(|axis| axis.column(self.params())).collect();
-        let number = |name: &'static str, meaning, of: &dyn Fn(&PlannedSegment) -> Option<f64>| {
-            let cells = self.rows.iter().map(|row| of(&self.segments[row.1]));
-            let cells = cells.map(|number| number.map(Value::Number));
-            DataColumn::of(name, Kind::Number, meaning, cells)
-        };
-        let count = |name: &'static str, meaning, of: &dyn Fn(&Row) -> Option<u64>| {
-            let cells = self.rows.iter().map(|row| of(row).map(Value::Count));
-            DataColumn::of(name, Kind::Count, meaning, cells)
-        };
-        table.extend([
-            count("segment", "number of the segment, from 1", &|row| {
-                Some(row.1 as u64 + 1)
-            }),
-            // `start` is the name of an axis.
-            number("segment_start", "strain of the run at its start", &|s| {
-                Some(s.imposed.start)
-            }),
-            number(
-                "kept_from",
-                "strain of the run at which its averages start",
-                &|s| Some(s.kept_from()),
-            ),
-            number("end", "strain of the run at its end", &|s| Some(s.end())),
-            number(
-                "segment_direction",
-                "sense of its shear, if it has its own",
-                &|s| s.imposed.direction,
-            ),
-            number(
-                "segment_shear_rate",
-                "its shear rate, if it has its own",
-                &|s| s.imposed.shear_rate,
-            ),
-            number(
-                "segment_shear_stress",
-                "its shear stress, if it has its own",
-                &|s| s.imposed.shear_stress,
-            ),
-            number("amplitude", "amplitude of its oscillation", &|s| {
-                s.imposed.amplitude
-            }),
-            count("runs", "runs averaged", &|row| Some(row.2.runs)),
-            count(
-                "recovered",
-                "of these, runs that have recovered half of the drop at a reversal",
-                &|row| row.2.recovered,
-            ),
-        ]);
-        for (k, number) in NUMBERS.iter().enumerate() {
-            let mut add = |name: String, meaning, of: fn(Estimate) -> Option<f64>| {
-                let cells = self.rows.iter().map(|row| of(row.2.numbers[k]?));
-                let cells = cells.map(|number| number.map(Value::Number));
-                table.push(DataColumn::of(name, Kind::Number, meaning, cells));
+        let mut table = axis_table(&self.points());
+        let mut add =
+            |name: &str, kind, meaning, of: &dyn Fn(&Row, &PlannedSegment) -> Option<Value>| {
+                let cells = self.rows.iter().map(|row| of(row, &self.segments[row.1]));
+                table.push(DataColumn::of(name.to_owned(), kind, meaning, cells));
             };
-            add(number.name.to_owned(), number.meaning, |e| Some(e.mean));
+        let number = |number: Option<f64>| number.map(Value::Number);
+        add(
+            "segment",
+            Kind::Count,
+            "number of the segment, from 1",
+            &|row, _| Some(Value::Count(row.1 as u64 + 1)),
+        );
+        // `start` is the name of an axis.
+        #[rustfmt::skip]
+        let of_segments: [(&str, &str, OfPlanned); 7] = [
+            ("segment_start", "strain of the run at its start", |s| Some(s.imposed.start)),
+            ("kept_from", "strain of the run at which its averages start", |s| Some(s.kept_from())),
+            ("end", "strain of the run at its end", |s| Some(s.end())),
+            ("segment_direction", "sense of its shear, if it has its own", |s| s.imposed.direction),
+            ("segment_shear_rate", "its shear rate, if it has its own", |s| s.imposed.shear_rate),
+            ("segment_shear_stress", "its shear stress, if it has its own", |s| s.imposed.shear_stress),
+            ("amplitude", "amplitude of its oscillation", |s| s.imposed.amplitude),
+        ];
+        for (name, meaning, of) in of_segments {
+            add(name, Kind::Number, meaning, &|_, segment| {
+                number(of(segment))
+            });
+        }
+        add("runs", Kind::Count, "runs averaged", &|row, _| {
+            Some(Value::Count(row.2.runs))
+        });
+        let meaning = "of these, runs that have recovered half of the drop at a reversal";
+        add("recovered", Kind::Count, meaning, &|row, _| {
+            row.2.recovered.map(Value::Count)
+        });
+        for (k, (name, _, _, meaning, _)) in NUMBERS.into_iter().enumerate() {
+            add(name, Kind::Number, meaning, &|row, _| {
+                number(Some(row.2.numbers[k]?.mean))
+            });
             let half = "half width of its 95 % Student interval over runs";
-            add(format!("{}_ci95", number.name), half, |e| e.ci95);
+            let name = format!("{name}_ci95");
+            add(&name, Kind::Number, half, &|row, _| {
+                number(row.2.numbers[k]?.ci95)
+            });
         }
         table
     }
@@ -458,10 +348,10 @@ impl SegmentReport {
             starts: &self.report.starts,
         };
         let mut graphs: Vec<(String, Vec<(f64, Estimate)>)> = Vec::new();
-        for (label, place) in labels(&all, shared).iter().zip(&places) {
+        for (label, place) in shared.labels(&all).iter().zip(&places) {
             for name in ["eta_prime", "eta_double_prime"] {
-                let Some((k, number)) = NUMBERS.iter().enumerate().find(|(_, n)| n.name == name)
-                else {
+                let mut known = NUMBERS.iter().enumerate();
+                let Some((k, number)) = known.find(|(_, number)| number.0 == name) else {
                     continue;
                 };
                 let own = self.rows.iter().filter(|row| row.0 == *place);
@@ -472,8 +362,7 @@ impl SegmentReport {
                     })
                     .collect();
                 spots.sort_by(|a, b| a.0.total_cmp(&b.0));
-                let comma = if label.words.is_empty() { "" } else { ", " };
-                graphs.push((format!("{}{comma}{}", label.words, number.heading), spots));
+                graphs.push((label.with(number.1), spots));
             }
         }
         let graphs: Vec<MeasuredGraph<'_>> = graphs
@@ -508,7 +397,7 @@ mod tests {
             averaged_cycles: 0,
         };
         let number = |of: &PointSegment, name: &str| {
-            let place = NUMBERS.iter().position(|number| number.name == name);
+            let place = NUMBERS.iter().position(|number| number.0 == name);
             of.numbers[place.unwrap()].map(|estimate| estimate.mean)
         };
         let runs = [Some(Some(1.0)), Some(None), Some(Some(2.0))].map(run);

@@ -1,28 +1,24 @@
-//! Tables for people, on the screen and in LaTeX: selection of columns and format of numbers.
+//! Tables for people, on the screen and in LaTeX: views of columns of data.
 
-mod latex;
-mod points;
-
-pub(crate) use latex::write_latex;
-
+use super::error::ReportError;
+use super::figure::Origin;
+use super::labels::AxisWords;
+use super::points::{Point, Report};
+use super::table::Column;
 use super::text::styled;
-use crate::text::choices::choices;
-use crate::text::format::Uncertain;
+use crate::data::{Cells, DataColumn};
+use crate::model::axes::{AXES, Axis};
+use crate::model::protocol::Discard;
+use crate::text::format::{NumberFormat, significant, uncertain};
+use crate::text::visible::visible;
 use comfy_table::CellAlignment;
+use std::io::Write;
 
 /// Default width of the terminal in columns.
 const DEFAULT_WIDTH: usize = 80;
 /// Spaces between two columns of a table, by default and in tables that would be too wide.
 const GAP: usize = 3;
 const NARROW_GAP: usize = 2;
-
-choices! {
-    /// How numbers are written.
-    NumberFormat {
-        Plain = "plain", "9.86 ± 0.79";
-        Si = "si", "9.86(79): in brackets half the 95 % interval, in units of the last digit";
-    }
-}
 
 /// Options of a table for people.
 #[derive(Debug, Clone, Copy, Default)]
@@ -33,131 +29,307 @@ pub struct Shape {
     pub format: NumberFormat,
 }
 
+/// A view of a column: its name, its heading of one or two lines, significant digits of numbers
+/// without an interval, and the rank at which it is dropped in a narrow table, the highest first, 0
+/// for never.
+pub(crate) type View<'v> = (&'v str, &'v str, i32, u8);
+
+/// The views of the points.
+#[rustfmt::skip]
+const OF_POINTS: [View<'_>; 24] = [
+    ("seeds", "runs", 4, 1),
+    ("seeds_wanted", "wanted", 4, 3),
+    ("precision", "precision", 2, 3),
+    ("discard", "discard", 3, 3),
+    ("jammed", "jammed", 4, 1),
+    ("failed", "failed", 4, 1),
+    ("doubtful", "doubtful", 4, 1),
+    ("viscosity", "viscosity", 4, 0),
+    ("viscosity_median", "median", 4, 4),
+    ("effective_samples", "independent\nsamples", 2, 8),
+    ("viscosity_stresslet", "stresslet\nviscosity", 4, 5),
+    ("contacts_per_sphere", "contacts\n/ N", 3, 6),
+    ("activated_fraction", "activated", 3, 6),
+    ("rolling_fraction", "rolling", 3, 6),
+    ("coordination", "coordi-\nnation", 3, 3),
+    ("largest_cluster", "largest\ncluster", 3, 3),
+    ("percolating_y", "percolates\nalong y", 3, 3),
+    ("core_fraction", "core", 3, 3),
+    ("minimum_gap", "smallest\ngap", 3, 7),
+    ("overlap", "largest\noverlap", 2, 2),
+    ("mean_approach_velocity", "approach", 2, 9),
+    ("worst_residual", "worst\nresidual", 2, 9),
+    ("unconverged_fraction", "unconverged", 2, 9),
+    ("inexact_fraction", "inexact\nfriction", 2, 9),
+];
+
 /// A table.
 #[derive(Debug)]
 pub(crate) struct Sheet {
     /// Number of leading columns that every part repeats.
     fixed: usize,
     columns: Vec<SheetColumn>,
-    format: NumberFormat,
     /// Spaces between two of its columns.
     gap: usize,
     /// Whether columns were left out.
     pub(crate) is_cut: bool,
 }
 
-/// Heading and rank of a column.
-#[derive(Debug, Clone)]
-pub(crate) struct Head {
-    /// Its name in tables for machines.
-    pub(crate) name: &'static str,
-    /// Heading on the screen; may have two lines.
-    pub(crate) heading: String,
-    /// Heading in print; may be longer.
-    pub(crate) title: String,
-    /// Its unit in print; empty for none.
-    pub(crate) unit: &'static str,
-    /// Rank at which it is dropped in a narrow table, the highest first; 0 for never.
-    pub(crate) rank: u8,
-}
-
-impl Head {
-    /// A column with one heading on the screen and in print.
-    pub(crate) fn new(
-        name: &'static str,
-        heading: impl Into<String>,
-        unit: &'static str,
-        rank: u8,
-    ) -> Self {
-        let heading = heading.into();
-        Self {
-            name,
-            title: heading.replace('\n', " "),
-            heading,
-            unit,
-            rank,
-        }
-    }
-
-    /// With its unit on the screen too.
-    pub(crate) fn with_unit_shown(self) -> Self {
-        Self {
-            heading: format!("{}\n{}", self.heading, self.unit),
-            ..self
-        }
-    }
-}
-
-/// One column.
+/// A column as text.
 #[derive(Debug)]
 pub(crate) struct SheetColumn {
-    pub(crate) head: Head,
-    cells: Vec<Option<Uncertain>>,
-    words: Vec<String>,
+    name: String,
+    /// Heading on the screen.
+    heading: String,
+    /// Heading in print, with its unit.
+    title: String,
+    rank: u8,
+    /// `None` for an empty cell.
+    cells: Vec<Option<String>>,
+    /// Whether it holds words and not numbers.
+    is_of_words: bool,
 }
 
 impl SheetColumn {
-    pub(crate) fn new(head: Head, cells: Vec<Option<Uncertain>>, format: NumberFormat) -> Self {
-        let word = |cell: &Option<Uncertain>| match (cell, format) {
-            (None, _) => "–".into(),
-            (Some(cell), NumberFormat::Plain) => cell.plain(),
-            (Some(cell), NumberFormat::Si) => cell.si(),
-        };
+    /// A column of texts.
+    pub(crate) fn of_words(name: &str, rank: u8, cells: Vec<Option<String>>) -> Self {
         Self {
-            head,
-            words: cells.iter().map(word).collect(),
+            name: name.to_owned(),
+            heading: name.to_owned(),
+            title: name.to_owned(),
+            rank,
             cells,
+            is_of_words: true,
         }
     }
 
+    /// A view of a column and of the half widths of its intervals, if it has any.
+    pub(crate) fn of(
+        (name, heading, digits, rank): View<'_>,
+        data: &DataColumn,
+        interval: Option<&DataColumn>,
+        format: NumberFormat,
+    ) -> Self {
+        let half = |row| interval.and_then(|interval| interval.cells.number(row));
+        let cell = |row| match &data.cells {
+            Cells::Number(cells) => Some(match (cells[row]?, half(row)) {
+                (number, Some(half)) => uncertain(number, half, format),
+                (number, None) if name == "precision" => {
+                    format!("{} %", significant(100.0 * number, digits))
+                }
+                (number, None) => significant(number, digits),
+            }),
+            cells => (!cells.is_missing(row)).then(|| cells.text(row)),
+        };
+        let column = Self::of_words(name, rank, (0..data.cells.len()).map(cell).collect());
+        Self {
+            heading: heading.to_owned(),
+            title: heading.replace('\n', " "),
+            is_of_words: column.is_empty() || matches!(data.cells, Cells::Word(_)),
+            ..column
+        }
+    }
+
+    /// The values of some points of a report on an axis.
+    pub(crate) fn of_axis<'p>(
+        axis: &'static Axis,
+        report: &Report,
+        points: &(impl Iterator<Item = &'p Point> + Clone),
+    ) -> Self {
+        let params = points.clone().map(|point| &point.params);
+        let words = AxisWords::of(axis, report.units, &report.starts, params.clone());
+        let data = Column::Axis(axis).data(points.clone(), report.units);
+        let cell = |(row, point): (usize, &Point)| match data.cells.number(row) {
+            // A measured rate has no more digits than its viscosity.
+            Some(rate) if axis.is_shear_rate() && point.params.shear_stress.is_some() => {
+                Some(significant(rate, 4))
+            }
+            _ => (!data.cells.is_missing(row)).then(|| words.plain(&point.params)),
+        };
+        let is_named = |params| report.starts.name_on(axis, params).is_some();
+        let cells = points.clone().enumerate().map(cell).collect();
+        let column = Self::of_words(axis.symbol(), 0, cells);
+        let is_of_words = !axis.is_numeric() || column.is_empty() || params.clone().all(is_named);
+        let column = Self {
+            is_of_words,
+            ..column
+        };
+        column.with_unit(axis.unit, data.unit)
+    }
+
+    /// With the unit of its numbers: on the screen only after conversion, in print unless numbers
+    /// are relative.
+    fn with_unit(mut self, own: &str, shown: &str) -> Self {
+        let unit = match shown {
+            "" | "1" | "mu" | "mu rate" | "a rate" => "",
+            unit => unit,
+        };
+        if !unit.is_empty() {
+            self.title = format!("{} ({unit})", self.title);
+        }
+        if shown != own {
+            self.heading = format!("{}\n{unit}", self.heading);
+        }
+        self
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.cells.iter().all(Option::is_none)
+    }
+
+    fn text(&self, row: usize) -> &str {
+        self.cells[row].as_deref().unwrap_or("–")
+    }
+
     fn width(&self) -> usize {
-        let lines = self.words.iter().chain([&self.head.heading]);
-        let lines = lines.flat_map(|words| words.lines());
+        let cells = (0..self.cells.len()).map(|row| self.text(row));
+        let lines = cells.chain([self.heading.as_str()]).flat_map(str::lines);
         lines.map(|line| line.chars().count()).max().unwrap_or(0)
     }
 
-    /// Whether it holds only text.
-    fn is_of_words(&self) -> bool {
-        let mut cells = self.cells.iter().flatten();
-        cells.all(|cell| matches!(cell, Uncertain::Word(_)))
+    fn latex(&self, row: usize) -> String {
+        let Some(text) = &self.cells[row] else {
+            return "--".into();
+        };
+        if self.is_of_words {
+            return latex_words(text);
+        }
+        if let Some(percent) = text.strip_suffix(" %") {
+            return format!("{percent}\\,\\%");
+        }
+        let text = text.replace(" ± ", " \\pm ");
+        match text.split_once('e') {
+            Some((number, power)) => format!("${number} \\times 10^{{{power}}}$"),
+            None => format!("${}$", text.replace("inf", "\\infty")),
+        }
+    }
+}
+
+impl Report {
+    /// The axes that distinguish its points, and the others.
+    pub(super) fn axes(&self) -> (Vec<&'static Axis>, Vec<&'static Axis>) {
+        // The shear rate is the axis of curves, so it is always a column.
+        AXES.iter().partition(|axis| {
+            axis.is_shear_rate() || axis.varies(self.points.iter().map(|point| &point.params))
+        })
+    }
+
+    /// Format of the values on one of them.
+    pub(super) fn words_of(&self, axis: &'static Axis) -> AxisWords<'_> {
+        let params = self.points.iter().map(|point| &point.params);
+        AxisWords::of(axis, self.units, &self.starts, params)
+    }
+
+    /// A view of one of its columns.
+    fn view(&self, column: Column, view: View<'_>, format: NumberFormat) -> SheetColumn {
+        let data = self.column(column);
+        let interval = column.interval().map(|interval| self.column(interval));
+        SheetColumn::of(view, &data, interval.as_ref(), format).with_unit(column.unit(), data.unit)
+    }
+
+    /// Whether it has something to show in a default column.
+    fn shows(&self, name: &str) -> bool {
+        match name {
+            "seeds_wanted" | "precision" => self.points.iter().any(|point| point.rule.is_some()),
+            "discard" => self.discard == Discard::Auto,
+            "coordination" | "largest_cluster" | "percolating_y" | "core_fraction" => {
+                let mut points = self.points.iter();
+                points.any(|point| point.number(name).is_some())
+            }
+            "jammed" => self.counts.jammed > 0,
+            "failed" => self.counts.failed > 0,
+            "doubtful" => self.doubtful > 0,
+            "overlap" => self.points.iter().any(Point::overlaps_too_much),
+            _ => true,
+        }
+    }
+
+    /// Its table, for a terminal of this width.
+    pub(super) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
+        let (axes, _) = self.axes();
+        let points = self.points.iter();
+        let columns = axes
+            .iter()
+            .map(|axis| SheetColumn::of_axis(axis, self, &points));
+        let mut columns: Vec<SheetColumn> = columns.collect();
+        let Some(chosen) = &self.columns.0 else {
+            for view in OF_POINTS.into_iter().filter(|view| self.shows(view.0)) {
+                let column = Column::named(view.0);
+                columns.extend(column.map(|column| self.view(column, view, shape.format)));
+            }
+            return Sheet::new(axes.len(), columns).shaped(shape, width);
+        };
+        for column in chosen {
+            // On the screen by its name as requested, which is explained below.
+            let name = column.name();
+            let shown = self.view(*column, (&name, &name, 4, 0), shape.format);
+            let usual = OF_POINTS.iter().find(|view| view.0 == name);
+            let title = usual.map_or_else(|| column.title(), |view| view.1.replace('\n', " "));
+            columns.push(SheetColumn {
+                title: shown.title.replacen(&*name, &title, 1),
+                ..shown
+            });
+        }
+        Sheet::new(axes.len(), columns)
     }
 }
 
 impl Sheet {
     /// A table of these columns; the first `fixed` are always shown.
-    pub(crate) fn new(fixed: usize, columns: Vec<SheetColumn>, format: NumberFormat) -> Self {
+    pub(crate) fn new(fixed: usize, columns: Vec<SheetColumn>) -> Self {
         Self {
             fixed,
             columns,
-            format,
             gap: GAP,
             is_cut: false,
         }
     }
 
-    /// Whether it has a column of this name.
-    pub(super) fn has(&self, name: &str) -> bool {
-        self.columns.iter().any(|column| column.head.name == name)
+    /// A table with a row for each of some points of a report: the axes that distinguish them,
+    /// columns of words of which the first is always shown, and views of a table that has these
+    /// rows, without empty ones.
+    pub(super) fn of_rows<'p>(
+        report: &Report,
+        points: &(impl Iterator<Item = &'p Point> + Clone),
+        words: Vec<SheetColumn>,
+        (table, views): (&[DataColumn], &[View<'_>]),
+        shape: Shape,
+    ) -> Self {
+        let params = points.clone().map(|point| &point.params);
+        let axes = AXES.iter().filter(|axis| axis.varies(params.clone()));
+        let axes = axes.map(|axis| SheetColumn::of_axis(axis, report, points));
+        let mut columns: Vec<SheetColumn> = axes.collect();
+        let fixed = columns.len() + words.len().min(1);
+        columns.extend(words);
+        let named = |name: &str| table.iter().find(|column| column.name == name);
+        columns.extend(views.iter().filter_map(|view| {
+            let interval = named(&format!("{}_ci95", view.0));
+            let column = SheetColumn::of(*view, named(view.0)?, interval, shape.format);
+            (!column.is_empty()).then_some(column)
+        }));
+        Self::new(fixed, columns)
     }
 
-    /// Its width in columns of a terminal.
-    pub(crate) fn width(&self) -> usize {
+    /// Whether it has a column of this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|column| column.name == name)
+    }
+
+    fn width(&self) -> usize {
         width(&self.columns, self.gap)
     }
 
     /// The whole table if wide, else the columns that fit a terminal of this width.
-    pub(crate) fn shaped(self, shape: Shape, width: Option<u16>) -> Self {
-        if shape.wide { self } else { self.fitted(width) }
-    }
-
-    /// Drops columns until it fits a terminal of this width.
-    pub(crate) fn fitted(mut self, most: Option<u16>) -> Self {
+    pub(crate) fn shaped(mut self, shape: Shape, most: Option<u16>) -> Self {
+        if shape.wide {
+            return self;
+        }
         let most = room(most);
         while self.width() > most {
             let others = self.columns.iter().enumerate().skip(self.fixed);
             // Among columns of equal rank, the last one.
-            match others.max_by_key(|(_, column)| column.head.rank) {
-                Some((place, column)) if column.head.rank > 0 => {
+            match others.max_by_key(|(_, column)| column.rank) {
+                Some((place, column)) if column.rank > 0 => {
                     self.columns.remove(place);
                     self.is_cut = true;
                 }
@@ -175,27 +347,81 @@ impl Sheet {
     pub(crate) fn text(&self, most: Option<u16>) -> String {
         let most = most.map_or(usize::MAX, usize::from);
         let (fixed, rest) = self.columns.split_at(self.fixed);
-        let before = width(fixed, self.gap);
-        let mut parts: Vec<Vec<&SheetColumn>> = Vec::new();
-        let mut used = usize::MAX;
+        let mut parts: Vec<Vec<&SheetColumn>> = vec![fixed.iter().collect()];
+        let mut used = width(fixed, self.gap);
         for column in rest {
             let wide = column.width() + self.gap;
-            if parts.is_empty() || used + wide > most {
+            if used + wide > most && parts[parts.len() - 1].len() > fixed.len() {
                 parts.push(fixed.iter().collect());
-                used = before;
+                used = width(fixed, self.gap);
             }
             used += wide;
             if let Some(part) = parts.last_mut() {
                 part.push(column);
             }
         }
-        if parts.is_empty() {
-            parts.push(fixed.iter().collect());
-        }
         let parts: Vec<String> = parts.iter().map(|part| lines(part, self.gap)).collect();
         parts.join("\n\n")
     }
+
+    fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.cells.len())
+    }
 }
+
+/// Writes the points as a LaTeX `tabular` that needs no package, after comments with its origin,
+/// with the columns of the table on the screen, all default ones if it is wide.
+pub(crate) fn write_latex(
+    report: &Report,
+    shape: Shape,
+    out: &mut dyn Write,
+) -> Result<(), ReportError> {
+    let sheet = report.sheet(shape, None);
+    for line in Origin::of(std::slice::from_ref(report)).text.lines() {
+        writeln!(out, "% {}", visible(line))?;
+    }
+    let columns = &sheet.columns;
+    let forms = columns
+        .iter()
+        .map(|column| if column.is_of_words { 'l' } else { 'r' });
+    let heads: Vec<String> = columns
+        .iter()
+        .map(|column| latex_words(&column.title))
+        .collect();
+    let forms = forms.collect::<String>();
+    writeln!(out, "\\begin{{tabular}}{{{forms}}}\n\\hline")?;
+    writeln!(out, "{} \\\\\n\\hline", heads.join(" & "))?;
+    for row in 0..sheet.rows() {
+        let cells: Vec<String> = columns.iter().map(|column| column.latex(row)).collect();
+        writeln!(out, "{} \\\\", cells.join(" & "))?;
+    }
+    Ok(writeln!(out, "\\hline\n\\end{{tabular}}")?)
+}
+
+/// Text with commands for the characters that LaTeX takes for something else or does not have.
+fn latex_words(text: &str) -> String {
+    let mut words = String::with_capacity(text.len());
+    for sign in text.chars() {
+        match sign {
+            '&' | '%' | '$' | '#' | '_' | '{' | '}' => words.extend(['\\', sign]),
+            '~' => words.push_str("\\textasciitilde{}"),
+            '^' => words.push_str("\\textasciicircum{}"),
+            '\\' => words.push_str("\\textbackslash{}"),
+            '\n' => words.push(' '),
+            _ => words.push(sign),
+        }
+    }
+    let commands = SIGNS.iter();
+    commands.fold(words, |words, (sign, command)| words.replace(sign, command))
+}
+
+/// Commands for characters outside ASCII.
+#[rustfmt::skip]
+const SIGNS: [(&str, &str); 15] = [
+    ("Γ", "$\\Gamma$"), ("ν", "$\\nu$"), ("σ*", "$\\sigma^*$"), ("σ", "$\\sigma$"), ("λ", "$\\lambda$"),
+    ("κ", "$\\kappa$"), ("Δt", "$\\Delta t$"), ("μ", "$\\mu$"), ("η", "$\\eta$"), ("²", "$^2$"),
+    ("₁", "$_1$"), ("₂", "$_2$"), ("≈", "$\\approx$"), ("∞", "$\\infty$"), ("…", "\\dots{}"),
+];
 
 /// Maximum width of a table in columns of a terminal.
 pub(crate) fn room(width: Option<u16>) -> usize {
@@ -209,18 +435,42 @@ fn width(columns: &[SheetColumn], gap: usize) -> usize {
 /// Columns as lines of text.
 fn lines(columns: &[&SheetColumn], gap: usize) -> String {
     let mut table = styled(None);
-    table.set_header(columns.iter().map(|column| column.head.heading.as_str()));
-    let rows = columns.first().map_or(0, |column| column.words.len());
-    for row in 0..rows {
-        table.add_row(columns.iter().map(|column| column.words[row].as_str()));
+    table.set_header(columns.iter().map(|column| column.heading.as_str()));
+    for row in 0..columns.first().map_or(0, |column| column.cells.len()) {
+        table.add_row(columns.iter().map(|column| column.text(row)));
     }
     for (drawn, column) in table.column_iter_mut().zip(columns) {
         if gap == NARROW_GAP {
             drawn.set_padding((1, 0));
         }
-        if !column.is_of_words() {
+        if !column.is_of_words {
             drawn.set_cell_alignment(CellAlignment::Right);
         }
     }
     table.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_mathematics_and_signs_commands() {
+        let cell = |text: &str, is_of_words| {
+            let column = SheetColumn::of_words("", 0, vec![Some(text.to_owned())]);
+            SheetColumn {
+                is_of_words,
+                ..column
+            }
+            .latex(0)
+        };
+        assert_eq!(cell("9.86 ± 0.79", false), "$9.86 \\pm 0.79$");
+        assert_eq!(cell("9.86(79)", false), "$9.86(79)$");
+        assert_eq!(cell("1.234(45)e-5", false), "$1.234(45) \\times 10^{-5}$");
+        assert_eq!(cell("inf", false), "$\\infty$");
+        assert_eq!(cell("12 %", false), "12\\,\\%");
+        assert_eq!(cell("Γ_5 % σ*", true), "$\\Gamma$\\_5 \\% $\\sigma^*$");
+        assert_eq!(cell("a$b", true), "a\\$b");
+        assert_eq!(SheetColumn::of_words("", 0, vec![None]).latex(0), "--");
+    }
 }

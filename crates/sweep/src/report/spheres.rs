@@ -1,9 +1,8 @@
 //! Pictures of the spheres of a run at a kept strain.
 
-use super::axis_words::all_named;
 use super::error::ReportError;
 use super::figure::{COLOURS, Colour, Key, Mark, Origin, PlanePicture, draw_plane};
-use super::starts::Starts;
+use super::labels::{Starts, all_named};
 use super::units::Units;
 use crate::store::{CaseDetails, Origin as Made, Store};
 use crate::structure::{Link, Network, clusters};

@@ -1,27 +1,26 @@
 //! Structure of the points of a campaign, from the frames in its store.
 
-mod data;
-
-use super::axis_words::{all_named, columns_of_axes};
-use super::curves::{Shared, labels};
 use super::error::ReportError;
 use super::figure::{
     Colour, GraphForm, Key, Mark, MeasuredGraph, Origin, PlanePicture, draw_graphs_of, draw_plane,
 };
-use super::points::Report;
+use super::labels::{Shared, all_named};
+use super::points::{Point, Report};
 use super::selection::Selection;
-use super::sheet::{Head, NumberFormat, Shape, Sheet, SheetColumn};
-use crate::measure::Estimate;
-use crate::measure::PointRun;
+use super::sheet::{Shape, Sheet, View};
+use super::table::axis_table;
+use crate::data::{DataColumn, Kind, Object, Value};
+use crate::measure::{Estimate, PointRun};
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::Store;
-use crate::structure::{Band, Curve, Network, RunStructure, Structure};
+use crate::structure::{Band, Curve, NAMED, Network, RunStructure, Structure};
 use crate::text::choices::choices;
-use crate::text::format::{Uncertain, count, counted, short};
+use crate::text::format::{count, counted, short};
 use sd_core::Params;
+use serde_json::{Value as Json, json};
 use std::collections::HashMap;
 
 /// Structure of the points of a campaign.
@@ -52,25 +51,44 @@ choices! {
     }
 }
 
-/// Columns of the table for people: name, heading, significant digits, and rank at which it is
-/// dropped, the highest first.
-const DEFAULT: [(&str, &str, u8); 9] = [
-    ("coordination", "contacts\nof a sphere", 0),
-    ("frictional_coordination", "frictional", 1),
-    ("largest_cluster", "largest\ncluster", 1),
-    ("percolating_x", "percolates\nalong x", 2),
-    ("percolating_y", "percolates\nalong y", 2),
-    ("core_fraction", "core", 2),
-    ("rigid_fraction", "rigid", 2),
-    ("rattlers", "rattlers", 3),
-    ("sticking", "sticking", 3),
+/// Views of the table.
+const VIEWS: [View<'_>; 12] = [
+    ("runs", "runs", 3, 0),
+    ("frames", "frames", 3, 4),
+    ("coordination", "contacts\nof a sphere", 3, 0),
+    ("frictional_coordination", "frictional", 3, 1),
+    ("largest_cluster", "largest\ncluster", 3, 1),
+    ("percolating_x", "percolates\nalong x", 3, 2),
+    ("percolating_y", "percolates\nalong y", 3, 2),
+    ("core_fraction", "core", 3, 2),
+    ("rigid_fraction", "rigid", 3, 2),
+    ("rattlers", "rattlers", 3, 3),
+    ("sticking", "sticking", 3, 3),
+    ("fabric_deviator", "fabric\ndeviator", 3, 3),
+];
+
+/// A curve of a structure: its name in tables, its names and those of both axes in JSON, and the
+/// names of both axes of its figure.
+type NamedCurve = (
+    &'static str,
+    [&'static str; 3],
+    [&'static str; 2],
+    fn(&Structure) -> &Curve,
+);
+
+/// All of them. Both weights of the contact angle are one object of JSON.
+#[rustfmt::skip]
+const CURVES: [NamedCurve; 6] = [
+    ("g_r", ["g_r", "r", "g"], ["r / a", "g(r)"], |s| &s.radial),
+    ("contact_angle", ["contact_angle", "theta", "probability"], ["angle of the normal (rad)", "share of contacts"], |s| &s.contact_angle),
+    ("force_angle", ["contact_angle", "theta", "force_weighted"], ["angle of the normal (rad)", "share of normal forces"], |s| &s.force_angle),
+    ("normal_force", ["normal_force", "f", "density"], ["normal force over its mean", "probability density"], |s| &s.normal_force),
+    ("tangential_force", ["tangential_force", "f", "density"], ["friction force over its mean", "probability density"], |s| &s.tangential_force),
+    ("cluster_size", ["cluster_size", "size", "share"], ["spheres of a cluster, at least", "share of spheres"], |s| &s.cluster_size),
 ];
 
 /// Fraction of the bins of a map beyond the upper end of its scale: the contact peak is too high.
 const MAP_BEYOND: f64 = 0.02;
-
-/// A whole number of a structure: name, meaning, and accessor.
-type Count = (&'static str, &'static str, fn(&Structure) -> u64);
 
 impl StructureReport {
     /// Reads the points selected, or a single run by the beginning of its key or its number. A run
@@ -164,9 +182,14 @@ impl StructureReport {
         })
     }
 
+    fn of_points(&self) -> impl Iterator<Item = &Point> + Clone {
+        self.points
+            .iter()
+            .map(|(place, _)| &self.report.points[*place])
+    }
+
     fn params(&self) -> impl Iterator<Item = &Params> + Clone {
-        let points = self.points.iter();
-        points.map(|(place, _)| &self.report.points[*place].params)
+        self.of_points().map(|point| &point.params)
     }
 
     /// The axes that distinguish its points.
@@ -177,38 +200,135 @@ impl StructureReport {
 
     /// The table for people, for a terminal of this width.
     pub(crate) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
-        let report = &self.report;
-        let column = |head, cells| SheetColumn::new(head, cells, shape.format);
-        let axes = self.axes();
-        let mut columns = columns_of_axes(&axes, report, &self.params(), shape.format);
-        let counts: [(Count, u8); 2] = [
-            (("runs", "", |s| s.runs), 0),
-            (("frames", "", |s| s.frames), 4),
-        ];
-        for ((name, _, count), rank) in counts {
-            let cells = self
-                .points
-                .iter()
-                .map(|(_, s)| Some(Uncertain::Count(count(s))));
-            columns.push(column(Head::new(name, name, "", rank), cells.collect()));
-        }
-        let mut add = |name, heading: &str, rank, of: &dyn Fn(&Structure) -> Option<Band>| {
-            let cell = |(_, structure): &(usize, Structure)| {
-                of(structure).map(|band| Uncertain::measured(band.mean, band.ci95))
-            };
-            let cells: Vec<_> = self.points.iter().map(cell).collect();
-            if cells.iter().any(Option::is_some) {
-                columns.push(column(Head::new(name, heading, "", rank), cells));
-            }
+        let table = self.table();
+        let of = (table.as_slice(), VIEWS.as_slice());
+        let sheet = Sheet::of_rows(&self.report, &self.of_points(), Vec::new(), of, shape);
+        sheet.shaped(shape, width)
+    }
+
+    /// One row per point: all axes, then numbers and their intervals.
+    pub fn table(&self) -> Vec<DataColumn> {
+        let mut table = axis_table(&self.of_points());
+        let runs = self.points.iter().map(|(_, s)| Some(Value::Count(s.runs)));
+        let frames = self
+            .points
+            .iter()
+            .map(|(_, s)| Some(Value::Count(s.frames)));
+        let count = Kind::Count;
+        table.push(DataColumn::of("runs", count, "runs averaged", runs));
+        table.push(DataColumn::of(
+            "frames",
+            count,
+            "their frames together",
+            frames,
+        ));
+        let mut add = |name: String, meaning, of: &dyn Fn(&Structure) -> Option<Band>| {
+            let half = "half width of its 95 % Student interval over runs";
+            let bands: Vec<Option<Band>> = self.points.iter().map(|(_, s)| of(s)).collect();
+            let means = bands.iter().map(|band| Some(Value::Number((*band)?.mean)));
+            let halves = bands.iter().map(|band| Some(Value::Number((*band)?.ci95?)));
+            table.push(DataColumn::of(name.clone(), Kind::Number, meaning, means));
+            table.push(DataColumn::of(
+                format!("{name}_ci95"),
+                Kind::Number,
+                half,
+                halves,
+            ));
         };
-        for (name, heading, rank) in DEFAULT {
-            add(name, heading, rank, &|structure| structure.scalar(name));
+        for (place, scalar) in NAMED.iter().enumerate() {
+            let of = |s: &Structure| s.scalars.get(place).copied().flatten();
+            add(scalar.name.to_owned(), scalar.meaning(), &of);
         }
-        add("fabric_deviator", "fabric\ndeviator", 3, &|s| {
+        for (name, row, column) in [("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)] {
+            let of = |s: &Structure| s.fabric.get(row)?.get(column).copied().flatten();
+            add(format!("fabric_{name}"), "n n averaged over contacts", &of);
+        }
+        let meaning = "deviation of the fabric from that of isotropic contacts";
+        add("fabric_deviator".to_owned(), meaning, &|s| {
             s.fabric_deviator
         });
-        let sheet = Sheet::new(axes.len(), columns, NumberFormat::Plain);
-        sheet.shaped(shape, width)
+        table
+    }
+
+    /// The object for programs, a stable interface: a point has the columns of the table and all
+    /// curves.
+    pub fn json(&self) -> Json {
+        let table = self.table();
+        let mean = |band: &Option<Band>| band.map(|band| band.mean);
+        let half = |band: &Option<Band>| band.and_then(|band| band.ci95);
+        let points = self.points.iter().enumerate().map(|(row, (_, structure))| {
+            let mut object = json!(Object(&table, row));
+            for (_, [name, x, y], _, of) in CURVES {
+                let curve = of(structure);
+                let entry = &mut object[name];
+                entry[x] = json!(curve.x);
+                entry[y] = curve.y.iter().map(mean).collect();
+                entry[format!("{y}_ci95")] = curve.y.iter().map(half).collect();
+            }
+            let (r, theta, g) = &structure.with_angle;
+            object["g_r_theta"] = json!({"r": r, "theta": theta, "g": g});
+            let tensor = |of: &dyn Fn(&Option<Band>) -> Option<f64>| -> Json {
+                let rows = structure.fabric.iter();
+                rows.map(|row| row.iter().map(of).collect::<Json>())
+                    .collect()
+            };
+            object["fabric"] = tensor(&mean);
+            object["fabric_ci95"] = tensor(&half);
+            object
+        });
+        json!({ "campaign": self.report.campaign, "points": points.collect::<Vec<_>>() })
+    }
+
+    /// All curves, one row per bin of each curve of each point: the axes that vary, the name, the
+    /// centre of the bin, the mean and half its interval. g(r, θ) has both distance and angle.
+    pub fn curves(&self) -> Vec<DataColumn> {
+        let mut rows: Vec<(&Params, &'static str, [Option<f64>; 4])> = Vec::new();
+        for (params, (_, structure)) in self.params().zip(&self.points) {
+            for (name, _, _, of) in CURVES {
+                let curve = of(structure);
+                for (x, band) in curve.x.iter().zip(&curve.y) {
+                    let half = band.and_then(|band| band.ci95);
+                    let cells = [Some(*x), None, band.map(|band| band.mean), half];
+                    rows.push((params, name, cells));
+                }
+            }
+            let (distances, angles, of_angles) = &structure.with_angle;
+            for (r, row) in distances.iter().zip(of_angles) {
+                for (angle, g) in angles.iter().zip(row) {
+                    let cells = [Some(*r), Some(*angle), Some(*g), None];
+                    rows.push((params, "g_r_theta", cells));
+                }
+            }
+        }
+        let axes = self.axes().into_iter();
+        let mut table: Vec<DataColumn> = axes
+            .map(|axis| axis.column(rows.iter().map(|row| row.0)))
+            .collect();
+        let names = rows.iter().map(|row| Some(Value::Word(row.1)));
+        table.push(DataColumn {
+            unit: "",
+            ..DataColumn::of("quantity", Kind::Word, "which curve", names)
+        });
+        let about = [
+            (
+                "x",
+                "middle of a bin: r in a, angle in radians, force over its mean, or spheres of a cluster",
+            ),
+            (
+                "angle",
+                "of g_r_theta: from the flow towards the gradient, in radians",
+            ),
+            ("value", "mean over runs"),
+            (
+                "value_ci95",
+                "half width of its 95 % Student interval over runs",
+            ),
+        ];
+        for (place, (name, meaning)) in about.into_iter().enumerate() {
+            let cells = rows.iter().map(|row| row.2[place].map(Value::Number));
+            table.push(DataColumn::of(name, Kind::Number, meaning, cells));
+        }
+        table
     }
 
     /// Name of the campaign, and numbers of runs, frames and points.
@@ -241,7 +361,7 @@ impl StructureReport {
             units: self.report.units,
             starts: &self.report.starts,
         };
-        let labels = labels(&all, shared);
+        let labels = shared.labels(&all);
         let mut axes = ["", ""];
         let is_of_sizes = kind == StructureKind::ClusterSize;
         let mut graphs: Vec<MeasuredGraph<'_>> = Vec::with_capacity(labels.len());
@@ -388,40 +508,25 @@ fn edges(middles: &[f64]) -> Vec<f64> {
 
 /// A curve of a figure: the names of both axes, and its places.
 fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<[f64; 2]>) {
-    let of = |curve: &Curve| {
-        let places = curve.x.iter().zip(&curve.y);
-        places
-            .filter_map(|(x, band)| Some([*x, band.as_ref()?.mean]))
-            .collect()
+    let place = match kind {
+        StructureKind::PairDistribution | StructureKind::PairMap => 0,
+        StructureKind::ContactAngle => 1,
+        StructureKind::ForceAngle => 2,
+        StructureKind::NormalForce => 3,
+        StructureKind::TangentialForce => 4,
+        StructureKind::ClusterSize => 5,
     };
-    match kind {
-        // A map is not a curve.
-        StructureKind::PairMap => (["", ""], Vec::new()),
-        StructureKind::PairDistribution => {
-            let (r, angles, rows) = &structure.with_angle;
-            let mean = |row: &Vec<f64>| row.iter().sum::<f64>() / angles.len() as f64;
-            let places = r.iter().zip(rows).map(|(r, row)| [*r, mean(row)]);
-            (["r / a", "g(r)"], places.collect())
-        }
-        StructureKind::ContactAngle => (
-            ["angle of the normal (rad)", "share of contacts"],
-            of(&structure.contact_angle),
-        ),
-        StructureKind::ForceAngle => (
-            ["angle of the normal (rad)", "share of normal forces"],
-            of(&structure.force_angle),
-        ),
-        StructureKind::NormalForce => (
-            ["normal force over its mean", "probability density"],
-            of(&structure.normal_force),
-        ),
-        StructureKind::TangentialForce => (
-            ["friction force over its mean", "probability density"],
-            of(&structure.tangential_force),
-        ),
-        StructureKind::ClusterSize => (
-            ["spheres of a cluster, at least", "share of spheres"],
-            of(&structure.cluster_size),
-        ),
+    let (_, _, axes, of) = CURVES[place];
+    if place == 0 {
+        let (r, angles, rows) = &structure.with_angle;
+        let mean = |row: &Vec<f64>| row.iter().sum::<f64>() / angles.len() as f64;
+        return (
+            axes,
+            r.iter().zip(rows).map(|(r, row)| [*r, mean(row)]).collect(),
+        );
     }
+    let curve = of(structure);
+    let places = curve.x.iter().zip(&curve.y);
+    let places = places.filter_map(|(x, band)| Some([*x, band.as_ref()?.mean]));
+    (axes, places.collect())
 }

@@ -12,6 +12,7 @@
 //! undetermined rate and are left out.
 
 use super::error::ReportError;
+use crate::data::{Cells, DataColumn};
 use crate::model::axes::Axis;
 use sd_core::Params;
 use sd_core::law::StiffnessUnit;
@@ -199,6 +200,28 @@ impl Units {
         }
         let factor = self.factor(dimension_of(axis), at);
         factor.map_or(f64::NAN, |factor| factor * place)
+    }
+
+    /// Converts the numbers of a column, with the shear rate of each of its rows.
+    pub(super) fn convert(self, column: &mut DataColumn, rows: impl Iterator<Item = At>) {
+        let Cells::Number(cells) = &mut column.cells else {
+            return;
+        };
+        if self.0.is_none() {
+            return;
+        }
+        let axis = Axis::of_key(&column.name);
+        for (cell, at) in cells.iter_mut().zip(rows) {
+            let number = cell.and_then(|number| match axis {
+                Some(axis) => Some(self.along(axis, at, number)),
+                None => Some(self.factor(column.unit, at)? * number),
+            });
+            *cell = number.filter(|number| !number.is_nan());
+        }
+        column.unit = match axis {
+            Some(axis) => self.of_axis(axis).unwrap_or(column.unit),
+            None => self.word(column.unit),
+        };
     }
 
     /// Factor for a relative viscosity.

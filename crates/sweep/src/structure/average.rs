@@ -245,6 +245,7 @@ impl Structure {
     }
 
     /// A number by its name in [`NAMED`].
+    #[cfg(test)]
     pub(crate) fn scalar(&self, name: &str) -> Option<Band> {
         let place = NAMED.iter().position(|scalar| scalar.name == name)?;
         self.scalars[place]

@@ -1,6 +1,6 @@
 //! Numbers, durations and bytes as text.
 
-use std::borrow::Cow;
+use super::choices::choices;
 use std::fmt::Display;
 use std::time::Duration;
 
@@ -106,89 +106,45 @@ impl Digits {
     }
 }
 
-/// A cell of a table for people.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Uncertain {
-    /// Text.
-    Word(Cow<'static, str>),
-    /// A number with its unit as text: `3 min 20 s`, `12 %`.
-    Quantity(String),
-    /// A number with this many significant digits.
-    Number(f64, i32),
-    /// A number in a common format.
-    Short(f64, Digits),
-    /// A whole number.
-    Count(u64),
-    /// A number and half its interval.
-    Interval(f64, f64),
+choices! {
+    /// How numbers with an interval are written.
+    NumberFormat {
+        Plain = "plain", "9.86 ± 0.79";
+        Si = "si", "9.86(79): in brackets half the 95 % interval, in units of the last digit";
+    }
 }
 
-impl Uncertain {
-    /// A number with this many digits.
-    pub fn of(number: f64, digits: i32) -> Self {
-        Self::Number(number, digits)
+/// A number and half its interval, both with the same decimals.
+pub fn uncertain(value: f64, half: f64, format: NumberFormat) -> String {
+    if !half.is_finite() || half <= 0.0 || !value.is_finite() {
+        return significant(value, 4);
     }
-
-    /// A measured value, with half its interval if any, else with three digits.
-    pub(crate) fn measured(number: f64, half: Option<f64>) -> Self {
-        half.map_or(Self::of(number, 3), |half| Self::Interval(number, half))
-    }
-
-    /// A cell of text.
-    pub fn word(words: impl Into<Cow<'static, str>>) -> Self {
-        Self::Word(words.into())
-    }
-
-    /// With its interval as `9.86 ± 0.79`.
-    pub fn plain(&self) -> String {
-        self.written(|value, half, _| format!("{value} ± {half}"))
-    }
-
-    /// With its interval as `9.86(79)`, in units of the last digit.
-    pub fn si(&self) -> String {
-        self.written(|value, half, decimals| {
+    let shift = match exponent(value.abs().max(half)) {
+        -3..5 => 0,
+        power => power,
+    };
+    let scale = 10_f64.powi(-shift);
+    let (value, half) = (value * scale, half * scale);
+    // Two digits of the half width; rounding may make it 0.10 of 0.099.
+    let first = exponent(half);
+    let first = exponent((half * 10_f64.powi(1 - first)).round() * 10_f64.powi(first - 1));
+    let decimals = usize::try_from(1 - first).unwrap_or(0);
+    let (value, half) = (format!("{value:.decimals$}"), format!("{half:.decimals$}"));
+    let power = match shift {
+        0 => String::new(),
+        shift => format!("e{shift}"),
+    };
+    match format {
+        NumberFormat::Plain if shift != 0 => format!("({value} ± {half}){power}"),
+        NumberFormat::Plain => format!("{value} ± {half}"),
+        // Half widths above 1 keep their decimal point: 12.3(4.5).
+        NumberFormat::Si if decimals > 0 && !half.starts_with("0.") => {
+            format!("{value}({half}){power}")
+        }
+        NumberFormat::Si => {
             let digits = half.trim_start_matches(['0', '.']);
-            // Half widths above 1 keep their decimal point: 12.3(4.5).
-            let is_above_one = decimals > 0 && !half.starts_with("0.");
             let digits = if digits.is_empty() { "0" } else { digits };
-            format!("{value}({})", if is_above_one { half } else { digits })
-        })
-    }
-
-    /// As text; `join` combines a value and half its interval, both with the same decimals.
-    fn written(&self, join: fn(&str, &str, usize) -> String) -> String {
-        match self {
-            Self::Word(word) => word.clone().into_owned(),
-            Self::Quantity(words) => words.clone(),
-            Self::Number(number, digits) => significant(*number, *digits),
-            Self::Short(number, digits) => digits.write(*number),
-            Self::Count(count) => count.to_string(),
-            Self::Interval(value, half)
-                if !half.is_finite() || *half <= 0.0 || !value.is_finite() =>
-            {
-                significant(*value, 4)
-            }
-            Self::Interval(value, half) => {
-                let largest = value.abs().max(*half);
-                let shift = match exponent(largest) {
-                    -3..5 => 0,
-                    power => power,
-                };
-                let scale = 10_f64.powi(-shift);
-                let (value, half) = (value * scale, half * scale);
-                // Two digits of the half width; rounding may make it 0.10 of 0.099.
-                let first = exponent(half);
-                let first =
-                    exponent((half * 10_f64.powi(1 - first)).round() * 10_f64.powi(first - 1));
-                let decimals = usize::try_from(1 - first).unwrap_or(0);
-                let (value, half) = (format!("{value:.decimals$}"), format!("{half:.decimals$}"));
-                let joined = join(&value, &half, decimals);
-                match shift {
-                    0 => joined,
-                    shift if joined.contains('±') => format!("({joined})e{shift}"),
-                    shift => format!("{joined}e{shift}"),
-                }
-            }
+            format!("{value}({digits}){power}")
         }
     }
 }
@@ -333,11 +289,11 @@ mod tests {
             (1.234e-5, 4.5e-7, "(1.234 ± 0.045)e-5", "1.234(45)e-5"),
             (7.0, 0.0, "7.000", "7.000"),
         ] {
-            let number = Uncertain::Interval(value, half);
-            assert_eq!((number.plain().as_str(), number.si().as_str()), (plain, si));
+            assert_eq!(uncertain(value, half, NumberFormat::Plain), plain);
+            assert_eq!(uncertain(value, half, NumberFormat::Si), si);
         }
         let digits = Digits::of([0.693].into_iter());
-        assert_eq!(Uncertain::Short(0.693, digits).plain(), "0.693");
+        assert_eq!(digits.write(0.693), "0.693");
     }
 
     #[test]

@@ -265,10 +265,10 @@ fn outputs_are_whole(kills: usize) {
         "t.parquet",
         "--page",
         "t.html",
-        "--markdown",
-        "t.md",
+        "--latex",
+        "t.tex",
     ];
-    let names = ["t.svg", "t.csv", "t.parquet", "t.html", "t.md"];
+    let names = ["t.svg", "t.csv", "t.parquet", "t.html", "t.tex"];
     sweep(at, &write);
     let whole = names.map(|name| std::fs::read(at.join(name)).unwrap());
     for _ in 0..kills {

@@ -2,6 +2,7 @@
 
 use crate::cli::Output;
 use crate::cli::output_file::{save, write_file};
+use crate::data::write_units;
 use crate::error::Error;
 use crate::report::{Excerpt, TableFormat};
 use std::io::Write;
@@ -69,13 +70,14 @@ pub(super) fn write(
         table(&mut bytes)?;
         return save(path, &bytes, output);
     }
-    write_file(path, output, |out| Ok(table(out)?))?;
+    let mut columns = Vec::new();
+    write_file(path, output, |out| {
+        columns = table(out)?;
+        Ok(())
+    })?;
     if format == TableFormat::Csv {
         let mut units = Vec::new();
-        match rows {
-            Rows::Runs => excerpt.write_run_units(&mut units)?,
-            Rows::Samples => excerpt.write_sample_units(&mut units)?,
-        }
+        write_units(&columns, &mut units)?;
         save(&path.with_extension("units.csv"), &units, output)?;
     }
     Ok(())

@@ -88,7 +88,7 @@ fn written_values_make_parameters_that_have_them() {
 mod one_more {
     use crate::model::campaign::Campaign;
     use crate::report::{
-        PageHost, Report, Selection, data, point_table, write_json, write_markdown,
+        PageHost, Report, Selection, Shape, data, point_table, write_json, write_text,
     };
     use crate::store::Store;
 
@@ -165,17 +165,13 @@ hydrodynamics = "ball-melrose"
         assert_eq!(report.points.len(), 1);
         assert_eq!(report.points[0].params.large_fraction, 0.25);
         let all = Report::of(&store, &Selection::default()).unwrap();
-        let written = |write: fn(
-            &Report,
-            &mut dyn std::io::Write,
-        ) -> Result<(), crate::report::ReportError>| {
-            let mut bytes = Vec::new();
-            write(&all, &mut bytes).unwrap();
-            String::from_utf8(bytes).unwrap()
-        };
-        assert!(written(write_json).contains("\"small_fraction\":0.25"));
+        let (mut json, mut text) = (Vec::new(), Vec::new());
+        write_json(&all, &mut json).unwrap();
+        write_text(&all, Shape::default(), None, &mut text).unwrap();
+        let [json, text] = [json, text].map(|bytes| String::from_utf8(bytes).unwrap());
+        assert!(json.contains("\"small_fraction\":0.25"));
         assert_eq!(point_table(&all)[0].name, "small_fraction");
-        assert!(written(write_markdown).contains("| small_fraction |"));
+        assert!(text.contains(" 0.25 ") && text.contains(" 0.75 "), "{text}");
         let excerpt = crate::report::Excerpt {
             store: &store,
             selection: &Selection::default(),

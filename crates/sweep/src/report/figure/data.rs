@@ -4,18 +4,18 @@
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
 use super::{Drawing, Kind, Quantity, Trace, diagram, refused};
+use crate::data::Tag;
 use crate::measure::Estimate;
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
-use crate::report::axis_words::AxisWords;
-use crate::report::columns::Column;
-use crate::report::curves::{Curve, Label, Shared, curves, labels};
 use crate::report::error::ReportError;
+use crate::report::labels::{AxisWords, Label, Shared, Starts};
 use crate::report::points::{Point, Report};
-use crate::report::starts::Starts;
+use crate::report::table::Column;
 use crate::report::units::{At, Units};
 use crate::text::format::counted;
 use sd_core::Params;
+use std::cmp::Ordering;
 use std::f64::consts::PI;
 
 /// A point of a line.
@@ -245,7 +245,10 @@ impl Measured {
         Self {
             label,
             name,
-            unit: Column::named(name).map_or("", |column| column.unit),
+            unit: match Column::named(name) {
+                Some(column) => column.unit(),
+                None => Axis::of_key(name).map_or("", |axis| axis.unit),
+            },
         }
     }
 
@@ -403,14 +406,48 @@ impl<'r> FigureSource<'r> {
         self.reports.iter().flat_map(|report| &report.points)
     }
 
-    fn curves(&self) -> Vec<Curve<'r>> {
+    /// The points as curves along the axis, one for each combination of values of the others, those
+    /// of the first report first.
+    fn curves(&self) -> Vec<(Label, Vec<&'r Point>)> {
         let shared = Shared {
             along: Some(self.along),
             panels: self.panels,
             units: self.units,
             starts: &self.starts,
         };
-        curves(self.reports, shared)
+        let mut groups: Vec<(Vec<Tag>, &str, Vec<&Point>)> = Vec::new();
+        for (place, report) in self.reports.iter().enumerate() {
+            for point in &report.points {
+                let tags = identity(&point.params).into_iter().zip(AXES.iter());
+                let others = tags.filter(|(_, axis)| !shared.is_along(axis));
+                // Points of imposed stress and of imposed rate make curves of their own, as do
+                // those of several stores.
+                let is_imposed = Tag::Bits(point.params.shear_stress.is_some().into());
+                let others = others.map(|(tag, _)| tag);
+                let others: Vec<Tag> = others
+                    .chain([is_imposed, Tag::Bits(place as u64)])
+                    .collect();
+                match groups.iter_mut().find(|group| group.0 == others) {
+                    Some(group) => group.2.push(point),
+                    None => groups.push((others, &report.campaign, vec![point])),
+                }
+            }
+        }
+        let first = groups
+            .iter()
+            .map(|(_, campaign, points)| (*campaign, &points[0].params));
+        let labels = shared.labels(&first.collect::<Vec<_>>());
+        let along = self.along;
+        let sorted = groups.into_iter().map(|(_, _, mut points)| {
+            points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
+            if along.is_of_shear() {
+                // Along a curve that folds back, the imposed quantity increases.
+                let stress = |point: &Point| point.params.shear_stress;
+                points.sort_by(|a, b| stress(a).partial_cmp(&stress(b)).unwrap_or(Ordering::Equal));
+            }
+            points
+        });
+        labels.into_iter().zip(sorted).collect()
     }
 
     /// Label of an axis of shear with its unit, whether stress or rate is imposed.
@@ -473,7 +510,7 @@ impl<'r> FigureSource<'r> {
     /// A line of a quantity of the points of a curve.
     fn line(
         &self,
-        curve: &Curve<'_>,
+        points: &[&Point],
         label: Label,
         value: &dyn Fn(&Point) -> Option<PlottedValue>,
     ) -> Series {
@@ -485,8 +522,8 @@ impl<'r> FigureSource<'r> {
             let across = self.rates(point).filter(|_| is_alone);
             x.is_finite().then_some(DataPoint { x, y, across })
         };
-        let panel = self.panel(&curve.points[0].params);
-        let spots = curve.points.iter().filter_map(spot).collect();
+        let panel = self.panel(&points[0].params);
+        let spots = points.iter().filter_map(spot).collect();
         Series::new(label, spots, SeriesKind::Curve, panel)
     }
 
@@ -516,15 +553,15 @@ impl<'r> FigureSource<'r> {
                 interval: value.interval.map(|reach| reach.map(|part| factor * part)),
             })
         };
-        let series = self.curves().into_iter().filter_map(|mut curve| {
+        let series = self.curves().into_iter().filter_map(|(label, mut points)| {
             // A result without a value here, such as a stress at an infinite rate, is left out and
             // not marked as missing.
             let is_shown = |point: &Point| match measured.read(point) {
                 Some(value) => value.number.is_finite() && self.has_scale(unit, point),
                 None => true,
             };
-            curve.points.retain(|point| is_shown(point));
-            (!curve.points.is_empty()).then(|| self.line(&curve, curve.label.clone(), &value))
+            points.retain(|point| is_shown(point));
+            (!points.is_empty()).then(|| self.line(&points, label, &value))
         });
         let series: Vec<Series> = series.collect();
         let log = self
@@ -561,13 +598,13 @@ impl<'r> FigureSource<'r> {
         };
         let names = ["in contact", "activated", "rolling", "slipping"];
         let mut series = Vec::new();
-        for curve in self.curves() {
+        for (label, points) in self.curves() {
             for (place, name) in names.into_iter().enumerate() {
-                let label = match curve.label.words.as_str() {
-                    "" => Label::of_words(name),
-                    words => Label::of_words(&format!("{name}, {words}")),
-                };
-                series.push(self.line(&curve, label, &|point| {
+                let label = Label::from(match label.words.as_str() {
+                    "" => name.to_owned(),
+                    words => format!("{name}, {words}"),
+                });
+                series.push(self.line(&points, label, &|point| {
                     Some(PlottedValue::bare(counts(point)?[place]))
                 }));
             }
@@ -587,15 +624,14 @@ impl<'r> FigureSource<'r> {
             units: self.units,
             starts: &self.starts,
         };
-        let labels = labels(&labelled, shared);
+        let labels = shared.labels(&labelled);
         let series = traces.iter().zip(labels).map(|(trace, mut label)| {
             let same = |other: &&Trace| {
                 other.campaign == trace.campaign
                     && identity(&other.params) == identity(&trace.params)
             };
             if let Some(seed) = trace.seed {
-                let comma = if label.words.is_empty() { "" } else { ", " };
-                label.words = format!("{}{comma}seed {seed}", label.words);
+                label.words = label.with(&format!("seed {seed}"));
                 if traces.iter().filter(same).count() > 1 {
                     label.number = None;
                 }
@@ -700,7 +736,7 @@ impl<'r> FigureSource<'r> {
             if let Some(line) = series.iter_mut().find(|line| line.panel == panel) {
                 line.points.push(spot);
             } else {
-                let label = Label::of_words("jammed at this stress");
+                let label = Label::from("jammed at this stress");
                 series.push(Series::new(label, vec![spot], SeriesKind::Crosses, panel));
             }
         }

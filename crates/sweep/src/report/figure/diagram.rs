@@ -3,9 +3,9 @@
 use super::data::{DataPoint, FigureData, FigureSource, PlottedValue, Series, SeriesKind};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
-use crate::report::curves::Label;
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;
+use crate::report::labels::Label;
 use crate::report::points::{Point, Report};
 use crate::report::states::{Flow, FlowCurve, grouped};
 
@@ -132,7 +132,7 @@ impl FigureSource<'_> {
                 };
                 Series {
                     index: place,
-                    ..Series::new(Label::of_words(flow.name()), Vec::new(), kind, panel)
+                    ..Series::new(Label::from(flow.name()), Vec::new(), kind, panel)
                 }
             })
             .collect();
@@ -172,7 +172,7 @@ impl FigureSource<'_> {
                 if spots.iter().any(|spot| spot.y.is_some()) {
                     series.push(Series {
                         index: Flow::ALL.len() + number,
-                        ..Series::new(Label::of_words(name), spots, SeriesKind::Trace, panel)
+                        ..Series::new(Label::from(name), spots, SeriesKind::Trace, panel)
                     });
                 }
             }

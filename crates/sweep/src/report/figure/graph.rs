@@ -8,8 +8,8 @@ use super::palette::{CURVES, ORDERED_CURVES};
 use super::refused;
 use super::scale::LogAxis;
 use crate::measure::Estimate;
-use crate::report::curves::Label;
 use crate::report::error::ReportError;
+use crate::report::labels::Label;
 
 /// A path: its entry in the legend and its points.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
@@ -74,7 +74,7 @@ pub(in crate::report) fn draw_graphs_of(
         });
         Series {
             index,
-            ..Series::new(Label::of_words(label), points.collect(), kind, 0)
+            ..Series::new(Label::from(*label), points.collect(), kind, 0)
         }
     };
     let data = FigureData {

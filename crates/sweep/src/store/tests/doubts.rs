@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::measure::doubt::Doubt;
-use crate::report::{Report, Selection, point_table, write_json, write_markdown, write_text};
+use crate::report::{Report, Selection, point_table, write_json, write_text};
 
 /// A store with a sound and a doubtful run of each point.
 fn half_doubtful(directory: &Path) -> Store {
@@ -33,10 +33,7 @@ fn doubtful_runs_are_counted_and_averaged_only_on_request() {
     assert_eq!((sound.doubtful, sound.counts.done), (2, 4));
     let selection = Selection::default().with_doubtful(true);
     let all = Report::of(&store, &selection).unwrap();
-    let (averaged, doubtful): (u64, u64) = sound.points.iter().fold((0, 0), |(a, d), point| {
-        (a + point.seeds, d + point.doubtful)
-    });
-    assert_eq!((averaged, doubtful), (2, 2));
+    assert_eq!(sound.points.iter().map(|point| point.seeds).sum::<u64>(), 2);
     assert_eq!(all.points.iter().map(|point| point.seeds).sum::<u64>(), 4);
     let highest = |report: &Report| {
         let means = report.points.iter().filter_map(|p| p.viscosity);
@@ -46,13 +43,8 @@ fn doubtful_runs_are_counted_and_averaged_only_on_request() {
     for (report, word) in [(&sound, "not averaged"), (&all, "averaged with the others")] {
         let mut text = Vec::new();
         write_text(report, crate::report::Shape::default(), None, &mut text).unwrap();
-        write_markdown(report, &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
-        assert_eq!(
-            text.matches("2 finished runs have doubtful numbers")
-                .count(),
-            2
-        );
+        assert!(text.contains("2 finished runs have doubtful numbers"));
         assert!(text.contains(word), "{text}");
         let mut csv = Vec::new();
         crate::data::write_csv(&point_table(report), &mut csv).unwrap();

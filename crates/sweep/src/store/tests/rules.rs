@@ -78,12 +78,9 @@ fn seeds_are_added_until_the_precision_is_reached_or_no_more_may_be() {
     );
     assert_eq!(store.counts().unwrap().done, 13);
     let report = crate::report::Report::of(&store, &crate::report::Selection::default()).unwrap();
-    let wanted: Vec<u64> = report
-        .points
-        .iter()
-        .map(|point| point.seeds_wanted)
-        .collect();
-    assert_eq!(wanted, [5, 8]);
+    let points = report.points.iter();
+    let wanted: Vec<f64> = points.filter_map(|p| p.number("seeds_wanted")).collect();
+    assert_eq!(wanted, [5.0, 8.0]);
     let mut text = Vec::new();
     crate::report::write_text(&report, crate::report::Shape::default(), None, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
@@ -255,8 +252,11 @@ fn precision_is_that_of_the_runs_that_are_averaged() {
         let selection = crate::report::Selection::default().with_doubtful(with_doubtful);
         let report = crate::report::Report::of(&store, &selection).unwrap();
         let point = &report.points[0];
-        assert_eq!((point.params.area_fraction, point.doubtful), (0.6, 1));
-        point.precision.unwrap()
+        assert_eq!(
+            (point.params.area_fraction, point.number("doubtful")),
+            (0.6, Some(1.0))
+        );
+        point.number("precision").unwrap()
     };
     let reached = states[0].decision.reached.unwrap();
     assert!(reached < 0.05, "{reached}");

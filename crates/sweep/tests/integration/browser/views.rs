@@ -4,7 +4,7 @@ use super::chromium::{Browser, DEFAULT, Page, WINDOWS, Window};
 use super::{CAMPAIGN, COMPUTED, page_of};
 use crate::harness::{fail, folder, json, spoil, sweep};
 use serde_json::Value;
-use sweep::text::format::Uncertain;
+use sweep::text::format::{NumberFormat, uncertain};
 
 /// Helpers for every user of the page.
 const COMMON: &str = r"
@@ -68,7 +68,8 @@ fn page_draws_hovers_and_plays_without_requests() {
     let seen = seen_by(&mut page, USER);
     let point = &json(at, &["report", "s.sqlite"])["points"][4];
     let number = |name: &str| point[name].as_f64().unwrap();
-    let right = Uncertain::Interval(number("viscosity"), number("viscosity_ci95")).plain();
+    let [value, half] = ["viscosity", "viscosity_ci95"].map(number);
+    let right = uncertain(value, half, NumberFormat::Plain);
     assert_eq!((&seen["points"], &seen["curves"]), (&6.into(), &2.into()));
     let tip = seen["tip"].as_str().unwrap();
     let line = tip.lines().find(|line| line.starts_with("viscosity"));

@@ -40,7 +40,7 @@ fn stores_without_results_give_sensible_output() {
         let folder = SMALL.folder();
         let at = folder.path();
         spoil(at, statements);
-        for output in ["--csv", "--markdown"] {
+        for output in ["--csv", "--latex"] {
             let output = run(at, &["report", "s.sqlite", output, "-"]);
             assert_eq!(output.status.code(), Some(code), "{output:?}");
         }
@@ -80,7 +80,6 @@ fn a_selection_holds_for_every_output() {
             && text.contains("only where friction = 0.3, shear_rate = 0 or inf")
     );
     assert_eq!(report(&["--csv", "-"]).lines().count(), 3);
-    assert_eq!(report(&["--markdown", "-"]).lines().count(), 4);
     report(&["--figure", "f.svg", "--kind", "trace"]);
     let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
     assert!(svg.contains("Γ = 0") && svg.contains("Γ = ∞") && !svg.contains("ν ="));

@@ -81,26 +81,14 @@ fn json_is_printed_beside_files_and_never_with_them_on_standard_output() {
         ["--figure", "f.svg"],
         ["--page", "p.html"],
         ["--parquet", "t.parquet"],
-        ["--markdown", "t.md"],
     ] {
         let both = sweep(at, &["report", "s.sqlite", "--json", file[0], file[1]]);
         assert_eq!(both, alone, "{file:?}");
         assert!(at.join(file[1]).exists());
     }
-    for argument in ["--csv", "--markdown", "--latex"] {
+    for argument in ["--csv", "--latex"] {
         refused(at, &["report", "s.sqlite", "--json", argument, "-"]);
     }
-}
-
-#[test]
-fn markdown_has_a_row_per_point() {
-    let folder = SMALL.folder();
-    let text = sweep(folder.path(), &["report", "s.sqlite", "--markdown", "-"]);
-    let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines.len(), 8);
-    assert!(lines[0].contains("viscosity (mu)"));
-    let bars = |line: &str| line.matches('|').count();
-    assert!(lines.iter().all(|line| bars(line) == bars(lines[0])));
 }
 
 #[test]

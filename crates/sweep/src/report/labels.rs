@@ -1,0 +1,222 @@
+//! Values on axes as text: cells of tables, labels of curves, titles of panels, captions.
+
+use super::units::{At, Units};
+use crate::data::{Kind, Value};
+use crate::model::axes::{AXES, Axis};
+use crate::store::{Store, StoreError};
+use crate::text::format::Digits;
+use sd_core::Params;
+use std::collections::BTreeMap;
+
+/// Names of start layers, by their numbers on the axis. Without a name a layer keeps its number.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Starts(pub(super) Vec<(u64, String)>);
+
+impl Starts {
+    /// The names in a store.
+    pub(crate) fn of_store(store: &Store) -> Result<Self, StoreError> {
+        Ok(Self(store.written()?.starts))
+    }
+
+    /// The names of several campaigns together.
+    pub(super) fn together<'s>(all: impl Iterator<Item = &'s Self>) -> Self {
+        Self(all.flat_map(|starts| starts.0.iter().cloned()).collect())
+    }
+
+    /// The name of the value of some parameters on an axis, if it is a start layer with a name.
+    pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<&str> {
+        let Value::Count(start) = axis.value(params) else {
+            return None;
+        };
+        let mut known = self.0.iter().filter(|_| axis.key == "start");
+        let found = known.find(|(number, _)| *number == start);
+        found.map(|(_, name)| name.as_str())
+    }
+
+    /// Names of the values on an axis, by the values as text.
+    pub(super) fn of_axis(&self, axis: &Axis) -> BTreeMap<String, &str> {
+        let named = self.0.iter().filter(|_| axis.key == "start");
+        named
+            .map(|(number, name)| (number.to_string(), name.as_str()))
+            .collect()
+    }
+}
+
+/// Format of the values on one axis: in the units of a report, with as few digits as distinguish
+/// different values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AxisWords<'a> {
+    axis: &'a Axis,
+    units: Units,
+    starts: &'a Starts,
+    pub(super) digits: Digits,
+}
+
+impl<'a> AxisWords<'a> {
+    /// The format for the values of these parameters.
+    pub(super) fn of<'p>(
+        axis: &'a Axis,
+        units: Units,
+        starts: &'a Starts,
+        params: impl Iterator<Item = &'p Params>,
+    ) -> Self {
+        let params = params.filter(|_| axis.kind() == Kind::Number);
+        Self {
+            axis,
+            units,
+            starts,
+            digits: Digits::of(params.map(|params| on_axis(axis, units, params))),
+        }
+    }
+
+    /// The value of some parameters, without its unit.
+    pub(super) fn plain(&self, params: &Params) -> String {
+        match (
+            self.starts.name_on(self.axis, params),
+            self.axis.value(params),
+        ) {
+            (Some(name), _) => name.to_owned(),
+            (None, Value::Number(_)) => self.digits.write(on_axis(self.axis, self.units, params)),
+            (None, value) => value.to_string(),
+        }
+    }
+
+    /// The value, with its unit if it has been converted to one.
+    pub(super) fn value(&self, params: &Params) -> String {
+        let value = self.plain(params);
+        match self.units.of_axis(self.axis) {
+            Some(unit) if value != "0" && value != "inf" => format!("{value} {unit}"),
+            _ => value,
+        }
+    }
+
+    /// The value with its symbol, for curves and panels: `Γ = ∞`, `h = 10⁻⁸ m`; keywords and named
+    /// start layers without a symbol.
+    pub(super) fn named(&self, params: &Params) -> String {
+        let value = self.value(params);
+        if !self.axis.is_numeric() || self.starts.name_on(self.axis, params).is_some() {
+            return value;
+        }
+        let value = value.replace("inf", "∞");
+        let (number, unit) = value.split_once(' ').unwrap_or((&value, ""));
+        let number = match number.split_once('e') {
+            Some(("1", power)) => power_of_ten(power),
+            Some((digits, power)) => format!("{digits}·{}", power_of_ten(power)),
+            None => number.to_owned(),
+        };
+        let text = format!("{} = {number} {unit}", self.axis.symbol());
+        text.trim_end().to_owned()
+    }
+}
+
+/// The position of parameters along an axis, in some units.
+fn on_axis(axis: &Axis, units: Units, params: &Params) -> f64 {
+    let rate = params.shear_stress.is_none().then_some(params.shear_rate);
+    units.along(axis, At::new(params, rate), axis.number(params))
+}
+
+/// Ten to a power: 10⁻³.
+pub(super) fn power_of_ten(power: &str) -> String {
+    let superscript = |digit: char| match digit.to_digit(10) {
+        Some(digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit as usize).unwrap_or('⁰'),
+        None => '⁻',
+    };
+    let digits: String = power.chars().map(superscript).collect();
+    format!("10{digits}")
+}
+
+/// The values of some parameters on all axes with an effect, for captions.
+pub(super) fn all_named(params: &Params, units: Units, starts: &Starts) -> Vec<String> {
+    let alone = || std::iter::once(params);
+    let axes = AXES.iter().filter(|axis| axis.matters(alone()));
+    axes.map(|axis| AxisWords::of(axis, units, starts, alone()).named(params))
+        .collect()
+}
+
+/// The label of a curve.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Label {
+    /// As text: `c = 0.69, Γ = ∞`; empty for a single curve.
+    pub(super) words: String,
+    /// Its number, where curves differ in one number only.
+    pub(super) number: Option<f64>,
+}
+
+impl<W: Into<String>> From<W> for Label {
+    fn from(words: W) -> Self {
+        Self {
+            words: words.into(),
+            number: None,
+        }
+    }
+}
+
+impl Label {
+    /// The label with a further part.
+    pub(super) fn with(&self, part: &str) -> String {
+        let comma = if self.words.is_empty() { "" } else { ", " };
+        format!("{}{comma}{part}", self.words)
+    }
+}
+
+/// Common settings of the curves of a figure: their axis, the axis of the panels, the units, and
+/// the names of start layers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shared<'a> {
+    pub(super) along: Option<&'a Axis>,
+    pub(super) panels: Option<&'a Axis>,
+    pub(super) units: Units,
+    pub(super) starts: &'a Starts,
+}
+
+impl Shared<'_> {
+    /// Whether this axis varies along the curves: rate and stress follow from each other.
+    pub(super) fn is_along(self, axis: &Axis) -> bool {
+        self.along
+            .is_some_and(|along| axis.key == along.key || axis.is_of_shear() && along.is_of_shear())
+    }
+
+    pub(super) fn is_of_panels(self, axis: &Axis) -> bool {
+        self.panels.is_some_and(|panels| panels.key == axis.key)
+    }
+
+    /// The labels of some parameters, each with its campaign: without common values, the axis of
+    /// the curves and that of the panels.
+    pub(super) fn labels(self, all: &[(&str, &Params)]) -> Vec<Label> {
+        let params = || all.iter().map(|(_, params)| *params);
+        let differing: Vec<&Axis> = AXES
+            .iter()
+            .filter(|axis| !self.is_along(axis) && !self.is_of_panels(axis))
+            .filter(|axis| axis.varies(params()))
+            .collect();
+        let words: Vec<AxisWords<'_>> = differing
+            .iter()
+            .map(|axis| AxisWords::of(axis, self.units, self.starts, params()))
+            .collect();
+        let is_imposed = |params: &Params| params.shear_stress.is_some();
+        let both = params().any(is_imposed) && !params().all(is_imposed);
+        let several = all.iter().any(|(campaign, _)| *campaign != all[0].0);
+        let by_number = match differing.as_slice() {
+            [axis] if axis.is_numeric() && !both && !several => Some(*axis),
+            _ => None,
+        };
+        let label = |(campaign, params): &(&str, &Params)| {
+            let mut parts: Vec<String> = Vec::new();
+            parts.extend(several.then(|| (*campaign).to_owned()));
+            for (axis, words) in differing.iter().zip(&words) {
+                if !axis.is_alternative() || axis.means_something(params) {
+                    parts.push(words.named(params));
+                }
+            }
+            if both && self.along.is_some() {
+                let how = if is_imposed(params) { "stress" } else { "rate" };
+                parts.push(format!("imposed {how}"));
+            }
+            Label {
+                words: parts.join(", "),
+                number: by_number.map(|axis| axis.number(params)),
+            }
+        };
+        all.iter().map(label).collect()
+    }
+}

@@ -1,0 +1,289 @@
+//! The table of the points of a report: the axes of the campaign, then the numbers that points
+//! have. CSV, Parquet, JSON, the page and the tables for people are views of it.
+
+use super::error::ReportError;
+use super::points::{Point, Report};
+use super::units::Units;
+use crate::data::{DataColumn, Kind, Objects, Value, Word};
+use crate::measure::Runs;
+use crate::measure::numbers::{self, Level, Number, OverRuns};
+use crate::model::axes::{AXES, Axis};
+use crate::text::format::count;
+use serde::Serialize;
+use serde_json::json;
+use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
+use std::sync::LazyLock;
+
+/// A column of the table.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Column {
+    /// Values on an axis.
+    Axis(&'static Axis),
+    /// A number of points, with its 95 % interval in the next column if it is a mean over runs.
+    Number(&'static Number),
+    /// Half width of that interval.
+    Interval(&'static Number),
+}
+
+/// The measured columns, in the order of the numbers of a point.
+static MEASURED: LazyLock<Vec<Column>> = LazyLock::new(|| {
+    let columns = |number: &'static Number| {
+        let is_mean = matches!(number.over_runs(), Some(OverRuns::Mean));
+        let interval = is_mean.then_some(Column::Interval(number));
+        std::iter::once(Column::Number(number)).chain(interval)
+    };
+    numbers::columns(Level::Points).flat_map(columns).collect()
+});
+
+/// Their places, by name.
+static PLACES: LazyLock<HashMap<Word, usize>> = LazyLock::new(|| {
+    let places = MEASURED.iter().enumerate();
+    places
+        .map(|(place, column)| (column.name(), place))
+        .collect()
+});
+
+/// Measured numbers of a point; NaN for missing ones.
+pub(super) fn measure(runs: &Runs<'_>) -> Box<[f64]> {
+    let mut numbers = Vec::with_capacity(MEASURED.len());
+    for number in numbers::columns(Level::Points) {
+        match number.over_runs() {
+            Some(OverRuns::Count(count)) => numbers.push(count(runs) as f64),
+            Some(OverRuns::Real(of)) => numbers.push(of(runs).unwrap_or(f64::NAN)),
+            Some(OverRuns::Mean) | None => {
+                let estimate = runs.estimate(number.name);
+                numbers.push(estimate.map_or(f64::NAN, |e| e.mean));
+                numbers.push(estimate.and_then(|e| e.ci95).unwrap_or(f64::NAN));
+            }
+        }
+    }
+    numbers.into()
+}
+
+impl Point {
+    /// A measured number; `None` for a missing one.
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
+        let number = self.measured.get(*PLACES.get(name)?);
+        number.copied().filter(|number| !number.is_nan())
+    }
+}
+
+/// All columns: the axes, then the measured ones.
+pub(super) fn columns() -> impl Iterator<Item = Column> {
+    let axes = AXES.iter().map(Column::Axis);
+    axes.chain(MEASURED.iter().copied())
+}
+
+impl Column {
+    /// The measured column of this name.
+    pub(super) fn named(name: &str) -> Option<Self> {
+        PLACES.get(name).map(|place| MEASURED[*place])
+    }
+
+    pub(super) fn name(self) -> Word {
+        match self {
+            Self::Axis(axis) => axis.key.into(),
+            Self::Number(number) => number.name.into(),
+            Self::Interval(number) => format!("{}_ci95", number.name).into(),
+        }
+    }
+
+    pub(super) fn unit(self) -> &'static str {
+        match self {
+            Self::Axis(axis) => axis.unit,
+            Self::Number(number) | Self::Interval(number) => number.unit,
+        }
+    }
+
+    pub(super) fn meaning(self) -> &'static str {
+        match self {
+            Self::Axis(axis) => axis.meaning,
+            Self::Number(number) => number.meaning(Level::Points).unwrap_or_default(),
+            Self::Interval(_) => "half width of its 95 % Student interval",
+        }
+    }
+
+    /// Its name in print.
+    pub(super) fn title(self) -> String {
+        match self {
+            Self::Interval(number) => format!("95 % interval of {}", Self::Number(number).title()),
+            Self::Number(number) if !number.label.is_empty() => {
+                number.label.split(',').next().unwrap_or_default().into()
+            }
+            column => column.name().replace('_', " "),
+        }
+    }
+
+    /// The column with the half width of its interval, if there is one.
+    pub(super) fn interval(self) -> Option<Self> {
+        Self::named(&format!("{}_ci95", self.name()))
+    }
+
+    fn kind(self) -> Kind {
+        match self {
+            Self::Axis(axis) => axis.kind(),
+            Self::Number(number) => number.kind(Level::Points),
+            Self::Interval(_) => Kind::Number,
+        }
+    }
+
+    /// Its cell at a point; `None` if nothing was measured. `place` is that of a measured column.
+    fn cell(self, place: usize, point: &Point) -> Option<Value> {
+        match self {
+            // Of rate and stress, the one that is not imposed is a result.
+            Self::Axis(axis) if axis.is_shear_rate() => point.shear_rate().map(Value::Number),
+            Self::Axis(axis) if axis.is_shear_stress() => {
+                point.params.shear_stress.map(Value::Number)
+            }
+            Self::Axis(axis) => {
+                let is_absent = axis.is_fraction() && !axis.means_something(&point.params);
+                (!is_absent).then(|| axis.value(&point.params))
+            }
+            _ => {
+                let number = point
+                    .measured
+                    .get(place)
+                    .filter(|number| !number.is_nan())?;
+                Some(match self.kind() {
+                    Kind::Count => Value::Count(count(*number) as u64),
+                    _ => Value::Number(*number),
+                })
+            }
+        }
+    }
+
+    /// The column of some points, in some units.
+    pub(super) fn data<'p>(
+        self,
+        points: impl Iterator<Item = &'p Point> + Clone,
+        units: Units,
+    ) -> DataColumn {
+        let place = PLACES.get(&self.name()).copied().unwrap_or(usize::MAX);
+        let cells = points.clone().map(|point| self.cell(place, point));
+        let mut column = DataColumn {
+            unit: self.unit(),
+            ..DataColumn::of(self.name(), self.kind(), self.meaning(), cells)
+        };
+        units.convert(&mut column, points.map(Point::at));
+        column
+    }
+}
+
+/// The measured columns of tables: by default all of them, in tables for people the main ones.
+#[derive(Debug, Clone, Default)]
+pub struct Columns(pub(super) Option<Vec<Column>>);
+
+impl Columns {
+    /// The columns with these names, in this order; none is the default.
+    ///
+    /// # Errors
+    /// [`ReportError::Argument`] on a name that no column has.
+    pub fn named(names: &[String]) -> Result<Self, ReportError> {
+        if names.is_empty() {
+            return Ok(Self::default());
+        }
+        let mut chosen: Vec<Column> = Vec::new();
+        for name in names {
+            let name = name.trim().replace('-', "_");
+            let name = match name.as_str() {
+                "η" | "eta" => "viscosity",
+                name => name,
+            };
+            let is_chosen = chosen.iter().any(|known| known.name() == name);
+            match Column::named(name) {
+                Some(_) if is_chosen => {}
+                Some(column) => chosen.push(column),
+                // Axes are there anyway.
+                None if Axis::named(name).is_some() => {}
+                None => {
+                    let known: Vec<Word> = MEASURED.iter().map(|column| column.name()).collect();
+                    let known = known.join(", ");
+                    return Err(ReportError::argument(
+                        "columns",
+                        format!("no column is called {name:?}; besides the axes there are {known}"),
+                    ));
+                }
+            }
+        }
+        Ok(Self(Some(chosen)))
+    }
+}
+
+/// The axes of some points, one row each.
+pub(super) fn axis_table<'p>(
+    points: &(impl Iterator<Item = &'p Point> + Clone),
+) -> Vec<DataColumn> {
+    let columns = AXES.iter().map(Column::Axis);
+    let units = Units::default();
+    columns
+        .map(|column| column.data(points.clone(), units))
+        .collect()
+}
+
+/// The points as a table, with the columns that were chosen or all, in the units of the report.
+pub fn point_table(report: &Report) -> Vec<DataColumn> {
+    let axes = AXES.iter().map(Column::Axis);
+    let measured = report.columns.0.as_ref().unwrap_or(&MEASURED);
+    let columns = axes.chain(measured.iter().copied());
+    columns.map(|column| report.column(column)).collect()
+}
+
+impl Report {
+    /// A column of its table.
+    pub(super) fn column(&self, column: Column) -> DataColumn {
+        column.data(self.points.iter(), self.units)
+    }
+
+    /// All columns of its table, in some units.
+    pub(super) fn whole_table(&self, units: Units) -> Vec<DataColumn> {
+        columns()
+            .map(|column| column.data(self.points.iter(), units))
+            .collect()
+    }
+}
+
+/// Writes the report for programs: one JSON object, a stable interface.
+///
+/// # Errors
+/// Output that cannot be written.
+pub fn write_json(report: &Report, out: &mut dyn Write) -> Result<(), ReportError> {
+    #[derive(Serialize)]
+    struct Document<'r> {
+        campaign: &'r str,
+        cases: serde_json::Value,
+        /// In the units of the program.
+        points: Objects<'r>,
+        /// In the requested units.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        physical: Option<Physical<'r>>,
+    }
+    #[derive(Serialize)]
+    struct Physical<'r> {
+        units: BTreeMap<&'r str, &'static str>,
+        points: Objects<'r>,
+    }
+    let points = report.whole_table(Units::default());
+    let is_converted = report.units.are_requested();
+    let converted = is_converted.then(|| report.whole_table(report.units));
+    let counts = &report.counts;
+    let document = Document {
+        campaign: &report.campaign,
+        // Running cases count as pending; done ones include doubtful ones.
+        cases: json!({
+            "done": counts.done, "jammed": counts.jammed, "failed": counts.failed, "pending": counts.pending + counts.running,
+            "doubtful": report.doubtful,
+        }),
+        points: Objects(&points),
+        physical: converted.as_ref().map(|table| Physical {
+            units: table
+                .iter()
+                .filter(|column| !column.unit.is_empty())
+                .map(|column| (column.name.as_ref(), column.unit))
+                .collect(),
+            points: Objects(table),
+        }),
+    };
+    serde_json::to_writer(&mut *out, &document).map_err(std::io::Error::from)?;
+    Ok(writeln!(out)?)
+}
