@@ -1,8 +1,8 @@
 //! Figures: their content, and its one form, from which all of them are drawn.
 //!
 //! ```text
-//! data       points of reports, or runs in time, as series of points
-//! outline    the data with colours, ends and ticks of axes: what this program and others draw
+//! data       points of reports, or runs in time, as curves
+//! outline    curves with colours, ends and ticks of axes: what this program and others draw
 //! layout     positions on the page
 //! svg        shapes and texts as a file with its origin
 //! graph      curves that are not points of a campaign
@@ -219,7 +219,7 @@ pub fn outline(
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    Ok(Outline::of(&data::figure_data(reports, traces, drawing)?))
+    Ok(data::figure_data(reports, traces, drawing)?.outline())
 }
 
 /// Draws a figure of reports, or of traces, as SVG.

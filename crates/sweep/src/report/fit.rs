@@ -215,7 +215,6 @@ impl FitReport {
             let drawn = (0..=DRAWN).map(|k| (low + (high - low) * k as f64 / DRAWN as f64).exp());
             FitCurve {
                 label: format!("{} = {fraction}", self.fraction()[1]),
-                number: fraction,
                 data,
                 fit: drawn
                     .map(|at| [at, self.fit.viscosity(fraction, at)])

@@ -1,6 +1,6 @@
-//! The data of a figure: the points of reports, or runs in time, as series of points, without
-//! style.
+//! The curves of a figure: the points of reports, or runs in time.
 
+use super::outline::{Curve, CurveKind, Figure, Panel};
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
 use super::{Drawing, Kind, Quantity, Trace, diagram, refused};
@@ -18,98 +18,12 @@ use sd_core::Params;
 use std::cmp::Ordering;
 use std::f64::consts::PI;
 
-/// A point of a line.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct DataPoint {
-    pub(super) x: f64,
-    /// Its value; `None` for a point of the campaign without a result.
-    pub(super) y: Option<PlottedValue>,
-    /// Ends of the interval of its position.
-    pub(super) across: Option<[f64; 2]>,
-}
+/// A value, and the extent of its interval down and up.
+type Plotted = [f64; 3];
 
-/// A value and its interval.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct PlottedValue {
-    pub(super) number: f64,
-    /// Extent of the interval down and up.
-    pub(super) interval: Option<[f64; 2]>,
-}
-
-/// How a line is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SeriesKind {
-    /// Markers joined by a line.
-    Curve,
-    /// A thin line without markers.
-    Trace,
-    /// Unconnected markers.
-    Points,
-    /// Unconnected crosses.
-    Crosses,
-}
-
-/// One line of a figure.
-#[derive(Debug)]
-pub(super) struct Series {
-    /// Its entry in the legend.
-    pub(super) label: Label,
-    pub(super) points: Vec<DataPoint>,
-    /// Its index among the curves of the figure, which selects colour and marker.
-    pub(super) index: usize,
-    pub(super) kind: SeriesKind,
-    pub(super) panel: usize,
-    /// Strain discarded, of a run in time.
-    pub(super) discard: Option<f64>,
-    /// Number of runs averaged by a line in time.
-    pub(super) runs: usize,
-}
-
-impl Series {
-    pub(super) fn new(
-        label: Label,
-        points: Vec<DataPoint>,
-        kind: SeriesKind,
-        panel: usize,
-    ) -> Self {
-        Self {
-            label,
-            points,
-            index: 0,
-            kind,
-            panel,
-            discard: None,
-            runs: 0,
-        }
-    }
-}
-
-/// One panel.
-#[derive(Debug, Default)]
-pub(super) struct PanelData {
-    /// Common values of its points.
-    pub(super) title: String,
-    /// Dilute limits.
-    pub(super) dilute: Vec<f64>,
-    /// Their label.
-    pub(super) formula: &'static str,
-}
-
-/// The data of a figure.
-#[derive(Debug, Default)]
-pub(super) struct FigureData {
-    pub(super) series: Vec<Series>,
-    pub(super) panels: Vec<PanelData>,
-    /// Number of curves with ordered colours; 0 for unordered colours.
-    pub(super) ordered: usize,
-    /// Label of the horizontal axis.
-    pub(super) x: String,
-    /// Label of the vertical axis.
-    pub(super) y: String,
-    /// Its horizontal axis, if that is logarithmic.
-    pub(super) log: Option<LogAxis>,
-    /// Whether the vertical axis is linear whatever its values.
-    pub(super) is_linear: bool,
+fn plotted(estimate: Estimate) -> Plotted {
+    let half = estimate.ci95.unwrap_or(0.0);
+    [estimate.mean, half, half]
 }
 
 /// A quantity of every point.
@@ -122,25 +36,6 @@ pub(super) struct Measured {
     unit: &'static str,
 }
 
-impl From<Estimate> for PlottedValue {
-    fn from(estimate: Estimate) -> Self {
-        Self {
-            number: estimate.mean,
-            interval: estimate.ci95.map(|half| [half, half]),
-        }
-    }
-}
-
-impl PlottedValue {
-    /// A value without an interval.
-    pub(super) fn bare(number: f64) -> Self {
-        Self {
-            number,
-            interval: None,
-        }
-    }
-}
-
 /// The data of a figure of reports, or of traces.
 ///
 /// # Errors
@@ -149,7 +44,7 @@ pub(super) fn figure_data(
     reports: &[Report],
     traces: &[Trace],
     drawing: &Drawing,
-) -> Result<FigureData, ReportError> {
+) -> Result<Figure, ReportError> {
     let diagram = match drawing.kind {
         Kind::StateDiagram => Some(diagram::axes(reports, drawing)?),
         _ => None,
@@ -169,35 +64,35 @@ pub(super) fn figure_data(
     {
         source.add_dilute(&mut data, traces, drawing.kind);
     }
-    let has_result = |series: &Series| series.points.iter().any(|point| point.y.is_some());
-    if !data.series.iter().any(has_result) {
+    let has_result = |curve: &Curve| curve.points.iter().any(|point| !point.1.is_nan());
+    if !data.curves.iter().any(has_result) {
         source.check_scale(measured)?;
         return Err(refused(
             "there are no results to draw yet; `sweep status` shows the progress of the campaign",
         ));
     }
-    data.series.retain(|series| !series.points.is_empty());
+    data.curves.retain(|curve| !curve.points.is_empty());
     // In a state diagram each state has a fixed colour, even if others are absent.
     if drawing.kind != Kind::StateDiagram {
         data.arrange(drawing.kind)?;
     }
     source.note_doubtful(&mut data, drawing.kind);
     let crosses = source.jammed(drawing.kind, &data);
-    data.series.extend(crosses);
+    data.curves.extend(crosses);
     Ok(data)
 }
 
-impl FigureData {
-    /// Gives every series its index by its label, the same in all panels; a single number that
+impl Figure {
+    /// Gives every curve its index by its label, the same in all panels; a single number that
     /// distinguishes more curves than there are colours orders them.
     fn arrange(&mut self, kind: Kind) -> Result<(), ReportError> {
-        let mut known: Vec<Label> = Vec::new();
-        for series in &self.series {
-            if !known.iter().any(|label| label.words == series.label.words) {
-                known.push(series.label.clone());
+        let mut known: Vec<(String, Option<f64>)> = Vec::new();
+        for curve in &self.curves {
+            if !known.iter().any(|(label, _)| *label == curve.label) {
+                known.push((curve.label.clone(), curve.number));
             }
         }
-        let is_ordered = known.len() > CURVES && known.iter().all(|label| label.number.is_some());
+        let is_ordered = known.len() > CURVES && known.iter().all(|(_, number)| number.is_some());
         let most = if is_ordered { ORDERED_CURVES } else { CURVES };
         if known.len() > most {
             let (more, how) = if kind == Kind::Trace {
@@ -214,16 +109,15 @@ impl FigureData {
             )));
         }
         if is_ordered {
-            let number = |label: &Label| label.number.unwrap_or(f64::NAN);
-            known.sort_by(|a, b| number(a).total_cmp(&number(b)));
+            let number = |of: Option<f64>| of.unwrap_or(f64::NAN);
+            known.sort_by(|a, b| number(a.1).total_cmp(&number(b.1)));
             self.ordered = known.len();
         }
-        for series in &mut self.series {
-            let is_own = |label: &Label| label.words == series.label.words;
-            series.index = known.iter().position(is_own).unwrap_or(0);
+        for curve in &mut self.curves {
+            let place = known.iter().position(|(label, _)| *label == curve.label);
+            curve.index = place.unwrap_or(0);
         }
-        self.series
-            .sort_by_key(|series| (series.panel, series.index));
+        self.curves.sort_by_key(|curve| (curve.panel, curve.index));
         Ok(())
     }
 }
@@ -253,19 +147,17 @@ impl Measured {
     }
 
     /// Its value at a point.
-    fn read(self, point: &Point) -> Option<PlottedValue> {
+    fn read(self, point: &Point) -> Option<Plotted> {
         match self.name {
-            "shear_stress" => point.shear_stress().map(PlottedValue::from),
+            "shear_stress" => point.shear_stress().map(plotted),
             "viscosity_median" => {
                 let number = point.number(self.name)?;
                 let quartile = |n: u8| point.number(&format!("{}_quartile_{n}", self.name));
                 let quartiles = quartile(1).zip(quartile(3));
-                Some(PlottedValue {
-                    number,
-                    interval: quartiles.map(|(low, high)| [number - low, high - number]),
-                })
+                let (low, high) = quartiles.unwrap_or((number, number));
+                Some([number, number - low, high - number])
             }
-            name => point.estimate(name).map(PlottedValue::from),
+            name => point.estimate(name).map(plotted),
         }
     }
 }
@@ -472,27 +364,26 @@ impl<'r> FigureSource<'r> {
             .unwrap_or(0)
     }
 
-    /// The data of series along the axis.
-    pub(super) fn data_of(&self, series: Vec<Series>, y: String) -> FigureData {
+    /// The figure of curves along the axis.
+    pub(super) fn figure_of(&self, curves: Vec<Curve>, y: String) -> Figure {
         let values = || self.panel_params.iter().flatten().copied();
         let words = self
             .panels
             .map(|axis| AxisWords::of(axis, self.units, &self.starts, values()));
-        let title = |field: Option<&Params>| match (&words, field) {
-            (Some(words), Some(params)) => words.named(params),
-            _ => String::new(),
+        let panel = |params: Option<&Params>| Panel {
+            title: match (&words, params) {
+                (Some(words), Some(params)) => words.named(params),
+                _ => String::new(),
+            },
+            ..Panel::default()
         };
-        let field = |field| PanelData {
-            title: title(field),
-            ..PanelData::default()
-        };
-        FigureData {
-            series,
-            panels: self.panel_params.iter().copied().map(field).collect(),
+        Figure {
+            curves,
+            panels: self.panel_params.iter().copied().map(panel).collect(),
             x: self.units.label_of(self.along),
             y,
             log: self.log,
-            ..FigureData::default()
+            ..Figure::default()
         }
     }
 
@@ -507,24 +398,32 @@ impl<'r> FigureSource<'r> {
         self.log.map_or(value, |log| log.place(value))
     }
 
-    /// A line of a quantity of the points of a curve.
+    /// The curve of a quantity of some points.
     fn line(
         &self,
         points: &[&Point],
         label: Label,
-        value: &dyn Fn(&Point) -> Option<PlottedValue>,
-    ) -> Series {
-        let spot = |point: &&Point| {
-            let y = value(point).filter(|value| value.number.is_finite());
-            let x = self.place(self.value(point));
-            // One error has one bar: that of a viscosity is drawn along the vertical axis.
-            let is_alone = y.is_some_and(|value| value.interval.is_none());
-            let across = self.rates(point).filter(|_| is_alone);
-            x.is_finite().then_some(DataPoint { x, y, across })
-        };
+        value: &dyn Fn(&Point) -> Option<Plotted>,
+    ) -> Curve {
         let panel = self.panel(&points[0].params);
-        let spots = points.iter().filter_map(spot).collect();
-        Series::new(label, spots, SeriesKind::Curve, panel)
+        let mut curve = Curve::new(label, Vec::new(), CurveKind::Markers, panel);
+        for point in points {
+            let x = self.place(self.value(point));
+            if !x.is_finite() {
+                continue;
+            }
+            let value = value(point).filter(|[number, ..]| number.is_finite());
+            let [number, down, up] = value.unwrap_or([f64::NAN, 0.0, 0.0]);
+            curve.points.push((x, number, down, up));
+            // One error has one bar: that of a viscosity is drawn along the vertical axis.
+            if value.is_some() && down == 0.0 && up == 0.0 {
+                let ends = self.rates(point);
+                curve
+                    .across
+                    .extend(ends.map(|[from, to]| [from, to, number]));
+            }
+        }
+        curve
     }
 
     /// Ends of the interval of the rate that follows from an imposed stress, on the axis.
@@ -543,48 +442,44 @@ impl<'r> FigureSource<'r> {
     }
 
     /// One line per curve of one quantity.
-    pub(super) fn of_points(&self, measured: Measured) -> FigureData {
+    pub(super) fn of_points(&self, measured: Measured) -> Figure {
         let Measured { label, unit, .. } = measured;
         let value = |point: &Point| {
-            let value = measured.read(point)?;
             let factor = self.units.factor(unit, point.at())?;
-            Some(PlottedValue {
-                number: factor * value.number,
-                interval: value.interval.map(|reach| reach.map(|part| factor * part)),
-            })
+            Some(measured.read(point)?.map(|part| factor * part))
         };
-        let series = self.curves().into_iter().filter_map(|(label, mut points)| {
+        let curves = self.curves().into_iter().filter_map(|(label, mut points)| {
             // A result without a value here, such as a stress at an infinite rate, is left out and
             // not marked as missing.
             let is_shown = |point: &Point| match measured.read(point) {
-                Some(value) => value.number.is_finite() && self.has_scale(unit, point),
+                Some([number, ..]) => number.is_finite() && self.has_scale(unit, point),
                 None => true,
             };
             points.retain(|point| is_shown(point));
             (!points.is_empty()).then(|| self.line(&points, label, &value))
         });
-        let series: Vec<Series> = series.collect();
-        let log = self
-            .log
-            .map(|log| self.without_empty_plateaus(log, &series));
-        FigureData {
+        let curves: Vec<Curve> = curves.collect();
+        // A plateau that nothing reaches is left out.
+        let log = self.log.map(|log| {
+            let has = |is_there: &dyn Fn(f64) -> bool| {
+                let mut points = curves.iter().flat_map(|curve| &curve.points);
+                points.any(|point| is_there(point.0))
+            };
+            let rests = self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
+            LogAxis {
+                zero: log.zero && (has(&|x| x < log.low) || rests),
+                infinite: log.infinite && has(&|x| x > log.high),
+                ..log
+            }
+        });
+        Figure {
             log,
-            ..self.data_of(series, self.units.label(label, unit))
+            ..self.figure_of(curves, self.units.label(label, unit))
         }
     }
 
-    fn without_empty_plateaus(&self, log: LogAxis, series: &[Series]) -> LogAxis {
-        let spots = || series.iter().flat_map(|line| &line.points);
-        let rests = || self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
-        LogAxis {
-            zero: log.zero && (spots().any(|spot| spot.x < log.low) || rests()),
-            infinite: log.infinite && spots().any(|spot| spot.x > log.high),
-            ..log
-        }
-    }
-
-    /// Four series per curve.
-    pub(super) fn contacts(&self) -> FigureData {
+    /// Four curves for each combination of values.
+    pub(super) fn contacts(&self) -> Figure {
         let counts = |point: &Point| {
             let contacts = point.number("contacts_per_sphere")?;
             let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
@@ -597,23 +492,23 @@ impl<'r> FigureSource<'r> {
             ])
         };
         let names = ["in contact", "activated", "rolling", "slipping"];
-        let mut series = Vec::new();
+        let mut curves = Vec::new();
         for (label, points) in self.curves() {
             for (place, name) in names.into_iter().enumerate() {
                 let label = Label::from(match label.words.as_str() {
                     "" => name.to_owned(),
                     words => format!("{name}, {words}"),
                 });
-                series.push(self.line(&points, label, &|point| {
-                    Some(PlottedValue::bare(counts(point)?[place]))
+                curves.push(self.line(&points, label, &|point| {
+                    Some([counts(point)?[place], 0.0, 0.0])
                 }));
             }
         }
-        self.data_of(series, "pairs per sphere".into())
+        self.figure_of(curves, "pairs per sphere".into())
     }
 
     /// Runs in time, or means over them.
-    pub(super) fn in_time(&self, traces: &[Trace]) -> FigureData {
+    pub(super) fn in_time(&self, traces: &[Trace]) -> Figure {
         let labelled: Vec<(&str, &Params)> = traces
             .iter()
             .map(|trace| (trace.campaign.as_str(), &trace.params))
@@ -625,7 +520,7 @@ impl<'r> FigureSource<'r> {
             starts: &self.starts,
         };
         let labels = shared.labels(&labelled);
-        let series = traces.iter().zip(labels).map(|(trace, mut label)| {
+        let curves = traces.iter().zip(labels).map(|(trace, mut label)| {
             let same = |other: &&Trace| {
                 other.campaign == trace.campaign
                     && identity(&other.params) == identity(&trace.params)
@@ -637,34 +532,31 @@ impl<'r> FigureSource<'r> {
                 }
             }
             let factor = self.units.viscosity_factor();
-            let spot = |&(x, estimate): &(f64, Estimate)| DataPoint {
-                x,
-                y: estimate.mean.is_finite().then(|| PlottedValue {
-                    number: factor * estimate.mean,
-                    interval: estimate.ci95.map(|half| [factor * half; 2]),
-                }),
-                across: None,
-            };
-            let panel = self.panel(&trace.params);
-            let spots = trace.points.iter().map(spot).collect();
-            Series {
+            let points = trace.points.iter().map(|(x, estimate)| {
+                let [number, down, up] = plotted(*estimate).map(|part| factor * part);
+                (*x, number, down, up)
+            });
+            Curve {
                 discard: trace.discard,
                 runs: trace.runs,
-                ..Series::new(label, spots, SeriesKind::Trace, panel)
+                ..Curve::new(
+                    label,
+                    points.collect(),
+                    CurveKind::Line,
+                    self.panel(&trace.params),
+                )
             }
         });
-        FigureData {
+        let label = self.units.label("relative viscosity η", "mu");
+        Figure {
             x: "strain".into(),
             log: None,
-            ..self.data_of(
-                series.collect(),
-                self.units.label("relative viscosity η", "mu"),
-            )
+            ..self.figure_of(curves.collect(), label)
         }
     }
 
     /// Adds the dilute limit of every fraction to its panel.
-    pub(super) fn add_dilute(&self, data: &mut FigureData, traces: &[Trace], kind: Kind) {
+    pub(super) fn add_dilute(&self, data: &mut Figure, traces: &[Trace], kind: Kind) {
         let params: Vec<&Params> = if kind == Kind::Trace {
             traces.iter().map(|trace| &trace.params).collect()
         } else {
@@ -676,18 +568,18 @@ impl<'r> FigureSource<'r> {
             let value = factor * limit;
             let panel = &mut data.panels[self.panel(params)];
             if !panel
-                .dilute
+                .dashed
                 .iter()
                 .any(|h| (h - value).abs() < 1e-9 * value)
             {
-                panel.dilute.push(value);
-                panel.formula = formula;
+                panel.dashed.push(value);
+                panel.dashed_label = Some(formula);
             }
         }
     }
 
     /// Adds a note on doubtful runs below the figure.
-    pub(super) fn note_doubtful(&self, data: &mut FigureData, kind: Kind) {
+    pub(super) fn note_doubtful(&self, data: &mut Figure, kind: Kind) {
         let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
         if number > 0 && kind != Kind::Trace {
             let what = if self.reports.iter().any(|report| report.with_doubtful) {
@@ -702,10 +594,10 @@ impl<'r> FigureSource<'r> {
 
     /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow
     /// curve, above all flowing points among viscosities.
-    pub(super) fn jammed(&self, kind: Kind, data: &FigureData) -> Vec<Series> {
-        let spots = data.series.iter().flat_map(|line| &line.points);
-        let [_, top] = extent(spots.filter_map(|spot| Some(spot.y?.number)));
-        let mut series: Vec<Series> = Vec::new();
+    pub(super) fn jammed(&self, kind: Kind, data: &Figure) -> Vec<Curve> {
+        let points = data.curves.iter().flat_map(|curve| &curve.points);
+        let [_, top] = extent(points.map(|point| point.1));
+        let mut crosses: Vec<Curve> = Vec::new();
         for point in self
             .points()
             .filter(|point| jammed_at_imposed_stress(point))
@@ -727,20 +619,15 @@ impl<'r> FigureSource<'r> {
             if !value.is_finite() {
                 continue;
             }
-            let spot = DataPoint {
-                x: self.place(x),
-                y: Some(PlottedValue::bare(value)),
-                across: None,
-            };
-            let panel = self.panel(&point.params);
-            if let Some(line) = series.iter_mut().find(|line| line.panel == panel) {
-                line.points.push(spot);
+            let (spot, panel) = ((self.place(x), value, 0.0, 0.0), self.panel(&point.params));
+            if let Some(curve) = crosses.iter_mut().find(|curve| curve.panel == panel) {
+                curve.points.push(spot);
             } else {
                 let label = Label::from("jammed at this stress");
-                series.push(Series::new(label, vec![spot], SeriesKind::Crosses, panel));
+                crosses.push(Curve::new(label, vec![spot], CurveKind::Crosses, panel));
             }
         }
-        series
+        crosses
     }
 }
 

@@ -1,6 +1,7 @@
 //! State diagrams: the state of the flow in the plane of two axes.
 
-use super::data::{DataPoint, FigureData, FigureSource, PlottedValue, Series, SeriesKind};
+use super::data::FigureSource;
+use super::outline::{Curve, CurveKind, Figure};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
 use crate::report::error::ReportError;
@@ -9,7 +10,7 @@ use crate::report::labels::Label;
 use crate::report::points::{Point, Report};
 use crate::report::states::{Flow, FlowCurve, grouped};
 
-/// Slopes d ln η/d ln σ whose contours are drawn as series, and their labels.
+/// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
 const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
 /// Minimum number of columns of a diagram, and of points in each, for slopes.
 const MIN_COLUMNS: usize = 2;
@@ -55,14 +56,14 @@ pub(super) fn axes(
 }
 
 impl FigureSource<'_> {
-    /// The diagram: a marker for every point, and series where slopes pass the limits.
+    /// The diagram: a marker for every point, and lines where slopes pass the limits.
     ///
     /// # Errors
     /// [`ReportError::Argument`] if other axes have several values, and if there are too few points
     /// for slopes.
-    pub(super) fn diagram(&self, y: &'static Axis) -> Result<FigureData, ReportError> {
+    pub(super) fn diagram(&self, y: &'static Axis) -> Result<Figure, ReportError> {
         let x = self.along;
-        let mut series = Vec::new();
+        let mut drawn = Vec::new();
         let mut enough = false;
         let (mut most_columns, mut most_points) = (0, 0);
         for panel in 0..self.panel_params.len() {
@@ -77,8 +78,8 @@ impl FigureSource<'_> {
             most_points = most_points.max(sizes.iter().copied().max().unwrap_or(0));
             let long = sizes.iter().filter(|size| **size >= MIN_POINTS).count();
             enough |= long >= MIN_COLUMNS;
-            series.extend(self.markers(&curves, y, panel));
-            series.extend(self.limits(&curves, y, panel));
+            drawn.extend(self.markers(&curves, y, panel));
+            drawn.extend(self.limits(&curves, y, panel));
         }
         if !enough {
             return Err(ReportError::argument(
@@ -90,7 +91,7 @@ impl FigureSource<'_> {
                 ),
             ));
         }
-        Ok(self.data_of(series, self.label_of_shear(y)))
+        Ok(self.figure_of(drawn, self.label_of_shear(y)))
     }
 
     /// Refuses points that differ on another axis.
@@ -119,65 +120,54 @@ impl FigureSource<'_> {
         ))
     }
 
-    /// A line of markers for each state.
-    fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Series> {
-        let mut series: Vec<Series> = Flow::ALL
-            .iter()
-            .enumerate()
-            .map(|(place, flow)| {
-                let kind = if *flow == Flow::Failed {
-                    SeriesKind::Crosses
-                } else {
-                    SeriesKind::Points
-                };
-                Series {
-                    index: place,
-                    ..Series::new(Label::from(flow.name()), Vec::new(), kind, panel)
-                }
-            })
-            .collect();
+    /// The markers of each state.
+    fn markers(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Curve> {
+        let of_state = |(index, flow): (usize, &Flow)| {
+            let kind = match flow {
+                Flow::Failed => CurveKind::Crosses,
+                _ => CurveKind::Points,
+            };
+            Curve {
+                index,
+                ..Curve::new(Label::from(flow.name()), Vec::new(), kind, panel)
+            }
+        };
+        let mut states: Vec<Curve> = Flow::ALL.iter().enumerate().map(of_state).collect();
         for curve in curves {
             for (point, flow) in curve.points().iter().zip(curve.flows()) {
                 let height = self.height(point, y);
                 let place = Flow::ALL.iter().position(|known| Some(*known) == flow);
                 if let Some(place) = place.filter(|_| height > 0.0 && height.is_finite()) {
-                    series[place].points.push(DataPoint {
-                        x: self.place(self.value(point)),
-                        y: Some(PlottedValue::bare(height)),
-                        across: None,
-                    });
+                    let x = self.place(self.value(point));
+                    states[place].points.push((x, height, 0.0, 0.0));
                 }
             }
         }
-        series
+        states
     }
 
-    /// The series at which slopes pass the limits: rising ones and falling ones, each interrupted
+    /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted
     /// where a column has none.
-    fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Series> {
-        let mut series = Vec::new();
+    fn limits(&self, curves: &[FlowCurve<'_>], y: &Axis, panel: usize) -> Vec<Curve> {
+        let mut lines = Vec::new();
         for (number, (limit, name)) in LIMITS.into_iter().enumerate() {
             for branch in 0..2 {
                 let spot = |curve: &FlowCurve<'_>| {
                     let first = curve.points()[0];
-                    let place = curve.crossings(limit, y)[branch];
-                    let height = place.map(|at| self.units.along(y, first.at(), at));
-                    DataPoint {
-                        x: self.place(self.value(first)),
-                        y: height.map(PlottedValue::bare),
-                        across: None,
-                    }
+                    let at = curve.crossings(limit, y)[branch].unwrap_or(f64::NAN);
+                    let height = self.units.along(y, first.at(), at);
+                    (self.place(self.value(first)), height, 0.0, 0.0)
                 };
-                let spots: Vec<DataPoint> = curves.iter().map(spot).collect();
-                if spots.iter().any(|spot| spot.y.is_some()) {
-                    series.push(Series {
+                let spots: Vec<_> = curves.iter().map(spot).collect();
+                if spots.iter().any(|spot| !spot.1.is_nan()) {
+                    lines.push(Curve {
                         index: Flow::ALL.len() + number,
-                        ..Series::new(Label::from(name), spots, SeriesKind::Trace, panel)
+                        ..Curve::new(Label::from(name), spots, CurveKind::Line, panel)
                     });
                 }
             }
         }
-        series
+        lines
     }
 
     /// Position of a point along the vertical axis, in the units requested.

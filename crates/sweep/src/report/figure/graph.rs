@@ -1,9 +1,8 @@
 //! Curves that are not points of a campaign, in the style of its figures.
 
-use super::data::{DataPoint, FigureData, PanelData, Series, SeriesKind};
 use super::layout::draw;
 use super::origin::Origin;
-use super::outline::Outline;
+use super::outline::{Curve, CurveKind, Figure, Panel};
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::refused;
 use super::scale::LogAxis;
@@ -28,14 +27,6 @@ pub(in crate::report) struct GraphForm {
     pub(in crate::report) has_markers: bool,
 }
 
-fn data_point(x: f64, value: Estimate) -> DataPoint {
-    DataPoint {
-        x,
-        y: value.mean.is_finite().then(|| value.into()),
-        across: None,
-    }
-}
-
 /// Draws paths between axes with these names as SVG, with this title in the metadata of the file.
 pub fn draw_graphs(graphs: &[Graph<'_>], axes: [&str; 2], title: &str) -> Vec<u8> {
     let mut measured: Vec<MeasuredGraph<'_>> = Vec::with_capacity(graphs.len());
@@ -58,42 +49,38 @@ pub(in crate::report) fn draw_graphs_of(
     let log = form
         .is_log_along
         .then(|| LogAxis::of(&all.map(|(x, _)| *x).collect::<Vec<_>>()));
-    let kind = if form.has_markers {
-        SeriesKind::Curve
-    } else {
-        SeriesKind::Trace
-    };
-    let series = |(index, (label, points)): (usize, &MeasuredGraph<'_>)| {
+    let place = |x: f64| log.map_or(x, |log| log.place(x));
+    let curve = |(index, (label, points)): (usize, &MeasuredGraph<'_>)| {
         let points = points.iter().map(|(x, value)| {
-            let value = if form.has_markers {
-                *value
-            } else {
-                Estimate::bare(value.mean)
-            };
-            data_point(log.map_or(*x, |log| log.place(*x)), value)
+            let half = value.ci95.filter(|_| form.has_markers).unwrap_or(0.0);
+            (place(*x), value.mean, half, half)
         });
-        Series {
+        let kind = if form.has_markers {
+            CurveKind::Markers
+        } else {
+            CurveKind::Line
+        };
+        Curve {
             index,
-            ..Series::new(Label::from(*label), points.collect(), kind, 0)
+            ..Curve::new(Label::from(*label), points.collect(), kind, 0)
         }
     };
-    let data = FigureData {
-        series: graphs.iter().enumerate().map(series).collect(),
-        panels: vec![PanelData::default()],
+    let figure = Figure {
+        curves: graphs.iter().enumerate().map(curve).collect(),
+        panels: vec![Panel::default()],
         x: x.into(),
         y: y.into(),
         log,
         is_linear: form.is_linear,
-        ..FigureData::default()
+        ..Figure::default()
     };
-    draw(&Outline::of(&data), origin)
+    draw(&figure.outline(), origin)
 }
 
-/// Data and their fit: entry in the legend, number for the order, and points of both.
+/// Data and their fit: entry in the legend, and points of both.
 #[derive(Debug)]
 pub(in crate::report) struct FitCurve {
     pub(in crate::report) label: String,
-    pub(in crate::report) number: f64,
     pub(in crate::report) data: Vec<[f64; 2]>,
     pub(in crate::report) fit: Vec<[f64; 2]>,
 }
@@ -116,36 +103,30 @@ pub(in crate::report) fn draw_fit(
     }
     let all = curves.iter().flat_map(|curve| &curve.data);
     let log = LogAxis::of(&all.map(|[x, _]| *x).collect::<Vec<_>>());
-    let mut series = Vec::new();
+    let mut drawn = Vec::new();
     for (index, curve) in curves.iter().enumerate() {
-        let label = Label {
-            words: curve.label.clone(),
-            number: Some(curve.number),
-        };
         for (label, points, kind) in [
-            (label, &curve.data, SeriesKind::Points),
-            (Label::default(), &curve.fit, SeriesKind::Trace),
+            (curve.label.as_str(), &curve.data, CurveKind::Points),
+            ("", &curve.fit, CurveKind::Line),
         ] {
-            let points = points
-                .iter()
-                .map(|[x, y]| data_point(log.place(*x), Estimate::bare(*y)));
-            series.push(Series {
+            let points = points.iter().map(|[x, y]| (log.place(*x), *y, 0.0, 0.0));
+            drawn.push(Curve {
                 index,
-                ..Series::new(label, points.collect(), kind, 0)
+                ..Curve::new(Label::from(label), points.collect(), kind, 0)
             });
         }
     }
     let is_ordered = curves.len() > CURVES;
-    let data = FigureData {
-        series,
-        panels: vec![PanelData::default()],
+    let figure = Figure {
+        curves: drawn,
+        panels: vec![Panel::default()],
         ordered: if is_ordered { curves.len() } else { 0 },
         x: x.into(),
         y: y.into(),
         log: Some(log),
         is_linear: false,
     };
-    Ok(draw(&Outline::of(&data), origin))
+    Ok(draw(&figure.outline(), origin))
 }
 
 #[cfg(test)]

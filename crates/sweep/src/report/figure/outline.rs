@@ -2,10 +2,10 @@
 //!
 //! The SVG files of this program and the figures of Python are drawn from it.
 
-use super::data::{FigureData, PanelData, PlottedValue, Series, SeriesKind};
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
-use super::scale::{Scale, extent};
+use super::scale::{LogAxis, Scale, extent};
 use super::svg::PER_MM;
+use crate::report::labels::Label;
 use serde::Serialize;
 
 /// Width of a figure of one panel and of several: a column of a journal, and the full page.
@@ -57,6 +57,36 @@ pub(super) struct Panel {
     pub(super) shaded: Option<f64>,
 }
 
+/// Curves and panels before they have their style and axes.
+#[derive(Debug, Default)]
+pub(super) struct Figure {
+    pub(super) curves: Vec<Curve>,
+    pub(super) panels: Vec<Panel>,
+    /// Number of curves with ordered colours; 0 for unordered colours.
+    pub(super) ordered: usize,
+    /// Labels of the axes.
+    pub(super) x: String,
+    pub(super) y: String,
+    /// The horizontal axis, if that is logarithmic.
+    pub(super) log: Option<LogAxis>,
+    /// Whether the vertical axis is linear whatever its values.
+    pub(super) is_linear: bool,
+}
+
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum CurveKind {
+    /// Markers joined by a line.
+    #[default]
+    Markers,
+    /// A thin line without markers.
+    Line,
+    /// Unconnected markers.
+    Points,
+    /// Unconnected crosses.
+    Crosses,
+}
+
 /// One curve.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Curve {
@@ -71,7 +101,8 @@ pub(super) struct Curve {
     pub(super) width: f64,
     /// Lengths of its dashes and of the gaps between them; `None` for a solid line.
     pub(super) dashes: Option<[f64; 2]>,
-    /// Position, value, and extent of its interval down and up.
+    /// Position, value, and extent of its interval down and up. In a [`Figure`] points of the
+    /// campaign without a result are among them, with NaN as their value.
     pub(super) points: Vec<(f64, f64, f64, f64)>,
     /// First and last point of each connected piece: lines stop at breaks of the axis and at points
     /// without a result.
@@ -84,8 +115,21 @@ pub(super) struct Curve {
     pub(super) has_band: bool,
     /// Positions of points of the campaign without a result.
     pub(super) missing: Vec<f64>,
-    /// Strain discarded, where curves differ in it.
+    /// Strain discarded; in an outline only where curves differ in it.
     pub(super) discard: Option<f64>,
+    #[serde(skip)]
+    pub(super) kind: CurveKind,
+    #[serde(skip)]
+    pub(super) panel: usize,
+    /// Its index among the curves of the figure, which selects colour and marker.
+    #[serde(skip)]
+    pub(super) index: usize,
+    /// The number that distinguishes it, if it is only one.
+    #[serde(skip)]
+    pub(super) number: Option<f64>,
+    /// Number of runs averaged by a line in time.
+    #[serde(skip)]
+    pub(super) runs: usize,
 }
 
 impl Outline {
@@ -109,61 +153,6 @@ impl Outline {
         }
     }
 
-    /// The outline of the data of a figure.
-    pub(super) fn of(data: &FigureData) -> Self {
-        let (x, y) = (horizontal(data), vertical(data));
-        let discards = || data.series.iter().filter_map(|series| series.discard);
-        let shaded = discards()
-            .next()
-            .filter(|first| discards().all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
-        let labelled = data.panels.iter().position(|p| !p.dilute.is_empty());
-        let formula = labelled.map_or("", |index| data.panels[index].formula);
-        let panel = |(index, panel): (usize, &PanelData)| {
-            let series = data.series.iter().filter(|s| s.panel == index);
-            let curves = series.map(|series| Curve {
-                discard: series.discard.filter(|d| shaded.is_none() && *d > 0.0),
-                ..Curve::of(series, [&x, &y], data.ordered)
-            });
-            Panel {
-                title: panel.title.clone(),
-                curves: curves.collect(),
-                dashed: panel.dilute.clone(),
-                dashed_label: (labelled == Some(index)).then_some(formula),
-                shaded,
-                x: x.clone(),
-                y: y.clone(),
-            }
-        };
-        let mut outline = Self::of_panels(data.panels.iter().enumerate().map(panel).collect());
-        let has = |is_there: fn(&Curve) -> bool| {
-            let mut curves = outline.panels.iter().flat_map(|panel| &panel.curves);
-            curves.any(is_there)
-        };
-        let missing = has(|curve| !curve.missing.is_empty());
-        let discards = has(|curve| curve.discard.is_some());
-        let notes = [
-            (labelled.is_some(), formula, None),
-            (missing, "no result", Some(Marker::Cross)),
-            (discards, "end of the strain discarded", Some(Marker::Bar)),
-        ];
-        let size = outline.tick_size;
-        let notes = notes.into_iter().filter(|note| note.0);
-        let notes = notes.map(|(_, label, marker)| Curve {
-            label: label.into(),
-            colour: Colour::GREY,
-            marker,
-            marker_size: 0.25 * size,
-            width: if marker.is_some() { 0.8 } else { 0.4 },
-            dashes: marker.is_none().then_some([4.5, 3.0]),
-            ..Curve::default()
-        });
-        outline.notes = band_note(&data.series, size)
-            .into_iter()
-            .chain(notes)
-            .collect();
-        outline
-    }
-
     /// Entries of the legend, each once.
     pub(super) fn entries(&self) -> Vec<&Curve> {
         let mut entries: Vec<&Curve> = Vec::new();
@@ -181,142 +170,207 @@ impl Outline {
     }
 }
 
-/// Meaning of bands in time, if there are any.
-fn band_note(series: &[Series], size: f64) -> Option<Curve> {
-    let has_band = |series: &&Series| {
-        let mut values = series.points.iter().filter_map(|point| point.y);
-        series.kind == SeriesKind::Trace && values.any(|value| value.interval.is_some())
-    };
-    let mut banded = series.iter().filter(has_band).map(|series| series.runs);
-    let first = banded.next()?;
-    let number = if banded.all(|runs| runs == first) {
-        format!("{first} ")
-    } else {
-        String::new()
-    };
-    Some(Curve {
-        label: format!("mean of {number}runs, 95 % interval"),
-        colour: Colour::PALE,
-        width: 0.35 * size,
-        ..Curve::default()
-    })
-}
+impl Figure {
+    /// Its outline.
+    pub(super) fn outline(mut self) -> Outline {
+        let (x, y) = (self.horizontal(), self.vertical());
+        let mut discards = self.curves.iter().filter_map(|curve| curve.discard);
+        let shaded = discards
+            .next()
+            .filter(|first| discards.all(|d| (d - first).abs() < 1e-9) && *first > 0.0);
+        for curve in &mut self.curves {
+            curve.finish([&x, &y], self.ordered);
+            curve.discard = curve.discard.filter(|d| shaded.is_none() && *d > 0.0);
+        }
+        let size = Outline::of_panels(Vec::new()).tick_size;
+        let labelled = self
+            .panels
+            .iter()
+            .position(|panel| !panel.dashed.is_empty());
+        let formula = labelled.and_then(|place| self.panels[place].dashed_label);
+        let has = |is_there: fn(&Curve) -> bool| self.curves.iter().any(is_there);
+        let notes = [
+            (formula.is_some(), formula.unwrap_or_default(), None),
+            (
+                has(|c| !c.missing.is_empty()),
+                "no result",
+                Some(Marker::Cross),
+            ),
+            (
+                has(|c| c.discard.is_some()),
+                "end of the strain discarded",
+                Some(Marker::Bar),
+            ),
+        ];
+        let notes = notes.into_iter().filter(|note| note.0);
+        let notes = notes.map(|(_, label, marker)| Curve {
+            label: label.into(),
+            colour: Colour::GREY,
+            marker,
+            marker_size: 0.25 * size,
+            width: if marker.is_some() { 0.8 } else { 0.4 },
+            dashes: marker.is_none().then_some([4.5, 3.0]),
+            ..Curve::default()
+        });
+        let notes = self.band_note(size).into_iter().chain(notes).collect();
+        for (place, panel) in self.panels.iter_mut().enumerate() {
+            panel.dashed_label = panel.dashed_label.filter(|_| labelled == Some(place));
+            (panel.x, panel.y, panel.shaded) = (x.clone(), y.clone(), shaded);
+        }
+        for curve in self.curves {
+            self.panels[curve.panel].curves.push(curve);
+        }
+        Outline {
+            notes,
+            ..Outline::of_panels(self.panels)
+        }
+    }
 
-/// The vertical axis of all panels.
-fn vertical(data: &FigureData) -> Scale {
-    let label = data.y.clone();
-    let ends_of = |value: PlottedValue| {
-        let [down, up] = value.interval.unwrap_or_default();
-        [value.number - down, value.number + up]
-    };
-    let points = || data.series.iter().flat_map(|series| &series.points);
-    let values = || points().filter_map(|point| point.y);
-    let limits = || data.panels.iter().flat_map(|p| p.dilute.iter().copied());
-    let [low, high] = extent(values().map(|value| value.number));
-    let [down, up] = extent(values().flat_map(ends_of).chain(limits()));
-    // All positive, and more than a decade.
-    if !data.is_linear && low > 0.0 && high > 10.0 * low {
-        // An interval that reaches far below its mean does not stretch the axis.
-        let least = values().map(|value| ends_of(value)[0].max(0.5 * value.number));
-        let [least, _] = extent(least.chain(limits()));
-        // Markers at the ends keep a distance from the frame.
-        let room = (up / least).powf(MARGIN).max(1.15);
-        return Scale::logarithmic(label, least / room, up * room);
+    /// Meaning of bands in time, if there are any.
+    fn band_note(&self, size: f64) -> Option<Curve> {
+        let mut banded = self.curves.iter().filter(|curve| curve.has_band);
+        let first = banded.next()?.runs;
+        let number = if banded.all(|curve| curve.runs == first) {
+            format!("{first} ")
+        } else {
+            String::new()
+        };
+        Some(Curve {
+            label: format!("mean of {number}runs, 95 % interval"),
+            colour: Colour::PALE,
+            width: 0.35 * size,
+            ..Curve::default()
+        })
     }
-    let from_zero = low >= 0.0;
-    let down = if from_zero { 0.0 } else { down.min(0.0) };
-    let up = if from_zero { up } else { up.max(0.0) };
-    let room = 0.06 * if up > down { up - down } else { 1.0 };
-    let down = if from_zero { 0.0 } else { down - room };
-    Scale::linear(label, down, up + room)
-}
 
-/// The horizontal axis of all panels.
-fn horizontal(data: &FigureData) -> Scale {
-    let label = data.x.clone();
-    if let Some(log) = data.log {
-        return Scale::of_decades(label, log);
+    /// The points with a value.
+    fn points(&self) -> impl Iterator<Item = &(f64, f64, f64, f64)> {
+        let points = self.curves.iter().flat_map(|curve| &curve.points);
+        points.filter(|point| !point.1.is_nan())
     }
-    let points = data.series.iter().flat_map(|series| &series.points);
-    let [low, high] = extent(points.map(|point| point.x));
-    let mut series = data.series.iter();
-    // Distances of spheres begin at contact.
-    let is_near_zero = low >= 0.0 && low < 0.2 * high;
-    if is_near_zero && series.all(|series| series.kind == SeriesKind::Trace) {
-        return Scale::linear(label, 0.0, high);
+
+    /// The vertical axis of all panels.
+    fn vertical(&self) -> Scale {
+        let label = self.y.clone();
+        let limits = || {
+            self.panels
+                .iter()
+                .flat_map(|panel| panel.dashed.iter().copied())
+        };
+        let [low, high] = extent(self.points().map(|point| point.1));
+        let ends = self
+            .points()
+            .flat_map(|(_, y, down, up)| [y - down, y + up]);
+        let [down, up] = extent(ends.chain(limits()));
+        // All positive, and more than a decade.
+        if !self.is_linear && low > 0.0 && high > 10.0 * low {
+            // An interval that reaches far below its mean does not stretch the axis.
+            let least = self.points().map(|(_, y, down, _)| (y - down).max(0.5 * y));
+            let [least, _] = extent(least.chain(limits()));
+            // Markers at the ends keep a distance from the frame.
+            let room = (up / least).powf(MARGIN).max(1.15);
+            return Scale::logarithmic(label, least / room, up * room);
+        }
+        let from_zero = low >= 0.0;
+        let down = if from_zero { 0.0 } else { down.min(0.0) };
+        let up = if from_zero { up } else { up.max(0.0) };
+        let room = 0.06 * if up > down { up - down } else { 1.0 };
+        let down = if from_zero { 0.0 } else { down - room };
+        Scale::linear(label, down, up + room)
     }
-    let span = if high > low {
-        high - low
-    } else {
-        high.abs().max(1.0)
-    };
-    Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
+
+    /// The horizontal axis of all panels.
+    fn horizontal(&self) -> Scale {
+        let label = self.x.clone();
+        if let Some(log) = self.log {
+            return Scale::of_decades(label, log);
+        }
+        let points = self.curves.iter().flat_map(|curve| &curve.points);
+        let [low, high] = extent(points.map(|point| point.0));
+        let mut curves = self.curves.iter();
+        // Distances of spheres begin at contact.
+        let is_near_zero = low >= 0.0 && low < 0.2 * high;
+        if is_near_zero && curves.all(|curve| curve.kind == CurveKind::Line) {
+            return Scale::linear(label, 0.0, high);
+        }
+        let span = if high > low {
+            high - low
+        } else {
+            high.abs().max(1.0)
+        };
+        Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
+    }
 }
 
 impl Curve {
-    fn of(series: &Series, [x, y]: [&Scale; 2], ordered: usize) -> Self {
-        let mut points: Vec<(f64, f64, f64, f64)> = Vec::new();
-        let mut pieces: Vec<(usize, usize)> = Vec::new();
-        let mut missing = Vec::new();
-        let mut across = Vec::new();
+    /// A curve of a [`Figure`]; values that are not finite count as missing.
+    pub(super) fn new(
+        label: Label,
+        mut points: Vec<(f64, f64, f64, f64)>,
+        kind: CurveKind,
+        panel: usize,
+    ) -> Self {
+        for point in points.iter_mut().filter(|point| !point.1.is_finite()) {
+            point.1 = f64::NAN;
+        }
+        Self {
+            label: label.words,
+            number: label.number,
+            points,
+            kind,
+            panel,
+            ..Self::default()
+        }
+    }
+
+    /// Gives it its style, and its pieces and missing points on these axes.
+    fn finish(&mut self, [x, y]: [&Scale; 2], ordered: usize) {
+        let is_drawn = |value: f64| !value.is_nan() && (!y.logarithmic || value > 0.0);
         let mut before: Option<f64> = None;
-        for point in &series.points {
-            let Some(value) = point.y.filter(|value| !y.logarithmic || value.number > 0.0) else {
-                if series.kind == SeriesKind::Curve {
-                    missing.push(point.x);
+        for mut point in std::mem::take(&mut self.points) {
+            if !is_drawn(point.1) {
+                if self.kind == CurveKind::Markers {
+                    self.missing.push(point.0);
                 }
                 before = None;
                 continue;
-            };
-            let [mut down, up] = value.interval.unwrap_or_default();
+            }
             if y.logarithmic {
                 // An interval that reaches below zero has no lower end there.
-                down = down.min(0.999 * value.number);
+                point.2 = point.2.min(0.999 * point.1);
             }
-            if let Some([from, to]) = point.across {
-                across.push([from, to, value.number]);
+            let index = self.points.len();
+            match (before, self.pieces.last_mut()) {
+                (Some(last), Some(piece)) if !x.breaks_between(last, point.0) => piece.1 = index,
+                _ => self.pieces.push((index, index)),
             }
-            let index = points.len();
-            points.push((point.x, value.number, down, up));
-            match (before, pieces.last_mut()) {
-                (Some(last), Some(piece)) if !x.breaks_between(last, point.x) => piece.1 = index,
-                _ => pieces.push((index, index)),
-            }
-            before = Some(point.x);
+            before = Some(point.0);
+            self.points.push(point);
         }
-        let is_joined = matches!(series.kind, SeriesKind::Curve | SeriesKind::Trace);
-        pieces.retain(|(first, last)| first < last && is_joined);
-        let has_intervals = is_joined && points.iter().any(|p| p.2 > 0.0 || p.3 > 0.0);
-        let is_in_time = series.kind == SeriesKind::Trace;
-        Self {
-            label: series.label.words.clone(),
-            colour: match (series.kind, ordered) {
-                (SeriesKind::Crosses, _) => Colour::INK,
-                (_, 0) => COLOURS[series.index % COLOURS.len()],
-                (_, number) => Colour::ordered(series.index, number),
-            },
-            marker: match series.kind {
-                SeriesKind::Curve | SeriesKind::Points => {
-                    Some(MARKERS[series.index % MARKERS.len()])
-                }
-                SeriesKind::Crosses => Some(Marker::Cross),
-                SeriesKind::Trace => None,
-            },
-            marker_size: MARKER_SIZE,
-            width: if is_in_time {
-                0.7 * LINE_WIDTH
-            } else {
-                LINE_WIDTH
-            },
-            dashes: DASHES[series.index % DASHES.len()].filter(|_| is_in_time),
-            points,
-            pieces,
-            across,
-            has_intervals,
-            // In time there are too many points for bars.
-            has_band: has_intervals && is_in_time,
-            missing,
-            discard: None,
-        }
+        self.across.retain(|[.., value]| is_drawn(*value));
+        let is_line = self.kind == CurveKind::Line;
+        let is_joined = is_line || self.kind == CurveKind::Markers;
+        self.pieces
+            .retain(|(first, last)| first < last && is_joined);
+        self.has_intervals = is_joined && self.points.iter().any(|p| p.2 > 0.0 || p.3 > 0.0);
+        // In time there are too many points for bars.
+        self.has_band = self.has_intervals && is_line;
+        self.colour = match (self.kind, ordered) {
+            (CurveKind::Crosses, _) => Colour::INK,
+            (_, 0) => COLOURS[self.index % COLOURS.len()],
+            (_, number) => Colour::ordered(self.index, number),
+        };
+        self.marker = match self.kind {
+            CurveKind::Markers | CurveKind::Points => Some(MARKERS[self.index % MARKERS.len()]),
+            CurveKind::Crosses => Some(Marker::Cross),
+            CurveKind::Line => None,
+        };
+        self.marker_size = MARKER_SIZE;
+        self.width = if is_line {
+            0.7 * LINE_WIDTH
+        } else {
+            LINE_WIDTH
+        };
+        self.dashes = DASHES[self.index % DASHES.len()].filter(|_| is_line);
     }
 }
