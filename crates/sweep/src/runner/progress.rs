@@ -1,28 +1,28 @@
-//! Progress display of a run: bars on a terminal, lines at intervals in a log, or nothing.
-
-mod bars;
-mod event;
-mod overall;
+//! Progress display of a run: bars on a terminal, lines at intervals in a log, lines of JSON for
+//! programs (names and meanings are in `docs/json.md`), or nothing.
 
 use crate::model::case::{Case, State, step_cost, without_shear};
 use crate::store::{Claim, Counts, Work};
 use crate::system::lock;
 use crate::text::choices::choices;
+use crate::text::format::{count, duration, significant};
 use crate::text::visible::visible;
-use bars::{bar_width, line, room, terminal_width};
-use event::RunningCase;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use overall::Overall;
 use sd_core::Params;
+use serde_json::json;
 use std::io::Write;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Number of divisions of the overall bar.
-const PARTS: u64 = 10_000;
+const PARTS: u64 = 1_000_000_000;
 /// Interval between lines of JSON.
 const JSON_EVERY: Duration = Duration::from_secs(1);
+/// Maximum interval between lines in a log; the first lines come sooner, to show progress.
+const LOG_EVERY: Duration = Duration::from_mins(1);
+/// Time until the first line in a log.
+const LOG_FIRST: Duration = Duration::from_secs(2);
 
 choices! {
     /// Style of the progress display.
@@ -38,12 +38,17 @@ impl Style {
     /// Prints a note on standard error, before or after a run. Standard error may be closed, which
     /// is no reason to stop.
     pub fn note(self, text: &str) {
-        let line = match self {
-            Self::Bars | Self::Lines => text.to_owned(),
-            Self::Json => event::note(text),
-            Self::Quiet => return,
-        };
-        let _ = writeln!(std::io::stderr(), "{line}");
+        if self != Self::Quiet {
+            let _ = writeln!(std::io::stderr(), "{}", self.line(text));
+        }
+    }
+
+    /// The line of a note.
+    fn line(self, text: &str) -> String {
+        match self {
+            Self::Json => json!({"event": "note", "text": text}).to_string(),
+            _ => text.to_owned(),
+        }
     }
 }
 
@@ -62,12 +67,25 @@ pub struct CampaignProgress {
 pub struct Progress {
     style: Style,
     bars: MultiProgress,
+    /// Of all cases: its position never decreases.
     overall: ProgressBar,
     workers: Vec<Worker>,
-    /// Progress of the campaign.
-    campaign: Mutex<Overall>,
+    campaign: Mutex<Campaign>,
     reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
+    begun: Instant,
+}
+
+/// Progress of the campaign in units of estimated cost.
+struct Campaign {
+    total: f64,
+    /// Work done according to the store, without the cases running here.
+    stored: f64,
+    /// Work of cases that ended here since the last update from the store.
+    since: f64,
+    counts: Counts,
+    /// Time from the start to the next line in the log.
+    due: Duration,
 }
 
 /// A failure that was reported.
@@ -83,7 +101,8 @@ struct ReportedFailure {
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
     bar: ProgressBar,
-    case: Mutex<Option<RunningCase>>,
+    /// Its case, with the key.
+    case: Mutex<Option<(String, Case)>>,
     /// Steps of its case done.
     steps: AtomicU64,
     viscosity: AtomicU64,
@@ -98,51 +117,47 @@ impl Progress {
             ProgressDrawTarget::hidden()
         };
         let bars = MultiProgress::with_draw_target(target);
-        let styled = |template: &str| {
-            ProgressStyle::with_template(template)
-                .unwrap_or_else(|_| ProgressStyle::default_bar())
-                .progress_chars("━╸ ")
+        let look = ProgressStyle::with_template("{bar:20} {percent:>3} %  {wide_msg}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .progress_chars("━╸ ");
+        let bar = |length| bars.add(ProgressBar::new(length).with_style(look.clone()));
+        let overall = bar(PARTS);
+        let worker = |_| Worker {
+            bar: bar(1),
+            case: Mutex::new(None),
+            steps: AtomicU64::new(0),
+            viscosity: AtomicU64::new(0),
         };
-        let overall = bars.add(ProgressBar::new(PARTS));
-        let bar = bar_width();
-        let look = styled(&format!("{{bar:{bar}}} {{percent:>3}} %  {{msg}}"));
-        overall.set_style(look.clone());
-        let workers = (0..workers)
-            .map(|_| {
-                let bar = bars.add(ProgressBar::new(1));
-                bar.set_style(look.clone());
-                Worker {
-                    bar,
-                    case: Mutex::new(None),
-                    steps: AtomicU64::new(0),
-                    viscosity: AtomicU64::new(0),
-                }
-            })
-            .collect();
         Self {
             style,
-            bars,
+            workers: (0..workers).map(worker).collect(),
             overall,
-            workers,
-            campaign: Mutex::new(Overall::new()),
+            bars,
+            campaign: Mutex::new(Campaign {
+                total: 0.0,
+                stored: 0.0,
+                since: 0.0,
+                counts: Counts::default(),
+                due: LOG_FIRST,
+            }),
             reported: Mutex::new(Vec::new()),
             log: Mutex::new(log),
+            begun: Instant::now(),
         }
     }
 
     /// The run begins with so much work.
     pub(super) fn begin(&self, work: &Work) {
-        let counts = work.counts;
-        let done = work.done + work.given_up;
-        lock(&self.campaign)
-            .history
-            .push_back((Instant::now(), done));
         self.see(work);
-        let left = counts.pending + counts.running;
+        self.advance();
+        // Work done before is not of this run.
+        self.overall.tick();
+        self.overall.reset_eta();
+        let left = work.counts.pending + work.counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
                 "{left} of {} cases to do, {} in parallel",
-                counts.total(),
+                work.counts.total(),
                 self.workers.len()
             ));
         }
@@ -163,21 +178,19 @@ impl Progress {
         let Some(worker) = self.workers.get(worker) else {
             return;
         };
-        worker.steps.store(steps, Ordering::Relaxed);
-        let unknown = f64::NAN.to_bits();
-        worker.viscosity.store(unknown, Ordering::Relaxed);
+        worker.write(steps, f64::NAN);
         worker.bar.reset();
         worker.bar.set_length(claim.case.steps);
-        *lock(&worker.case) = Some(RunningCase::of(claim, steps));
+        worker.bar.set_position(steps);
+        worker.bar.tick();
+        worker.bar.reset_eta();
+        *lock(&worker.case) = Some((claim.key.clone(), claim.case.clone()));
     }
 
     /// A worker did a step.
     pub(super) fn step(&self, worker: usize, steps: u64, viscosity: f64) {
         if let Some(worker) = self.workers.get(worker) {
-            worker.steps.store(steps, Ordering::Relaxed);
-            worker
-                .viscosity
-                .store(viscosity.to_bits(), Ordering::Relaxed);
+            worker.write(steps, viscosity);
         }
     }
 
@@ -186,7 +199,6 @@ impl Progress {
         if let Some(worker) = self.workers.get(worker) {
             let cost = worker.cost();
             *lock(&worker.case) = None;
-            worker.steps.store(0, Ordering::Relaxed);
             worker.bar.set_message("");
             worker.bar.set_position(0);
             if kept {
@@ -197,53 +209,85 @@ impl Progress {
 
     /// Draws what changed.
     pub(super) fn draw(&self) {
-        let room = room();
         for worker in &self.workers {
+            let Some((_, case)) = &*lock(&worker.case) else {
+                continue;
+            };
             let (steps, viscosity) = worker.now();
             worker.bar.set_position(steps);
-            if self.style == Style::Bars
-                && let Some(case) = lock(&worker.case).as_ref()
-            {
-                let strain = steps as f64 * case.case.params.time_step;
-                worker
-                    .bar
-                    .set_message(line(&case.case, strain, viscosity, room));
+            if self.style == Style::Bars {
+                let strain = steps as f64 * case.params.time_step;
+                let viscosity = if viscosity.is_finite() {
+                    format!("  η {}", significant(viscosity, 4))
+                } else {
+                    String::new()
+                };
+                let message = format!("strain {strain:.2}{viscosity}  {}", case.label());
+                worker.bar.set_message(message);
             }
         }
-        let message = {
-            let campaign = self.advanced();
-            let part = crate::text::format::count((campaign.fraction() * PARTS as f64).floor());
-            self.overall.set_position(part as u64);
-            campaign.message()
-        };
-        self.overall.set_message(message.clone());
-        if self.style == Style::Lines && lock(&self.campaign).is_due() {
-            self.line(&message);
+        self.advance();
+        let message = self.standing().message;
+        if self.style == Style::Lines {
+            let elapsed = self.begun.elapsed();
+            let mut campaign = lock(&self.campaign);
+            if elapsed >= campaign.due {
+                campaign.due = elapsed + elapsed.min(LOG_EVERY);
+                self.line(&message);
+            }
         }
+        self.overall.set_message(message);
+    }
+
+    /// Moves the overall bar to the work done, including running cases.
+    fn advance(&self) {
+        let here: f64 = self.workers.iter().map(Worker::cost).sum();
+        let campaign = lock(&self.campaign);
+        let done = (campaign.stored + campaign.since + here) / campaign.total;
+        let part = if campaign.total > 0.0 { done } else { 1.0 };
+        let position = count((part.clamp(0.0, 1.0) * PARTS as f64).floor()) as u64;
+        self.overall
+            .set_position(position.max(self.overall.position()));
+    }
+
+    /// Remaining time, where it is known.
+    fn left(bar: &ProgressBar) -> Option<Duration> {
+        Some(bar.eta()).filter(|left| !left.is_zero())
     }
 
     /// Progress of the campaign, as last drawn.
     pub fn standing(&self) -> CampaignProgress {
-        let campaign = lock(&self.campaign);
+        let counts = lock(&self.campaign).counts;
+        let ended = counts.done + counts.jammed + counts.failed;
+        let mut message = format!("{ended} of {} cases", counts.total());
+        for (number, word) in [(counts.jammed, "jammed"), (counts.failed, "failed")] {
+            if number > 0 {
+                message = format!("{message}, {number} {word}");
+            }
+        }
+        let is_open = counts.pending + counts.running > 0;
+        if let Some(left) = Self::left(&self.overall).filter(|_| is_open) {
+            message = format!("{message}, {} left", duration(left.as_secs_f64()));
+        }
         CampaignProgress {
-            fraction: campaign.fraction(),
-            counts: campaign.counts,
-            message: campaign.message(),
+            fraction: self.overall.position() as f64 / PARTS as f64,
+            counts,
+            message,
         }
     }
 
     /// A case failed. Of similar failures at different shear rates only the first is reported.
     pub(super) fn failed(&self, case: &Case, message: &str) {
-        let alike = without_shear(&case.params);
+        let params = without_shear(&case.params);
         {
             let mut reported = lock(&self.reported);
             let mut all = reported.iter_mut();
-            if let Some(known) = all.find(|t| t.params == alike && t.message == message) {
+            if let Some(known) = all.find(|t| t.params == params && t.message == message) {
                 known.more += 1;
                 return;
             }
             reported.push(ReportedFailure {
-                params: alike,
+                params,
                 message: message.to_owned(),
                 label: case.label(),
                 more: 0,
@@ -256,14 +300,10 @@ impl Progress {
     pub fn note(&self, text: &str) {
         let text = &*visible(text);
         match self.style {
-            Style::Bars => {
-                let text = crate::text::format::wrapped(text, terminal_width());
-                // Lost if the terminal is gone, like the bars.
-                let _ = self.bars.println(text.trim_end());
-            }
-            Style::Lines => self.line(text),
-            Style::Json => self.line(&event::note(text)),
+            // Lost if the terminal is gone, like the bars.
+            Style::Bars => drop(self.bars.println(text)),
             Style::Quiet => {}
+            style => self.line(&style.line(text)),
         }
     }
 
@@ -273,7 +313,12 @@ impl Progress {
             lock(&self.campaign).counts.end(state);
         }
         if self.style == Style::Json {
-            self.line(&event::ended(claim, state, steps, cpu_time_s));
+            let case = &claim.case;
+            let line = json!({
+                "event": "ended", "key": claim.key, "case": case.label(), "seed": case.seed, "state": state,
+                "strain": steps as f64 * case.params.time_step, "cpu_time_s": cpu_time_s,
+            });
+            self.line(&line.to_string());
         }
     }
 
@@ -288,18 +333,26 @@ impl Progress {
         if self.style != Style::Json {
             return;
         }
+        let seconds = |bar| Self::left(bar).map(|left| left.as_secs_f64());
         for worker in &self.workers {
             let (steps, viscosity) = worker.now();
-            if let Some(case) = lock(&worker.case).as_ref() {
-                self.line(&case.line(steps, viscosity));
+            if let Some((key, case)) = &*lock(&worker.case) {
+                // A viscosity that is not known yet is null.
+                let line = json!({
+                    "event": "case", "key": key, "case": case.label(), "seed": case.seed,
+                    "strain": steps as f64 * case.params.time_step, "strain_end": case.strain(),
+                    "viscosity": viscosity, "eta_s": seconds(&worker.bar),
+                });
+                self.line(&line.to_string());
             }
         }
-        let line = {
-            let campaign = self.advanced();
-            let left = campaign.left().map(|left| left.as_secs_f64());
-            event::campaign(&campaign.counts, campaign.fraction(), left)
-        };
-        self.line(&line);
+        self.advance();
+        let standing = self.standing();
+        let line = json!({
+            "event": "campaign", "cases": standing.counts, "work_done": standing.fraction,
+            "eta_s": seconds(&self.overall),
+        });
+        self.line(&line.to_string());
     }
 
     /// Removes the bars and notes how many failures were not reported.
@@ -314,9 +367,9 @@ impl Progress {
         for worker in &self.workers {
             worker.bar.finish_and_clear();
         }
+        let message = self.standing().message;
         self.overall.finish_and_clear();
         if self.style == Style::Lines {
-            let message = lock(&self.campaign).message();
             self.line(&message);
         }
     }
@@ -325,18 +378,14 @@ impl Progress {
     fn line(&self, text: &str) {
         let _ = writeln!(lock(&self.log), "{text}");
     }
-
-    /// Progress of the campaign, including running cases.
-    fn advanced(&self) -> MutexGuard<'_, Overall> {
-        let here: f64 = self.workers.iter().map(Worker::cost).sum();
-        let mut campaign = lock(&self.campaign);
-        let done = campaign.stored + campaign.since + here;
-        campaign.advance(done);
-        campaign
-    }
 }
 
 impl Worker {
+    fn write(&self, steps: u64, viscosity: f64) {
+        self.steps.store(steps, Ordering::Relaxed);
+        self.viscosity.store(viscosity.to_bits(), Ordering::Relaxed);
+    }
+
     /// Steps of its case so far, and the viscosity at the last of them.
     fn now(&self) -> (u64, f64) {
         let viscosity = self.viscosity.load(Ordering::Relaxed);
@@ -347,7 +396,7 @@ impl Worker {
     /// Estimated cost of the steps of its case so far.
     fn cost(&self) -> f64 {
         let case = lock(&self.case);
-        let each = case.as_ref().map(|case| step_cost(&case.case.params));
+        let each = case.as_ref().map(|(_, case)| step_cost(&case.params));
         each.unwrap_or(0.0) * self.steps.load(Ordering::Relaxed) as f64
     }
 }
@@ -368,5 +417,32 @@ mod tests {
         }
         assert_eq!((counts.done, counts.failed, counts.jammed), (1, 1, 1));
         assert_eq!(counts.total(), 3);
+    }
+
+    #[test]
+    fn the_remaining_time_is_that_of_the_work_done_here() {
+        let progress = Progress::new(Style::Quiet, 1, Box::new(std::io::sink()));
+        let work = |done| {
+            let mut work = Work::default();
+            (work.counts.pending, work.total, work.done) = (1, 100.0, done);
+            work
+        };
+        progress.begin(&work(50.0));
+        assert_eq!(progress.standing().fraction, 0.5);
+        assert_eq!(progress.standing().message, "0 of 1 cases");
+        std::thread::sleep(Duration::from_millis(200));
+        progress.see(&work(60.0));
+        progress.draw();
+        assert_eq!(progress.standing().fraction, 0.6);
+        // Of the other 40 at 10 in 0.2 s or somewhat more.
+        let left = Progress::left(&progress.overall).unwrap().as_secs_f64();
+        assert!((0.1..60.0).contains(&left), "{left}");
+        progress.see(&work(10.0));
+        progress.draw();
+        assert_eq!(
+            progress.standing().fraction,
+            0.6,
+            "the bar never moves back"
+        );
     }
 }
