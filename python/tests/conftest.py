@@ -36,7 +36,7 @@ def command(*arguments, text=None):
 def refused(*arguments, text=None):
     """Message of the command line about bad input."""
     done = subprocess.run(
-        [SWEEP, *map(str, arguments), "--color", "never"], input=text, capture_output=True, text=True, check=False
+        [SWEEP, *map(str, arguments)], input=text, capture_output=True, text=True, check=False
     )
     assert done.returncode == 2, done.stderr
     return done.stderr

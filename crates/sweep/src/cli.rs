@@ -1,14 +1,13 @@
 //! The command line: its arguments, and the dispatch to one file per command.
 
-mod cancel;
 mod check;
+mod cluster;
 mod completions;
 mod convert;
 mod draw;
 mod export;
 mod fit;
 mod man;
-mod merge;
 mod output_file;
 mod pair;
 mod place;
@@ -24,17 +23,16 @@ mod show;
 mod solve;
 mod status;
 mod structure;
-mod submit;
 mod tables;
 mod verify;
 mod words;
 
-use crate::error::{Error, ErrorRenderer};
+use crate::error::Error;
 use crate::model::case::PHYSICS_VERSION;
 use crate::report::ReportError;
 use crate::system::files;
 use crate::text::visible::{TextOutput, Visible};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
@@ -119,22 +117,8 @@ pub struct Cli {
     /// Print no progress and no notes on standard error
     #[arg(long, short, global = true, help_heading = "Global options")]
     quiet: bool,
-    /// Colour errors
-    #[arg(long, global = true, help_heading = "Global options", value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
-    color: Colour,
     #[command(subcommand)]
     command: Command,
-}
-
-/// When to use colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Colour {
-    /// On a terminal, unless `NO_COLOR` is set.
-    Auto,
-    /// Always.
-    Always,
-    /// Never.
-    Never,
 }
 
 /// The subcommands. Each is documented at its arguments: text here would replace it.
@@ -142,9 +126,9 @@ enum Colour {
 enum Command {
     Plan(plan::Arguments),
     Run(run::Arguments),
-    Submit(submit::Arguments),
-    Merge(merge::Arguments),
-    Cancel(cancel::Arguments),
+    Submit(cluster::SubmitArguments),
+    Merge(cluster::MergeArguments),
+    Cancel(cluster::CancelArguments),
     Status(status::Arguments),
     Report(Box<report::Arguments>),
     Segments(segments::Arguments),
@@ -214,9 +198,9 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
     let code = match cli.command {
         Command::Plan(arguments) => plan::execute(&arguments, &mut output),
         Command::Run(arguments) => run::execute(&arguments, &mut output),
-        Command::Submit(arguments) => submit::execute(&arguments, &mut output),
-        Command::Merge(arguments) => merge::execute(&arguments, &mut output),
-        Command::Cancel(arguments) => cancel::execute(&arguments, &mut output),
+        Command::Submit(arguments) => cluster::submit(&arguments, &mut output),
+        Command::Merge(arguments) => cluster::merge(&arguments, &mut output),
+        Command::Cancel(arguments) => cluster::cancel(&arguments, &mut output),
         Command::Status(arguments) => status::execute(&arguments, &mut output),
         Command::Report(arguments) => report::execute(&arguments, &mut output),
         Command::Segments(arguments) => segments::execute(&arguments, &mut output),
@@ -264,22 +248,6 @@ fn terminal_width() -> Option<u16> {
         .flatten()
         .map(|size| size.ws_col)
         .filter(|width| *width > 0)
-}
-
-impl Cli {
-    /// The renderer for errors of this command.
-    pub fn error_renderer(&self) -> ErrorRenderer {
-        ErrorRenderer {
-            coloured: match self.color {
-                Colour::Always => true,
-                Colour::Never => false,
-                Colour::Auto => {
-                    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
-                }
-            },
-            width: 100,
-        }
-    }
 }
 
 /// Reads a file, or standard input for `-`, up to a limit.

@@ -7,7 +7,6 @@
 mod error;
 mod local;
 pub(crate) mod merge;
-mod publish;
 pub(crate) mod shard;
 mod slices;
 pub(crate) mod slurm;

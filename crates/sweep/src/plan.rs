@@ -40,7 +40,6 @@ pub struct Plan {
     pub(crate) folded: usize,
     /// Points: runs that differ only in their seed are one.
     pub(crate) points: usize,
-    /// Points with a requested precision.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) precision: Option<precision::Expected>,
     #[serde(serialize_with = "as_object")]
@@ -50,18 +49,15 @@ pub struct Plan {
     pub(crate) workers: usize,
     /// Kinds of runs that are still to be computed, the cheapest step first.
     pub(crate) kinds: Vec<Kind>,
-    /// Estimated CPU seconds of the remaining work.
     pub(crate) computing_time_s: f64,
     /// Estimated wall time with that many workers.
     pub(crate) elapsed_s: f64,
     pub(crate) disk_bytes: f64,
-    /// Memory with that many workers at the largest kind.
     pub(crate) memory_bytes: f64,
     /// Starts that could not be made, steps that could not be timed.
     pub(crate) warnings: Vec<String>,
 }
 
-/// An axis and its values.
 type Values = (&'static str, Vec<serde_json::Value>);
 
 fn as_object<S: Serializer>(axes: &[Values], s: S) -> Result<S::Ok, S::Error> {
@@ -87,22 +83,18 @@ pub(crate) struct Kind {
     pub(crate) hydrodynamics: &'static str,
     pub(crate) contact: &'static str,
     pub(crate) tangential: &'static str,
-    /// A step, in strain.
     pub(crate) time_step: f64,
     pub(crate) steps: u64,
     pub(crate) cases: usize,
-    /// CPU seconds per step, mean over its points.
     pub(crate) step_s: f64,
     pub(crate) computing_time_s: f64,
     pub(crate) memory_bytes: f64,
     pub(crate) source: Source,
 }
 
-/// The runs of one point.
 #[derive(Debug)]
 struct Point<'c> {
     case: &'c Case,
-    /// All its runs.
     all: f64,
     /// Runs that have not ended.
     open: f64,

@@ -12,7 +12,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::io::{self, Read as _, Write as _};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How long an answer about the store is reused.
@@ -21,12 +21,8 @@ const FRESH: Duration = Duration::from_secs(1);
 const FRAMES: usize = 120;
 /// Maximum number of connections.
 const CONNECTIONS: usize = 24;
-/// Maximum number of readers of the store; each has a few files open.
-const READERS: usize = 4;
 /// Time for a connection to send its request: an idle one would block others.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(3);
-/// Time to wait for other readers; after it the status is 503.
-const READER_TIMEOUT: Duration = Duration::from_mins(1);
 /// Time for a connection to take its response.
 const RESPONSE_TIMEOUT: Duration = Duration::from_mins(2);
 /// Maximum size of the head of a request, in bytes.
@@ -62,9 +58,8 @@ struct Shared {
     source: StoreSource,
     /// The last data, and when it was read.
     data: Mutex<Option<(Instant, String)>>,
-    /// Number of readers of the store, and the end of one.
-    readers: Mutex<usize>,
-    reader_ended: Condvar,
+    /// One connection at a time reads the store, so that few files are open.
+    reading: Mutex<()>,
 }
 
 /// A response: its status, the type of its content, and its content.
@@ -106,8 +101,7 @@ pub(crate) fn serve(
         Shared {
             source,
             data: Mutex::new(None),
-            readers: Mutex::new(0),
-            reader_ended: Condvar::new(),
+            reading: Mutex::new(()),
         },
     ));
     for _ in 0..CONNECTIONS {
@@ -298,38 +292,13 @@ fn respond(request: &Request<'_>, shared: &Shared) -> Response {
     }
 }
 
-/// Reads the store, once there is room for a reader.
+/// Reads the store.
 fn read(
     shared: &Shared,
     what: impl FnOnce(&Store) -> Result<String, ReportError>,
 ) -> Result<String, ServeError> {
-    let (mut readers, waited) = shared
-        .reader_ended
-        .wait_timeout_while(lock(&shared.readers), READER_TIMEOUT, |readers| {
-            *readers >= READERS
-        })
-        .unwrap_or_else(PoisonError::into_inner);
-    if waited.timed_out() {
-        return Err(ServeError::Start {
-            what: "a reader of the store",
-            reason: "all others are busy".into(),
-        });
-    }
-    *readers += 1;
-    drop(readers);
-    // A panic must not take the place of a reader for ever.
-    let _place = Place(shared);
+    let _alone = lock(&shared.reading);
     Ok(what(&shared.source.open()?)?)
-}
-
-/// The place of a reader, which is free again when it is dropped.
-struct Place<'s>(&'s Shared);
-
-impl Drop for Place<'_> {
-    fn drop(&mut self) {
-        *lock(&self.0.readers) -= 1;
-        self.0.reader_ended.notify_one();
-    }
 }
 
 /// A response, or an error.

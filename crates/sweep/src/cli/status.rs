@@ -1,18 +1,20 @@
 //! `sweep status`.
 
-mod tasks;
-
 use super::Output;
 use super::place::{StoreArguments, print_warning};
-use crate::cluster::status::Status;
+use crate::cluster::shard;
+use crate::cluster::status::{JobStatus, Status, TaskStatus};
 use crate::error::Error;
 use crate::report::{FailureGroup, table};
 use crate::system::exit;
 use crate::text::format::{counted, duration};
+use std::io::Write;
 use std::path::Path;
 
 /// Maximum number of failures to list.
 const FAILURES: u32 = 10;
+/// Maximum number of tasks to list.
+const TASKS: usize = 50;
 
 /// Show the progress of a campaign
 ///
@@ -111,7 +113,7 @@ fn write_text(
             duration(process.silent_s)
         )?;
     }
-    tasks::write(&status.jobs, output.width, out, &arguments.place.file)?;
+    write_tasks(&status.jobs, output.width, out, &arguments.place.file)?;
     if status.unmerged_shards > 0 {
         writeln!(
             out,
@@ -132,6 +134,67 @@ fn write_text(
             "{} shards of another build of sweep were accepted",
             status.mixed_shards
         )?;
+    }
+    Ok(())
+}
+
+/// Writes the submitted jobs and their open tasks.
+fn write_tasks(
+    jobs: &[JobStatus],
+    width: Option<u16>,
+    out: &mut dyn Write,
+    store: &Path,
+) -> Result<(), Error> {
+    for job in jobs {
+        let s = &job.submission;
+        let done = |task: &&TaskStatus| task.slice.ended == task.slice.cases;
+        writeln!(
+            out,
+            "job {} on {}{}: {} tasks, {} of their slices done",
+            s.job.as_deref().unwrap_or("without a number"),
+            s.engine,
+            if s.cancelled_at.is_some() {
+                ", cancelled"
+            } else {
+                ""
+            },
+            job.tasks.len(),
+            job.tasks.iter().filter(done).count(),
+        )?;
+        if let Some(problem) = &job.problem {
+            writeln!(out, "its tasks are unknown: {problem}")?;
+        }
+        let open: Vec<&TaskStatus> = job.tasks.iter().filter(|task| !done(task)).collect();
+        if open.is_empty() {
+            continue;
+        }
+        let heads = "task state node restarts cases ended work published".split(' ');
+        let rows = open.iter().take(TASKS).map(|task| {
+            [
+                task.number.to_string(),
+                task.state.clone(),
+                task.node.clone(),
+                task.restarts.to_string(),
+                task.slice.cases.to_string(),
+                task.slice.ended.to_string(),
+                format!("{:.0} %", 100.0 * task.slice.work_done),
+                task.published_s
+                    .map_or_else(|| "–".into(), |s| format!("{} ago", duration(s))),
+            ]
+        });
+        writeln!(out, "{}", table(width, heads, rows))?;
+        if open.len() > TASKS {
+            writeln!(out, "and {} more tasks", open.len() - TASKS)?;
+        }
+        let waiting = open.iter().any(|task| task.state == "ended");
+        if waiting && job.problem.is_none() {
+            writeln!(
+                out,
+                "tasks ended with work left: after `sweep merge {}`, `sweep submit` continues; their logs are in {}",
+                store.display(),
+                shard::plan_folder(&s.folder, &s.plan).display()
+            )?;
+        }
     }
     Ok(())
 }

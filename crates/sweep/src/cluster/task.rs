@@ -1,6 +1,6 @@
 //! One task of a campaign, in a store of its own that is published as a shard.
 
-use super::publish::Publisher;
+use super::shard::Publisher;
 use super::slices::Slices;
 use super::{ClusterError, Requeue, shard, slurm};
 use crate::model::campaign::Campaign;

@@ -12,16 +12,12 @@ const DEFAULT_SCATTER: f64 = 0.12;
 /// The expected work where a precision is requested.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Expected {
-    /// Points with a requested precision.
     pub(crate) points: usize,
     /// Of these, points that have reached it or get no more seeds.
     pub(crate) settled: usize,
-    /// Minimum and maximum total number of seeds.
     pub(crate) at_least: usize,
     pub(crate) at_most: usize,
-    /// Expected total number of seeds.
     pub(crate) seeds: usize,
-    /// Scatter between runs over their mean.
     pub(crate) scatter: f64,
     pub(crate) measured: bool,
 }

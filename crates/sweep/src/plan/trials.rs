@@ -26,7 +26,6 @@ const CONTACTS: f64 = 0.5;
 struct Trial {
     /// What it does now: nothing yet, a start, a step.
     doing: &'static str,
-    /// CPU seconds of its steps.
     times: Vec<f64>,
     /// The strain after the last; infinite once all steps of the run were made.
     strain: f64,
@@ -123,7 +122,6 @@ struct Trials {
     next: AtomicUsize,
     reached: Mutex<Vec<Trial>>,
     begun: Instant,
-    /// Wall time of the steps of each.
     share: Duration,
 }
 

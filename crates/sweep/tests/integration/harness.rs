@@ -22,10 +22,7 @@ pub(crate) fn root() -> PathBuf {
 /// independent.
 pub(crate) fn program(at: &Path) -> Command {
     let mut command = Command::new(cargo_bin("sweep"));
-    command
-        .current_dir(at)
-        .env("XDG_CACHE_HOME", at)
-        .env("NO_COLOR", "1");
+    command.current_dir(at).env("XDG_CACHE_HOME", at);
     command
 }
 

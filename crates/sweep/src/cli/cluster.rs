@@ -1,10 +1,11 @@
-//! `sweep submit`.
+//! `sweep submit`, `sweep merge` and `sweep cancel`.
 
 use super::Output;
-use super::place::{positive, store_of, workers};
+use super::place::{StoreArguments, positive, print_warning, store_of, workers};
+use crate::cluster::merge::{Joined, join, shards_in, store_for};
 use crate::cluster::slurm::{SCRIPT_OPTIONS, TimeLimit};
-use crate::cluster::submit::{SubmitOptions, submit};
-use crate::cluster::{ClusterError, Engine, quoted};
+use crate::cluster::submit::{self, SubmitOptions};
+use crate::cluster::{ClusterError, Engine, quoted, status};
 use crate::error::Error;
 use crate::system::exit;
 use crate::text::format::{counted, parse_duration, parse_positive_duration};
@@ -31,7 +32,7 @@ use std::time::Duration;
                   sweep submit sweeps/figure-11.toml --engine local\n  \
                   sweep status sweeps/figure-11.toml && sweep merge sweeps/figure-11.toml && sweep report sweeps/figure-11.toml"
 )]
-pub(crate) struct Arguments {
+pub(crate) struct SubmitArguments {
     /// The campaign file
     campaign: PathBuf,
     /// Scheduler of the tasks
@@ -106,7 +107,7 @@ struct Answer<'a> {
     script: Option<&'a str>,
 }
 
-pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
     check(arguments)?;
     let wanted = SubmitOptions {
@@ -124,7 +125,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     };
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let note = |text: &str| output.note(text);
-    let submitted = submit(wanted, &campaign, &path, arguments.dry_run, &note)?;
+    let submitted = submit::submit(wanted, &campaign, &path, arguments.dry_run, &note)?;
     let Some(submitted) = submitted else {
         if output.json {
             output.json(&Answer::default())?;
@@ -175,7 +176,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 }
 
 /// Refuses arguments that the engine does not know, or that the script sets.
-fn check(arguments: &Arguments) -> Result<(), Error> {
+fn check(arguments: &SubmitArguments) -> Result<(), Error> {
     let refused = |argument, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
         let name = argument.split('=').next().unwrap_or_default();
@@ -201,7 +202,7 @@ fn check(arguments: &Arguments) -> Result<(), Error> {
 }
 
 /// Arguments of every task.
-fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
+fn run_arguments(arguments: &SubmitArguments) -> Result<Vec<String>, Error> {
     let mut run = vec![
         "--publish-every".to_owned(),
         format!("{}s", arguments.publish_every.as_secs_f64()),
@@ -230,4 +231,136 @@ fn run_arguments(arguments: &Arguments) -> Result<Vec<String>, Error> {
         }
     }
     Ok(run)
+}
+
+/// Merge the shards that tasks published into the store of their campaign
+///
+/// May be repeated in any order, also while tasks run: unchanged shards are not read again.
+/// Complete runs replace partial ones, and later attempts earlier ones. Runs computed twice must
+/// agree to the last bit; disagreeing ones are listed, and the exit code is 1. The same holds for a
+/// damaged shard, of which the intact part is merged. This also recovers a damaged store into a new
+/// one; `sweep run` then recomputes the rest with the same digits.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
+                  sweep merge results/figure-11.sqlite results/figure-11.shards/*.sqlite other-machine.sqlite\n  \
+                  sweep merge saved.sqlite damaged.sqlite"
+)]
+pub(crate) struct MergeArguments {
+    #[command(flatten)]
+    place: StoreArguments,
+    /// Shards, or folders of them [default: the folder beside the store]
+    shards: Vec<PathBuf>,
+    /// Merge shards of another build of sweep, whose bits may differ; the store records this
+    #[arg(long)]
+    allow_mixed_versions: bool,
+}
+
+pub(crate) fn merge(arguments: &MergeArguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let source = arguments.place.find()?;
+    let shards = shards_in(&arguments.shards, source.path())?;
+    let mut store = store_for(&source, &shards)?;
+    print_warning(&store);
+    let joined = join(&mut store, &shards, arguments.allow_mixed_versions)?;
+    let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
+    if output.json {
+        output.json(&joined)?;
+    } else {
+        write_merged(&joined, output)?;
+    }
+    Ok(if clean { exit::DONE } else { exit::FAILED })
+}
+
+fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
+    let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
+    writeln!(
+        out,
+        "{} shards read, {} unchanged: {} new results, {} failures, {} checkpoints; {} results known, with the same bits",
+        merged.shards,
+        merged.unchanged,
+        merged.results,
+        merged.failures,
+        merged.checkpoints,
+        merged.duplicates
+    )?;
+    if merged.unreadable > 0 {
+        writeln!(
+            out,
+            "{} entries were damaged and are recomputed",
+            merged.unreadable
+        )?;
+    }
+    for damaged in &merged.damaged {
+        writeln!(
+            out,
+            "cannot be read: {}: {}",
+            damaged.path.display(),
+            damaged.reason
+        )?;
+    }
+    if !merged.damaged.is_empty() {
+        writeln!(
+            out,
+            "running tasks publish theirs again; their other cases are open, and `sweep submit` continues them"
+        )?;
+    }
+    for disagreement in &answer.disagreements {
+        writeln!(
+            out,
+            "DISAGREE: {}: {}; kept: {}, not: {}",
+            disagreement.key, disagreement.what, disagreement.kept, disagreement.other
+        )?;
+    }
+    if answer.mixed_shards > 0 {
+        writeln!(
+            out,
+            "{} shards of another build of sweep were accepted",
+            answer.mixed_shards
+        )?;
+    }
+    writeln!(
+        out,
+        "{} of {} cases are done, {} jammed, {} failed",
+        cases.done,
+        cases.total(),
+        cases.jammed,
+        cases.failed
+    )?;
+    Ok(())
+}
+
+/// Cancel the submitted tasks of a campaign
+///
+/// Running tasks checkpoint and publish before they end; the command waits for them. `sweep submit`
+/// continues from there.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: sweep cancel sweeps/figure-11.toml")]
+pub(crate) struct CancelArguments {
+    #[command(flatten)]
+    place: StoreArguments,
+}
+
+pub(crate) fn cancel(arguments: &CancelArguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let source = arguments.place.find()?;
+    let answer = status::cancel(source.path())?;
+    if output.json {
+        output.json(&answer)?;
+    } else if answer.cancelled.is_empty() {
+        writeln!(
+            output.out,
+            "no tasks of this campaign are pending or running"
+        )?;
+    } else {
+        writeln!(output.out, "cancelled: {}", answer.cancelled.join(", "))?;
+        if answer.ending > 0 {
+            let ending = answer.ending;
+            writeln!(output.out, "{ending} tasks have not ended yet")?;
+        }
+        writeln!(
+            output.out,
+            "`sweep merge {}` collects their results; `sweep submit` continues from there",
+            arguments.place.file.display()
+        )?;
+    }
+    Ok(exit::DONE)
 }
