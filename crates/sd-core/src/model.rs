@@ -155,7 +155,7 @@ impl Params {
     pub const LARGE_ABOVE: usize = 1000;
 
     /// Parameters before any is set: choices under which all numbers are valid, and numbers of NaN.
-    pub(crate) const UNWRITTEN: Self = Self {
+    pub(crate) const UNSET: Self = Self {
         spheres: 0,
         area_fraction: f64::NAN,
         volume_fraction: None,
@@ -350,7 +350,7 @@ mod tests {
             hydrodynamics: Hydrodynamics::BallMelrose,
             contact: ContactScheme::Rigid,
             time_step: 0.005,
-            ..Params::UNWRITTEN
+            ..Params::UNSET
         }
     }
 

@@ -59,7 +59,7 @@ impl Params {
     /// ```
     pub fn builder() -> ParamsBuilder {
         ParamsBuilder {
-            params: Self::UNWRITTEN,
+            params: Self::UNSET,
             given: Vec::new(),
         }
     }
@@ -89,7 +89,9 @@ impl ParamsBuilder {
 
     /// Volume fraction φ of a suspension, from 0.01 to 0.64, in place of an area fraction.
     pub fn volume_fraction(self, fraction: f64) -> Self {
-        self.with(["volume_fraction"], |p| p.volume_fraction = Some(fraction))
+        self.with(["volume_fraction"], |p| {
+            parameters::put_volume_fraction(p, fraction);
+        })
     }
 
     /// Roughness height h, in a, below 0.5.
@@ -249,9 +251,6 @@ impl ParamsBuilder {
                 because: Some("shear_stress"),
             }
             .into());
-        }
-        if params.volume_fraction.is_some() && params.area_fraction.is_nan() {
-            params.area_fraction = 0.0;
         }
         let segments = std::mem::take(&mut params.segments);
         params.impose(&segments);

@@ -180,7 +180,7 @@ impl ContactLaws {
             shear_rate: 6.0 * std::f64::consts::PI / load,
             hydrodynamics,
             contact: ContactScheme::Laws(*self),
-            ..Params::UNWRITTEN
+            ..Params::UNSET
         })?;
         Ok(())
     }

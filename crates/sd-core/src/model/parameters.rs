@@ -7,7 +7,7 @@ mod table;
 
 pub use table::PARAMETERS;
 
-use quantities::AREA_FRACTION;
+pub(super) use choices::put_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
@@ -69,6 +69,9 @@ pub struct Number {
     pub put: fn(&mut Params, f64),
     /// Its value where it has no meaning.
     pub without: Option<f64>,
+    /// Whether another value that has no meaning stays when parameters are
+    /// [settled](Params::settle), to be refused.
+    pub stays: bool,
     /// Whether it belongs to [`ContactLaws`].
     pub is_of_laws: bool,
 }
@@ -332,7 +335,7 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
 ///
 /// Friction never acts at the lower plateau. The shear rate sets the load of the onset of friction,
 /// and is a unit of some laws: without friction and such laws it has no effect.
-fn fold(params: &mut Params) {
+fn merge_plateaus(params: &mut Params) {
     if params.shear_stress.is_some() || !params.segments.is_empty() {
         return;
     }
@@ -355,7 +358,7 @@ pub(super) fn settle(params: &mut Params) {
             laws.tangential = TangentialLaw::Coulomb;
         }
     }
-    fold(params);
+    merge_plateaus(params);
     let flows = if params.segments.is_empty() {
         Vec::new()
     } else {
@@ -374,9 +377,7 @@ pub(super) fn settle(params: &mut Params) {
             }
             Form::Choice(_) => {}
             Form::Number(number) => {
-                // An area fraction beside a volume fraction stays, and is refused.
-                let fraction = parameter.key == AREA_FRACTION.key;
-                let value = number.without.filter(|_| meaningless && !fraction);
+                let value = number.without.filter(|_| meaningless && !number.stays);
                 // Removes the sign of zero.
                 let value = value.unwrap_or_else(|| (number.get)(params)) + 0.0;
                 (number.put)(params, value);

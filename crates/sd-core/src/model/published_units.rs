@@ -108,7 +108,7 @@ mod tests {
     fn one_size_is_converted_by_halves() {
         let params = Params {
             area_fraction: 0.693,
-            ..Params::UNWRITTEN
+            ..Params::UNSET
         };
         let units = PublishedUnits::of(&params);
         assert_eq!(units.mean_radius, 1.0);
@@ -126,7 +126,7 @@ mod tests {
             volume_fraction: Some(0.05),
             size_ratio: 1.4,
             large_fraction: 0.25,
-            ..Params::UNWRITTEN
+            ..Params::UNSET
         };
         let units = PublishedUnits::of(&params);
         assert!((units.viscosity(1.1321) - 1.0071).abs() < 1e-12);
@@ -142,7 +142,7 @@ mod tests {
             area_fraction: 0.75,
             size_ratio: 1.4,
             large_fraction: 0.25,
-            ..Params::UNWRITTEN
+            ..Params::UNSET
         };
         let units = PublishedUnits::of(&params);
         // Three small spheres of radius 1 for each large one, summed as the stress is.

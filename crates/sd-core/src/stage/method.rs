@@ -250,7 +250,7 @@ mod tests {
                     area_fraction,
                     hydrodynamics,
                     contact,
-                    ..Params::UNWRITTEN
+                    ..Params::UNSET
                 })
             };
             for contact in schemes {
@@ -271,7 +271,7 @@ mod tests {
                     tangential,
                     ..ContactLaws::PAPER
                 }),
-                ..Params::UNWRITTEN
+                ..Params::UNSET
             })
         };
         let [welds, slides] = [TangentialLaw::StickRotate, TangentialLaw::Coulomb];

@@ -19,7 +19,7 @@ fn layer(spheres: usize, hydrodynamics: Hydrodynamics, contact: ContactScheme) -
         hydrodynamics,
         contact,
         time_step: 0.005,
-        ..Params::UNWRITTEN
+        ..Params::UNSET
     }
 }
 

@@ -35,7 +35,7 @@ fn params(spheres: usize, size_ratio: f64) -> Params {
         hydrodynamics: Hydrodynamics::BallMelrose,
         contact: ContactScheme::Rigid,
         time_step: 0.005,
-        ..Params::UNWRITTEN
+        ..Params::UNSET
     }
 }
 

@@ -1,13 +1,13 @@
 //! Runs of whole layers: what must hold for every one of them.
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, Surface};
+use sd_core::contact::{ContactState, Laws, PairForces, Surface};
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContacts, StageSolver, State};
 use sd_core::modes::Vec2;
 use sd_core::{
-    ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation, Snapshot,
-    VelocityGradient, start,
+    ContactLaws, ContactScheme, Error, Flow, Hydrodynamics, NearFields, Params, Sample, Simulation,
+    Snapshot, TangentialLaw, VelocityGradient, start,
 };
 use std::f64::consts::PI;
 
@@ -89,21 +89,42 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
 fn friction_dissipates_in_a_layer() {
     let (_, snapshot) = run(&params(), 4, 100);
     let configuration = configuration(&snapshot, Hydrodynamics::BallMelrose);
-    let request = InstantContacts::rigid(
-        Surface {
-            roughness: 0.01,
-            friction: 0.3,
-            critical_load: 0.0,
-        },
-        0.005,
-    );
+    let surface = Surface {
+        roughness: 0.01,
+        friction: 0.3,
+        critical_load: 0.0,
+    };
+    let coulomb = ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        ..ContactLaws::PAPER
+    };
+    let request = InstantContacts::Laws {
+        laws: Laws::new(&coulomb, surface),
+        lubrication_gap: 0.0,
+        time_span: 0.005,
+        springs: PairForces::default(),
+        rolling_springs: PairForces::default(),
+    };
     let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
-    let power: f64 = instant
-        .contacts
-        .iter()
-        .map(|c| c.tangential_force * c.slip_velocity)
-        .sum();
-    assert!(power > 0.0);
+    // Every contact that slips dissipates ν f |u_t|, and one that sticks nothing.
+    let [mut slips, mut sticks] = [0; 2];
+    for c in &instant.contacts {
+        let power = c.tangential_force * c.slip_velocity;
+        match c.state {
+            ContactState::Slipping => {
+                slips += 1;
+                let expected = 0.3 * c.normal_force * c.slip_velocity.abs();
+                assert!((power - expected).abs() < 1e-9 * (1.0 + expected), "{c:?}");
+                assert!(power > 0.0, "{c:?}");
+            }
+            ContactState::Sticking => {
+                sticks += 1;
+                assert!(power.abs() < 1e-7 * (1.0 + c.normal_force), "{c:?}");
+            }
+            ContactState::Frictionless => assert_eq!(c.tangential_force, 0.0),
+        }
+    }
+    assert!(slips > 5 && sticks > 0, "{slips} slip, {sticks} stick");
 }
 
 #[test]

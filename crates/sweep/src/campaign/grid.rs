@@ -10,7 +10,6 @@ use super::sizes::SIZES;
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis, InvalidCombination, folded_params_of, params_of};
 use crate::model::case::Case;
-use crate::model::spaces::check_start;
 use begins::{Start, start_layer};
 use sd_core::Params;
 use sd_core::model::{Form, Refusal};
@@ -355,7 +354,7 @@ impl Grid {
         }
         params
             .validate()
-            .and_then(|()| check_start(params))
+            .and_then(|()| sd_core::start::check(params))
             .map_err(made)?;
         protocol.check_lengths(params.time_step, place(combination, "time_step"))
     }

@@ -2,10 +2,8 @@
 //! space.
 
 use sd_core::simulation::{Counters, Flow, Frame};
-use sd_core::{Bulk, Error, Layer, NearFields, Params, Sample, Simulation, Snapshot, start};
+use sd_core::{Bulk, Error, Layer, NearFields, Params, Sample, Simulation, Snapshot};
 use serde::{Deserialize, Serialize};
-
-mod fits;
 
 /// A value of a layer or of a suspension.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -33,18 +31,6 @@ macro_rules! of_either {
     };
 }
 pub(crate) use of_either;
-
-/// Refuses an impossible start without making it; one that passes may still fail to pack.
-///
-/// # Errors
-/// [`Error::Refused`] about a value, with what is allowed.
-pub(crate) fn check_start(params: &Params) -> Result<(), Error> {
-    if params.volume_fraction.is_some() {
-        fits::check(params)
-    } else {
-        start::check(params)
-    }
-}
 
 /// The dilute limit of the viscosity and its formula: Einstein's in a suspension, and in a layer
 /// that of its volume, `2 ⟨a⟩ A` for equal spheres.

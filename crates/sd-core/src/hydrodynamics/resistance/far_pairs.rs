@@ -10,7 +10,7 @@
 //! steps.
 
 use super::fluid::{Fluid, NearTerm};
-use super::tables::{BySizes, largest_of_many};
+use super::tables::{PerSizePair, largest_of_continuous_sizes};
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
 use crate::space::pair::Neighbours;
@@ -30,7 +30,7 @@ const STEP: f64 = 0.02;
 /// `R2B∞ − D` of all pairs.
 enum Tables {
     /// For a few sizes.
-    Few(BySizes<FarPair>),
+    Few(PerSizePair<FarPair>),
     /// For many sizes, approximately: by size ratio, in steps of [`STEP`] from 1.
     Many(Vec<FarPair>),
 }
@@ -68,7 +68,7 @@ impl<S: Fluid> FarPairs<S> {
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
     pub(super) fn new(radii: &[f64]) -> Result<Self, Error> {
-        let tables = if let Some(largest) = largest_of_many(radii) {
+        let tables = if let Some(largest) = largest_of_continuous_sizes(radii) {
             let last = check_size_ratio(largest)?.ln() + STEP;
             let steps = (0..).map(|step| STEP * f64::from(step));
             let ratios = steps.take_while(|step| *step < last).map(f64::exp);
@@ -78,7 +78,7 @@ impl<S: Fluid> FarPairs<S> {
                     .collect(),
             )
         } else {
-            Tables::Few(BySizes::new(radii, |radii| {
+            Tables::Few(PerSizePair::new(radii, |radii| {
                 check_size_ratio(radii[1] / radii[0])?;
                 Ok(FarPair::new(radii, NEAR))
             })?)

@@ -44,7 +44,7 @@ fn sizes(radii: &[f64]) -> Vec<f64> {
 }
 
 /// The largest size ratio, where there are more than a few sizes.
-pub(super) fn largest_of_many(radii: &[f64]) -> Option<f64> {
+pub(super) fn largest_of_continuous_sizes(radii: &[f64]) -> Option<f64> {
     let sizes = sizes(radii);
     let is_many = sizes.len() > FEW_SIZES;
     is_many.then(|| sizes[sizes.len() - 1] / sizes[0])
@@ -54,7 +54,7 @@ impl NearFields {
     /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that
     /// of 1: those of its pairs, or for many sizes those that [`NearFieldRange`] is made from.
     pub fn ratios(radii: &[f64]) -> Vec<f64> {
-        if let Some(largest) = largest_of_many(radii) {
+        if let Some(largest) = largest_of_continuous_sizes(radii) {
             // A size ratio out of range is refused where the tables are used.
             return NearFieldRange::ratios(largest).unwrap_or_default();
         }
@@ -117,7 +117,7 @@ fn same_ratio(a: f64, b: f64) -> bool {
 }
 
 /// A value for each pair of sizes of a set of spheres.
-pub(crate) struct BySizes<T> {
+pub(crate) struct PerSizePair<T> {
     /// Values of the pairs of sizes, row by row.
     pairs: Vec<T>,
     /// Number of the size of each sphere, from the smallest.
@@ -125,7 +125,7 @@ pub(crate) struct BySizes<T> {
     size_count: usize,
 }
 
-impl<T> BySizes<T> {
+impl<T> PerSizePair<T> {
     /// Computes the value of every pair of sizes, in order.
     pub(crate) fn new(
         radii: &[f64],
@@ -159,22 +159,22 @@ impl<T> BySizes<T> {
 /// Source of the near-field terms of pairs.
 pub(crate) enum NearTerms {
     /// Exact pairs without their far field, from tables of a few size ratios.
-    Exact(BySizes<Arc<NearField>>),
+    Exact(PerSizePair<Arc<NearField>>),
     /// Leading-order lubrication of a few sizes.
-    LeadingOrder(BySizes<LeadingOrderPair>),
+    LeadingOrder(PerSizePair<LeadingOrderPair>),
     /// Either of many sizes.
-    Many(ManySizes),
+    Many(ContinuousSizes),
 }
 
 /// Source of the terms of many sizes.
-pub(crate) enum ManySizes {
+pub(crate) enum ContinuousSizes {
     /// One table of exact pairs.
     Exact(Arc<NearFieldRange>),
     /// Leading-order lubrication, computed for every pair.
     LeadingOrder(LeadingOrder),
 }
 
-impl ManySizes {
+impl ContinuousSizes {
     /// The term of a pair.
     #[inline(never)]
     fn term(&self, [a, b]: [f64; 2], gap: f64) -> PairTerm {
@@ -199,17 +199,17 @@ impl NearTerms {
         radii: &[f64],
         tables: &NearFields,
     ) -> Result<Self, Error> {
-        let many = largest_of_many(radii);
+        let many = largest_of_continuous_sizes(radii);
         match (hydrodynamics.leading_order(), many) {
             (None, Some(largest)) => {
-                return Ok(Self::Many(ManySizes::Exact(tables.range(largest)?)));
+                return Ok(Self::Many(ContinuousSizes::Exact(tables.range(largest)?)));
             }
             (Some(&numbers), Some(largest)) => {
                 check_size_ratio(largest)?;
-                return Ok(Self::Many(ManySizes::LeadingOrder(numbers)));
+                return Ok(Self::Many(ContinuousSizes::LeadingOrder(numbers)));
             }
             (Some(&numbers), None) => {
-                let pairs = BySizes::new(radii, |radii| {
+                let pairs = PerSizePair::new(radii, |radii| {
                     check_size_ratio(radii[1] / radii[0])?;
                     Ok(LeadingOrderPair::new(radii, numbers))
                 })?;
@@ -219,7 +219,7 @@ impl NearTerms {
         }
         let mut known = tables.clone();
         let equal = Arc::new(NearField::equal_spheres());
-        let pairs = BySizes::new(radii, |[a, b]| {
+        let pairs = PerSizePair::new(radii, |[a, b]| {
             let ratio = a.max(b) / a.min(b);
             if a == b {
                 return Ok(Arc::clone(&equal));
@@ -280,8 +280,10 @@ impl NearTerms {
         match self {
             Self::Exact(tables) => tables.of(i, j).slip_resistance(radii[i], radii[j], gap),
             Self::LeadingOrder(leading) => leading.of(i, j).slip_resistance(gap),
-            Self::Many(ManySizes::Exact(range)) => range.slip_resistance(radii[i], radii[j], gap),
-            Self::Many(ManySizes::LeadingOrder(numbers)) => {
+            Self::Many(ContinuousSizes::Exact(range)) => {
+                range.slip_resistance(radii[i], radii[j], gap)
+            }
+            Self::Many(ContinuousSizes::LeadingOrder(numbers)) => {
                 LeadingOrderPair::new([radii[i], radii[j]], *numbers).slip_resistance(gap)
             }
         }
@@ -291,7 +293,7 @@ impl NearTerms {
 /// X^C of exact pairs.
 pub(super) enum Twists {
     /// Of a few sizes.
-    Few(BySizes<TwistTable>),
+    Few(PerSizePair<TwistTable>),
     /// Of many.
     Many(Arc<TwistRange>),
 }
@@ -302,8 +304,8 @@ impl Twists {
     /// # Errors
     /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
     pub(super) fn new(radii: &[f64], tables: &NearFields) -> Result<Self, Error> {
-        Ok(match largest_of_many(radii) {
-            None => Self::Few(BySizes::new(radii, |radii| Ok(TwistTable::new(radii)))?),
+        Ok(match largest_of_continuous_sizes(radii) {
+            None => Self::Few(PerSizePair::new(radii, |radii| Ok(TwistTable::new(radii)))?),
             Some(largest) => Self::Many(tables.twist_range(largest)?),
         })
     }

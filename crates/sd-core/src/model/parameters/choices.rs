@@ -129,9 +129,10 @@ pub(super) fn put_spheres(params: &mut Params, value: f64) {
     params.spheres = value as usize;
 }
 
-pub(super) fn put_volume_fraction(params: &mut Params, value: f64) {
+/// Sets a volume fraction, 0 for none. An area fraction that was not given is then 0.
+pub(in crate::model) fn put_volume_fraction(params: &mut Params, value: f64) {
     params.volume_fraction = (value != 0.0).then_some(value);
-    // An area fraction that is given beside it stays, and is refused.
+    // One that is given beside it stays, and is refused.
     if params.volume_fraction.is_some() && params.area_fraction.is_nan() {
         params.area_fraction = 0.0;
     }

@@ -114,6 +114,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &AREA_FRACTION,
             // Of a suspension.
             without: Some(0.0),
+            stays: true,
             get: |p| p.area_fraction,
             put: |p, value| p.area_fraction = value,
             ..NEEDED
@@ -397,6 +398,7 @@ const NEEDED: Number = Number {
     get: |_| f64::NAN,
     put: |_, _| (),
     without: None,
+    stays: false,
     is_of_laws: false,
 };
 

@@ -235,12 +235,16 @@ fn rolling_friction_and_adhesion_vanish_with_their_coefficients() {
     assert!(much.abs() > 1e-3, "{much:e}");
 }
 
-/// Mean viscosity over a strain of 1 after the first half, of three starts.
+/// Mean viscosity over a strain of 1 after the first half, of three starts that flow.
 fn mean_viscosity(params: &Params) -> f64 {
     let runs = [3, 4, 5].map(|seed| {
         let mut simulation = run(params, seed, 100);
         let samples = (0..200).map(|_| simulation.step().unwrap().viscosity);
-        samples.sum::<f64>() / 200.0
+        let mean = samples.sum::<f64>() / 200.0;
+        let counters = simulation.counters();
+        let failed = counters.jammed_stages + counters.unconverged_stages;
+        assert_eq!(failed + counters.inexact_stages, 0, "{counters:?}");
+        mean
     });
     runs.iter().sum::<f64>() / 3.0
 }

@@ -22,6 +22,7 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
             }
         },
         without: None,
+        stays: false,
         is_of_laws: false,
     }),
 }];

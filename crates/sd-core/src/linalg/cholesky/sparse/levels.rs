@@ -28,7 +28,7 @@ pub(super) struct SolveOrder {
     batched_below: Vec<[u32; LANES]>,
     single_below: Vec<u32>,
     /// Updates of supernodes to rows of later levels.
-    arrivals: Vec<Arrival>,
+    scatters: Vec<Scatter>,
     /// Number of values of all batches, and of updates, in eights.
     values: usize,
     slots: usize,
@@ -37,7 +37,7 @@ pub(super) struct SolveOrder {
 /// Ranges of the lists of a level.
 #[derive(Debug)]
 struct Level {
-    arrivals: Range<usize>,
+    scatters: Range<usize>,
     batches: Range<usize>,
     singles: Range<usize>,
 }
@@ -72,20 +72,20 @@ struct Single {
     slots: usize,
 }
 
-/// A position in a vector, and the updates added there.
+/// Adds an update, by its number, to a row of a vector.
 #[derive(Debug)]
-struct Arrival {
-    place: u32,
-    slot: u32,
+struct Scatter {
+    row: u32,
+    update: u32,
 }
 
 /// Workspace.
 #[derive(Default)]
 pub(super) struct Workspace {
     /// Updates of supernodes.
-    left: Vec<Lanes>,
+    updates: Vec<Lanes>,
     /// Rows below the current batch.
-    eights: Vec<Lanes>,
+    rows_below: Vec<Lanes>,
     /// Rows below the current single supernode.
     rows: Vec<f32>,
 }
@@ -157,23 +157,26 @@ impl SolveOrder {
                 }
             }
             all.levels.push(Level {
-                arrivals: 0..0,
+                scatters: 0..0,
                 batches: first_batch..all.batches.len(),
                 singles: first_single..all.singles.len(),
             });
         }
         // Every row adds its updates in the order of the supernodes.
-        let mut arrivals: Vec<_> = (0..count).map(|_| Vec::new()).collect();
+        let mut scatters: Vec<_> = (0..count).map(|_| Vec::new()).collect();
         for (node, slots) in nodes.iter().zip(&slots) {
             for (&row, &slot) in below[node.below.clone()].iter().zip(slots) {
                 let place = all.places[row];
-                arrivals[level[owner[row]]].push(Arrival { place, slot });
+                scatters[level[owner[row]]].push(Scatter {
+                    row: place,
+                    update: slot,
+                });
             }
         }
-        for (own, arrivals) in all.levels.iter_mut().zip(arrivals) {
-            let begin = all.arrivals.len();
-            all.arrivals.extend(arrivals);
-            own.arrivals = begin..all.arrivals.len();
+        for (own, scatters) in all.levels.iter_mut().zip(scatters) {
+            let begin = all.scatters.len();
+            all.scatters.extend(scatters);
+            own.scatters = begin..all.scatters.len();
         }
         all.find_rows_below(nodes, below);
         all
@@ -321,29 +324,34 @@ impl SolveOrder {
         x: &mut [Lanes],
         work: &mut Workspace,
     ) {
-        let Workspace { left, eights, rows } = work;
-        left.resize(self.slots, [0.0; LANES]);
+        let Workspace {
+            updates,
+            rows_below,
+            rows,
+        } = work;
+        updates.resize(self.slots, [0.0; LANES]);
         for level in &self.levels {
-            for &Arrival { place, slot } in &self.arrivals[level.arrivals.clone()] {
-                x.as_flattened_mut()[place as usize] += left.as_flattened()[slot as usize];
+            for &Scatter { row, update } in &self.scatters[level.scatters.clone()] {
+                x.as_flattened_mut()[row as usize] += updates.as_flattened()[update as usize];
             }
             for batch in &self.batches[level.batches.clone()] {
                 let own = &mut x[batch.start..batch.start + batch.width];
-                let left = &mut left[batch.slots..batch.slots + batch.below()];
-                eight::lower(&values[batch.values()], own, left);
+                let updates = &mut updates[batch.slots..batch.slots + batch.below()];
+                eight::lower(&values[batch.values()], own, updates);
             }
             for single in &self.singles[level.singles.clone()] {
                 let node = &nodes[single.node];
                 let own = &mut x.as_flattened_mut()[single.start..single.start + node.width];
-                let left = &mut left.as_flattened_mut()[LANES * single.slots..][..node.below.len()];
-                single::lower(node, factor, own, left);
+                let updates =
+                    &mut updates.as_flattened_mut()[LANES * single.slots..][..node.below.len()];
+                single::lower(node, factor, own, updates);
             }
         }
         for level in self.levels.iter().rev() {
             for batch in &self.batches[level.batches.clone()] {
                 let places = &self.batched_below[batch.below..batch.below + batch.below()];
-                eights.resize(places.len().max(eights.len()), [0.0; LANES]);
-                let below = &mut eights[..places.len()];
+                rows_below.resize(places.len().max(rows_below.len()), [0.0; LANES]);
+                let below = &mut rows_below[..places.len()];
                 for (below, places) in below.iter_mut().zip(places) {
                     for (value, &place) in below.iter_mut().zip(places) {
                         *value = x.as_flattened()[place as usize];
@@ -390,11 +398,11 @@ mod tests {
                 let mut expected: Vec<f32> = (0..size).map(start).collect();
                 let below = |node: &Node| &pattern.symbolic.row_idx()[node.below.clone()];
                 for node in &pattern.nodes {
-                    let mut left = vec![0.0; node.below.len()];
+                    let mut updates = vec![0.0; node.below.len()];
                     let own = &mut expected[node.start..node.start + node.width];
-                    single::lower(node, &matrix.factor, own, &mut left);
-                    for (&row, left) in below(node).iter().zip(left) {
-                        expected[row] += left;
+                    single::lower(node, &matrix.factor, own, &mut updates);
+                    for (&row, updates) in below(node).iter().zip(updates) {
+                        expected[row] += updates;
                     }
                 }
                 for node in pattern.nodes.iter().rev() {

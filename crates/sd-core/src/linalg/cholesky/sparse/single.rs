@@ -5,9 +5,9 @@ use super::Node;
 /// Number of spheres whose columns are subtracted from the rows below together.
 const SPHERES: usize = 4;
 
-/// `x ← L⁻¹ x` in the columns of a supernode; `left`: updates of its rows below.
+/// `x ← L⁻¹ x` in the columns of a supernode; `updates`: updates of its rows below.
 #[inline(always)]
-pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]) {
+pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], updates: &mut [f32]) {
     for j in (0..node.width).step_by(3) {
         let [a, b, c] = node.columns(factor, j);
         let (top, rest) = x[j..].split_at_mut(3);
@@ -19,7 +19,7 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
         let columns = [a, b, c].map(|column| &column[inside.clone()]);
         subtract(rest, [columns], [[xa, xb, xc]]);
     }
-    left.fill(0.0);
+    updates.fill(0.0);
     let below = |j: usize| {
         node.columns(factor, j)
             .map(|column| &column[node.width - j..])
@@ -28,14 +28,14 @@ pub(super) fn lower(node: &Node, factor: &[f32], x: &mut [f32], left: &mut [f32]
     for (number, weights) in many.iter().enumerate() {
         let first = 3 * SPHERES * number;
         subtract(
-            left,
+            updates,
             std::array::from_fn(|g| below(first + 3 * g)),
             *weights,
         );
     }
     for (number, weights) in few.iter().enumerate() {
         let first = 3 * (SPHERES * many.len() + number);
-        subtract(left, [below(first)], [*weights]);
+        subtract(updates, [below(first)], [*weights]);
     }
 }
 
