@@ -21,7 +21,7 @@ def test_every_block_runs(page, tmp_path, monkeypatch):
 
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    # For the blocks of a shell: the program, the tools beside this interpreter, and a short campaign.
+    # For the blocks of a shell: the program, the tools beside this interpreter, a short campaign.
     folders = [os.path.dirname(SWEEP), os.path.dirname(sys.executable), os.environ["PATH"]]
     monkeypatch.setenv("PATH", os.pathsep.join(folders))
     (tmp_path / "sweeps").mkdir()

@@ -48,7 +48,7 @@ pub struct Plan {
     pub(crate) segments: Vec<String>,
     pub(crate) workers: usize,
     /// Kinds of runs that are still to be computed, the cheapest step first.
-    pub(crate) kinds: Vec<Kind>,
+    pub(crate) kinds: Vec<RunKind>,
     pub(crate) computing_time_s: f64,
     /// Estimated wall time with that many workers.
     pub(crate) elapsed_s: f64,
@@ -78,7 +78,7 @@ pub(crate) enum Source {
 
 /// Runs that differ only in numbers that affect the cost of a step little.
 #[derive(Debug, Serialize)]
-pub(crate) struct Kind {
+pub(crate) struct RunKind {
     pub(crate) spheres: usize,
     pub(crate) hydrodynamics: &'static str,
     pub(crate) contact: &'static str,
@@ -93,7 +93,7 @@ pub(crate) struct Kind {
 }
 
 #[derive(Debug)]
-struct Point<'c> {
+struct PlannedPoint<'c> {
     case: &'c Case,
     all: f64,
     /// Runs that have not ended.
@@ -241,8 +241,8 @@ pub fn plan(
 fn points<'c>(
     campaign: &'c Campaign,
     store: Option<&Store>,
-) -> Result<(Vec<Point<'c>>, HashMap<Identity, usize>), StoreError> {
-    let (mut points, mut place_of) = (Vec::<Point<'c>>::new(), HashMap::new());
+) -> Result<(Vec<PlannedPoint<'c>>, HashMap<Identity, usize>), StoreError> {
+    let (mut points, mut place_of) = (Vec::<PlannedPoint<'c>>::new(), HashMap::new());
     let mut enter = |case: &'c Case, all: f64, open: f64, left: f64| {
         // Seeds of a point follow each other, perhaps a million of them.
         let place = match points.last() {
@@ -252,7 +252,7 @@ fn points<'c>(
                 .or_insert(points.len()),
         };
         if place == points.len() {
-            points.push(Point {
+            points.push(PlannedPoint {
                 case,
                 all: 0.0,
                 open: 0.0,
@@ -292,12 +292,12 @@ fn grouped<T, K: PartialEq>(items: impl Iterator<Item = T>, key: impl Fn(&T) -> 
 }
 
 /// The kinds of runs there are to compute, the cheapest step first.
-fn kinds<'p>(open: impl Iterator<Item = &'p Point<'p>>, costs: &Costs) -> Vec<Kind> {
+fn kinds<'p>(open: impl Iterator<Item = &'p PlannedPoint<'p>>, costs: &Costs) -> Vec<RunKind> {
     let groups = grouped(open, |point| {
         let p = &point.case.params;
         (words(p), p.spheres, p.time_step.to_bits(), point.case.steps)
     });
-    let kind = |points: Vec<&Point<'_>>| {
+    let kind = |points: Vec<&PlannedPoint<'_>>| {
         let (p, steps) = (&points[0].case.params, points[0].case.steps);
         let [hydrodynamics, contact, tangential] = words(p);
         let (mut time_s, mut runs, mut source) = (0.0, 0.0, Source::Runs);
@@ -307,7 +307,7 @@ fn kinds<'p>(open: impl Iterator<Item = &'p Point<'p>>, costs: &Costs) -> Vec<Ki
             runs += point.left;
             source = source.max(known);
         }
-        Kind {
+        RunKind {
             spheres: p.spheres,
             hydrodynamics,
             contact,
@@ -321,7 +321,7 @@ fn kinds<'p>(open: impl Iterator<Item = &'p Point<'p>>, costs: &Costs) -> Vec<Ki
             source,
         }
     };
-    let mut kinds: Vec<Kind> = groups.into_iter().map(kind).collect();
+    let mut kinds: Vec<RunKind> = groups.into_iter().map(kind).collect();
     kinds.sort_by(|a, b| a.step_s.total_cmp(&b.step_s));
     kinds
 }
@@ -335,7 +335,7 @@ fn frame_bytes(params: &Params) -> f64 {
 
 /// Axes with all their values in the order of first use, without those that have no effect on these
 /// cases.
-fn axes(campaign: &Campaign, points: &[Point<'_>]) -> Vec<Values> {
+fn axes(campaign: &Campaign, points: &[PlannedPoint<'_>]) -> Vec<Values> {
     let params = || points.iter().map(|point| &point.case.params);
     let mut seen = HashSet::new();
     let seeds = campaign.cases.iter().map(|(_, case)| case.seed);

@@ -68,8 +68,8 @@ pub struct Options<'o> {
     pub progress: &'o Progress,
 }
 
-/// Shared state of the threads of a run.
-struct Shared<'r> {
+/// State shared by the threads of a run.
+struct Workers<'r> {
     /// The store; the holder of the lock is the only writer.
     store: Mutex<&'r mut Store>,
     /// The protocol of every run.
@@ -136,7 +136,7 @@ fn run_in(
     store.release_dead()?;
     progress.begin(&store.work()?);
     let waiting = store.waiting();
-    let shared = Shared {
+    let shared = Workers {
         store: Mutex::new(store),
         protocol,
         options,
@@ -168,7 +168,7 @@ fn run_in(
     }
 }
 
-impl<'r> Shared<'r> {
+impl<'r> Workers<'r> {
     /// Locks the store. A panic elsewhere leaves it intact: transactions roll back.
     fn store(&self) -> MutexGuard<'_, &'r mut Store> {
         lock(&self.store)

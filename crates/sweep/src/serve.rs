@@ -54,7 +54,7 @@ pub enum ServeError {
 }
 
 /// State shared by the threads.
-struct Shared {
+struct Server {
     source: StoreSource,
     /// The last data, and when it was read.
     data: Mutex<Option<(Instant, String)>>,
@@ -69,10 +69,10 @@ type Response = (Status, &'static str, String);
 type Status = (u16, &'static str);
 
 const OK: Status = (200, "OK");
-const BAD_REQUEST: Status = (400, "Bad Request");
+const BAD_REQUEST: Status = (400, "Bad HttpRequest");
 const NOT_FOUND: Status = (404, "Not Found");
 const METHOD_NOT_ALLOWED: Status = (405, "Method Not Allowed");
-const MISDIRECTED: Status = (421, "Misdirected Request");
+const MISDIRECTED: Status = (421, "Misdirected HttpRequest");
 const UNAVAILABLE: Status = (503, "Service Unavailable");
 
 const TEXT: &str = "text/plain; charset=utf-8";
@@ -98,7 +98,7 @@ pub(crate) fn serve(
     let address = listener.local_addr().map_err(start("a server"))?;
     let shared = Arc::new((
         listener,
-        Shared {
+        Server {
             source,
             data: Mutex::new(None),
             reading: Mutex::new(()),
@@ -117,7 +117,7 @@ pub(crate) fn serve(
 }
 
 /// Answers one connection after the other.
-fn accept(listener: &TcpListener, shared: &Shared) {
+fn accept(listener: &TcpListener, shared: &Server) {
     loop {
         match listener.accept() {
             // A client that is gone or too slow is of no interest.
@@ -129,10 +129,10 @@ fn accept(listener: &TcpListener, shared: &Shared) {
 }
 
 /// Reads a request and answers it.
-fn visit(mut stream: TcpStream, shared: &Shared) -> io::Result<()> {
+fn visit(mut stream: TcpStream, shared: &Server) -> io::Result<()> {
     let head = read_head(&mut stream)?;
     let head = String::from_utf8_lossy(&head);
-    let (is_head, (status, kind, content)) = match Request::parse(&head) {
+    let (is_head, (status, kind, content)) = match HttpRequest::parse(&head) {
         Ok(request) => (request.method == "HEAD", respond(&request, shared)),
         Err((status, text)) => (false, (status, TEXT, text.to_owned())),
     };
@@ -186,12 +186,12 @@ fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
 }
 
 /// A request to this machine.
-struct Request<'h> {
+struct HttpRequest<'h> {
     method: &'h str,
     path: &'h str,
 }
 
-impl<'h> Request<'h> {
+impl<'h> HttpRequest<'h> {
     /// Reads its head; on a request that must not be answered, the reason.
     fn parse(head: &'h str) -> Result<Self, (Status, &'static str)> {
         let mut lines = head.split("\r\n").take_while(|line| !line.is_empty());
@@ -252,7 +252,7 @@ fn is_local_host(host: &str) -> bool {
 }
 
 /// The response to a request.
-fn respond(request: &Request<'_>, shared: &Shared) -> Response {
+fn respond(request: &HttpRequest<'_>, shared: &Server) -> Response {
     let json = "application/json";
     let route = match request.path {
         "/" | "/data.json" => Some(request.path),
@@ -294,7 +294,7 @@ fn respond(request: &Request<'_>, shared: &Shared) -> Response {
 
 /// Reads the store.
 fn read(
-    shared: &Shared,
+    shared: &Server,
     what: impl FnOnce(&Store) -> Result<String, ReportError>,
 ) -> Result<String, ServeError> {
     let _alone = lock(&shared.reading);

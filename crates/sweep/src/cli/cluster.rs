@@ -94,7 +94,7 @@ fn engine(text: &str) -> Result<Engine, String> {
 }
 
 #[derive(Default, Serialize)]
-struct Answer<'a> {
+struct SubmitAnswer<'a> {
     /// The job, once it is submitted.
     job: Option<&'a str>,
     cases: usize,
@@ -128,7 +128,7 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
     let submitted = submit::submit(wanted, &campaign, &path, arguments.dry_run, &note)?;
     let Some(submitted) = submitted else {
         if output.json {
-            output.json(&Answer::default())?;
+            output.json(&SubmitAnswer::default())?;
         } else {
             writeln!(
                 output.out,
@@ -139,7 +139,7 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
     };
     let job = &submitted.job;
     if output.json {
-        output.json(&Answer {
+        output.json(&SubmitAnswer {
             job: submitted.name.as_deref(),
             cases: submitted.cases,
             tasks: job.tasks,

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{store_of, workers, workers_or_all};
 use crate::error::Error;
-use crate::plan::{Kind, Plan, Source, plan};
+use crate::plan::{Plan, RunKind, Source, plan};
 use crate::report::{room, table};
 use crate::store::StoreSource;
 use crate::system::exit;
@@ -159,7 +159,7 @@ fn listed(values: &[serde_json::Value], most: usize) -> String {
 }
 
 /// The table of the kinds of runs. Their step is shown where they differ in it.
-fn kinds(kinds: &[Kind], width: Option<u16>) -> String {
+fn kinds(kinds: &[RunKind], width: Option<u16>) -> String {
     let has_step = kinds
         .iter()
         .any(|kind| kind.time_step != kinds[0].time_step);

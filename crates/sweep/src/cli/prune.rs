@@ -6,9 +6,7 @@ use crate::error::Error;
 use crate::store::Store;
 use crate::system::exit;
 use crate::text::format::bytes;
-use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
-use std::path::PathBuf;
 
 /// Remove the runs of a store that are not in its campaign file
 ///
@@ -25,13 +23,6 @@ pub(crate) struct Arguments {
     /// Do not prompt
     #[arg(long, short)]
     yes: bool,
-}
-
-#[derive(Serialize)]
-struct Answer {
-    store: PathBuf,
-    removed: u64,
-    bytes: f64,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
@@ -55,11 +46,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         removed = store.prune()?;
     }
     if output.json {
-        output.json(&Answer {
-            store: path,
-            removed,
-            bytes: inventory.orphan_bytes,
-        })?;
+        let bytes = inventory.orphan_bytes;
+        output.json(&serde_json::json!({"store": path, "removed": removed, "bytes": bytes}))?;
     } else if removed > 0 {
         writeln!(
             output.out,

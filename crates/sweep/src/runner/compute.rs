@@ -1,6 +1,6 @@
 //! One case from its claim to its end.
 
-use super::{Shared, panics};
+use super::{Workers, panics};
 use crate::model::case::{Case, State};
 use crate::model::replay::replay;
 use crate::model::spaces::{AnySimulation, AnySnapshot, of_either};
@@ -136,7 +136,7 @@ impl Record {
     }
 }
 
-impl Shared<'_> {
+impl Workers<'_> {
     /// Computes a case and stores its outcome. A result is returned, to be stored with others.
     pub(super) fn compute(
         &self,

@@ -70,14 +70,14 @@ pub struct Progress {
     /// Of all cases: its position never decreases.
     overall: ProgressBar,
     workers: Vec<Worker>,
-    campaign: Mutex<Campaign>,
+    campaign: Mutex<CampaignWork>,
     reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
     begun: Instant,
 }
 
 /// Progress of the campaign in units of estimated cost.
-struct Campaign {
+struct CampaignWork {
     total: f64,
     /// Work done according to the store, without the cases running here.
     stored: f64,
@@ -133,7 +133,7 @@ impl Progress {
             workers: (0..workers).map(worker).collect(),
             overall,
             bars,
-            campaign: Mutex::new(Campaign {
+            campaign: Mutex::new(CampaignWork {
                 total: 0.0,
                 stored: 0.0,
                 since: 0.0,

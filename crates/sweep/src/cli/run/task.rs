@@ -68,7 +68,7 @@ fn options(all: &Arguments, campaign: &Campaign) -> TaskOptions {
 
 /// The summary at the end of a task.
 #[derive(Serialize)]
-struct Answer<'a> {
+struct TaskAnswer<'a> {
     task: usize,
     tasks: usize,
     shard: &'a Path,
@@ -81,7 +81,7 @@ struct Answer<'a> {
 fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
     let left = counts.pending + counts.running;
     if output.json {
-        output.json(&Answer {
+        output.json(&TaskAnswer {
             task: part.task,
             tasks: part.tasks,
             shard,
