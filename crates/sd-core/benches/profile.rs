@@ -101,7 +101,7 @@ impl Pieces {
         let strain = VelocityGradient::<sd_core::Layer>::simple_shear(1.0).strain();
         parts.time("background", || {
             let resistance = &mut layer.stage.resistance;
-            resistance.background_forces(&strain, &mut self.forces);
+            resistance.background_forces(sd_core::Strains::Uniform(strain), &mut self.forces);
         });
         parts.time("columns", || self.columns(layer));
     }
@@ -172,7 +172,7 @@ fn profile(spheres: usize, hydrodynamics: Hydrodynamics) -> (Parts, f64) {
                 parts.time("stress", || {
                     stress.stress(
                         solved,
-                        &VelocityGradient::simple_shear(1.0),
+                        &VelocityGradient::simple_shear(1.0).into(),
                         &VelocityGradient::simple_shear(1.0),
                         snapshot.side * snapshot.side,
                     );

@@ -73,6 +73,7 @@
 //! | read positions, stresslets and contacts of a sample | [`Simulation::step_with_frame`] |
 //! | store a run and resume it with the same bits | [`Simulation::snapshot`] |
 //! | solve the velocities at given positions | [`instant::solve`] |
+//! | put the spheres into a flow that is not linear | [`IncidentFlow`] |
 //! | apply forces and torques to the spheres of a run, without shear too | [`Simulation::use_forces`], [`Params::at_rest`] |
 //! | follow spheres through the cell, read their velocities | [`Simulation::unwrapped`], [`Simulation::velocities`] |
 //! | multiply by the mobility or the resistance at many positions | [`products`] |
@@ -185,7 +186,9 @@ pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::{pair, products, simulation, start};
 pub use space::pair::{Neighbours, PairKey};
-pub use space::{Bulk, Layer, Space, VelocityGradient, bulk, cell, modes};
+pub use space::{
+    Bulk, IncidentFlow, Layer, LocalFlow, Space, Strains, VelocityGradient, bulk, cell, modes,
+};
 pub use stage::{Method, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts};
 

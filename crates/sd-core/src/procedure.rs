@@ -23,7 +23,7 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
 use crate::model::Surface;
 use crate::space::pair::PairKey;
-use crate::space::{Layer, VelocityGradient};
+use crate::space::{IncidentFlow, Layer};
 
 /// Compliance of the simultaneous solve: just enough to factor a hyperstatic network.
 const CONSTRAINT_COMPLIANCE: f64 = 1e-13;
@@ -40,13 +40,13 @@ impl ContactList {
     pub fn add_approaching<S: Fluid>(
         &mut self,
         resistance: &Resistance<S>,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         roughness: f64,
         velocities: &[f64],
     ) {
         for pair in resistance.neighbours() {
             if pair.gap <= roughness {
-                let contact = Contact::new(*pair, resistance.radii(), background);
+                let contact = Contact::new(*pair, resistance.radii(), flow);
                 if contact.approach(velocities) < 0.0 {
                     self.add(pair.key());
                 }
@@ -72,8 +72,8 @@ impl ContactList {
 pub(crate) struct ProcedureInput<'a, S: Fluid = Layer> {
     /// Hydrodynamics, factored.
     pub resistance: &'a Resistance<S>,
-    /// Imposed flow.
-    pub background: &'a VelocityGradient<S>,
+    /// The incident flow.
+    pub flow: &'a IncidentFlow<S>,
     /// Roughness, friction and critical load.
     pub surface: &'a Surface,
     /// All forces except contact forces, `[3N]`.
@@ -120,7 +120,7 @@ impl<S: Fluid> ProcedureSolver<S> {
     ) -> Result<Quality, Error> {
         let ProcedureInput {
             resistance,
-            background,
+            flow,
             surface,
             forces,
         } = *input;
@@ -130,7 +130,7 @@ impl<S: Fluid> ProcedureSolver<S> {
         contacts.clear();
         let pairs = resistance.neighbours().iter();
         let pairs = pairs.filter(|pair| contact_list.contains(pair.key()));
-        contacts.extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), background)));
+        contacts.extend(pairs.map(|pair| Contact::new(*pair, resistance.radii(), flow)));
         self.problem.uses_frictionless_slip = true;
         self.problem.friction.clear();
         self.problem.normal.clear();

@@ -3,6 +3,7 @@
 pub mod bulk;
 pub mod cell;
 pub(crate) mod flow;
+pub(crate) mod incident;
 mod lattice;
 mod layer;
 pub mod modes;
@@ -17,6 +18,7 @@ use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
 pub use bulk::Bulk;
 pub use flow::VelocityGradient;
+pub use incident::{IncidentFlow, LocalFlow, Strains};
 pub use layer::Layer;
 
 /// A vector in the space or in the tangent plane of a contact, or a number where that is a line.

@@ -18,7 +18,7 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
-use crate::space::{Layer, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Strains};
 
 /// Contact problems are solved to this fraction of the far field's relative residual, so that the
 /// differences between iterates, from which the acceleration extrapolates, are not noise.
@@ -172,13 +172,13 @@ impl<S: Fluid> StageSolver<S> {
     /// workspace.
     pub fn counterforces(
         &self,
-        strain: &S::Strain,
+        strains: Strains<'_, S>,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
         stresslets: &mut Vec<S::Strain>,
     ) {
         self.resistance
-            .apply(&self.velocities, strain, work, forces, stresslets);
+            .apply(&self.velocities, strains, work, forces, stresslets);
         if let Some(far) = &self.far {
             far.correct(forces, stresslets);
         }
@@ -219,17 +219,17 @@ impl<S: Fluid> StageSolver<S> {
     /// An indefinite matrix, a far field that does not converge, velocities that are not finite.
     pub fn solve(
         &mut self,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         external: &[f64],
         contact: StageContacts<'_, S>,
         pass: SolvePass,
     ) -> Result<Quality, Error> {
         if pass == SolvePass::First {
-            self.begin(background, external, &contact)?;
+            self.begin(flow, external, &contact)?;
         }
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        let (strain, mut no_memory) = (background.strain(), ContactMemory::default());
+        let mut no_memory = ContactMemory::default();
         let is_free = matches!(contact, StageContacts::None);
         let contact = match contact {
             StageContacts::None => StageContacts::Laws {
@@ -244,7 +244,7 @@ impl<S: Fluid> StageSolver<S> {
             StageContacts::Laws { laws, span, memory } => {
                 let input = StageInput {
                     resistance,
-                    background,
+                    flow,
                     laws,
                     span,
                 };
@@ -260,8 +260,13 @@ impl<S: Fluid> StageSolver<S> {
                         changes: 0,
                         residual_at_update: f64::INFINITY,
                     };
-                    let solution =
-                        far.solve_fixed_point(resistance, &mut map, &strain, forces, velocities)?;
+                    let solution = far.solve_fixed_point(
+                        resistance,
+                        &mut map,
+                        flow.strains(),
+                        forces,
+                        velocities,
+                    )?;
                     let mut quality = map.quality;
                     if is_free {
                         far.check_converged()?;
@@ -286,7 +291,7 @@ impl<S: Fluid> StageSolver<S> {
                 let spheres = resistance.radii().len();
                 let input = ProcedureInput {
                     resistance,
-                    background,
+                    flow,
                     surface: &surface,
                     forces,
                 };
@@ -312,18 +317,18 @@ impl<S: Fluid> StageSolver<S> {
     /// including a repulsion.
     fn begin(
         &mut self,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         external: &[f64],
         contact: &StageContacts<'_, S>,
     ) -> Result<(), Error> {
         let (resistance, forces) = (&mut self.resistance, &mut self.forces);
-        resistance.background_forces(&background.strain(), forces);
+        resistance.background_forces(flow.strains(), forces);
         for (force, x) in forces.iter_mut().zip(external) {
             *force += x;
         }
         self.distant.clear();
         if let StageContacts::Laws { laws, span, .. } = contact {
-            self.distant.add(laws, resistance, background, span, forces);
+            self.distant.add(laws, resistance, flow, span, forces);
         }
         resistance.factor()
     }

@@ -26,7 +26,7 @@
 
 use crate::contact::{Contact, ContactState};
 use crate::hydrodynamics::resistance::Fluid;
-use crate::space::{Layer, Space, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Space, VelocityGradient};
 use crate::stage::StageSolver;
 use serde::{Deserialize, Serialize};
 
@@ -112,10 +112,10 @@ pub struct StressWork<S: Space = Layer> {
 
 impl<S: Fluid> StressWork<S> {
     /// Stresslets of all spheres in the motion last solved; returns v'Rv, in mu·a³·rate².
-    pub fn update(&mut self, stage: &StageSolver<S>, background: &VelocityGradient<S>) -> f64 {
-        let strain = background.strain();
+    pub fn update(&mut self, stage: &StageSolver<S>, flow: &IncidentFlow<S>) -> f64 {
+        let strains = flow.strains();
         stage.counterforces(
-            &strain,
+            strains,
             &mut self.far,
             &mut self.forces,
             &mut self.stresslets,
@@ -124,7 +124,8 @@ impl<S: Fluid> StressWork<S> {
         let strained: f64 = self
             .stresslets
             .iter()
-            .map(|s| S::strain_dot(s, &strain))
+            .enumerate()
+            .map(|(sphere, s)| S::strain_dot(s, strains.at(sphere)))
             .sum();
         work + strained
     }
@@ -135,11 +136,11 @@ impl<S: Fluid> StressWork<S> {
     pub fn stress(
         &mut self,
         stage: &StageSolver<S>,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         primary: &VelocityGradient<S>,
         content: f64,
     ) -> Stress {
-        let power = self.update(stage, background);
+        let power = self.update(stage, flow);
         let volume = S::volume(content, stage.resistance.radii());
         let mut sums = Sums {
             weights: weights(primary.rate_of_strain()),

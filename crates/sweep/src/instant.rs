@@ -213,9 +213,9 @@ pub fn configuration<S: Written>(
         cell,
         hydrodynamics,
         background: match input.background {
-            None => VelocityGradient::simple_shear(1.0),
+            None => VelocityGradient::simple_shear(1.0).into(),
             Some(flow) => match S::flow_of(flow.rate_of_strain, flow.angular_velocity) {
-                Ok(flow) => flow,
+                Ok(flow) => flow.into(),
                 Err(message) => return refuse("background.rate_of_strain", &message),
             },
         },

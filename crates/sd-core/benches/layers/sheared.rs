@@ -139,7 +139,7 @@ impl Layer {
             memory: &mut self.memory,
         };
         let solved = self.stage.solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &[],
             contact,
             SolvePass::First,
@@ -158,7 +158,7 @@ impl Layer {
             memory: &mut self.memory,
         };
         let solved = self.stage.solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &[],
             contact,
             SolvePass::Repeat,

@@ -103,7 +103,7 @@ impl Layer {
             memory: &mut self.memory,
         };
         self.solver
-            .solve(&background, &[], contact, SolvePass::First)
+            .solve(&background.into(), &[], contact, SolvePass::First)
             .ok()?;
         if number == 0 {
             self.disturbances.clear();
@@ -126,7 +126,7 @@ impl Layer {
             memory: &mut self.memory.clone(),
         };
         self.solver
-            .solve(&background, &[], contact, SolvePass::Repeat)
+            .solve(&background.into(), &[], contact, SolvePass::Repeat)
             .ok()?;
         let instant = self.viscosity();
         Some(Stage {
@@ -140,7 +140,7 @@ impl Layer {
     fn viscosity(&mut self) -> f64 {
         let stress = self.stress.stress(
             &self.solver,
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &VelocityGradient::simple_shear(1.0),
             self.side * self.side,
         );

@@ -4,7 +4,7 @@ use super::row::Row;
 use crate::law::rolling_friction;
 use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
-use crate::space::{Layer, Space, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Space};
 use serde::{Deserialize, Serialize};
 
 /// Friction state of a contact.
@@ -33,6 +33,9 @@ pub struct Contact<S: Space = Layer> {
     pub background_approach: f64,
     /// Slip velocity of the background.
     pub background_slip: S::Tangent,
+    /// Relative rotation of the background that corresponds to rolling: 0 in a linear flow, which
+    /// rotates both spheres equally.
+    pub background_spin: S::Tangent,
     /// Normal force f ≥ 0, in mu·a²·rate.
     pub normal_force: f64,
     /// Tangential force F_t, in mu·a²·rate.
@@ -59,28 +62,30 @@ pub struct Contact<S: Space = Layer> {
 
 impl<S: Space> Contact<S> {
     /// A pair without forces.
-    pub fn new(pair: Neighbours<S>, radii: &[f64], background: &VelocityGradient<S>) -> Self {
+    pub fn new(pair: Neighbours<S>, radii: &[f64], flow: &IncidentFlow<S>) -> Self {
         let levers = [
             radii[pair.i] + 0.5 * pair.gap,
             radii[pair.j] + 0.5 * pair.gap,
         ];
-        // Velocity difference of the background over the separation.
-        let difference = background.velocity(&(pair.normal * pair.distance));
+        // Velocity difference of the linear flow over the separation.
+        let linear = flow.linear();
+        let difference = linear.velocity(&(pair.normal * pair.distance));
         let directions = S::tangents(&pair.normal);
         let mut slip = S::each_tangent(0.0);
         for k in 0..S::TANGENTS {
             let turning = S::spin_dot(
                 &S::axis(&pair.normal, &directions[k]),
-                &background.angular_velocity(),
+                &linear.angular_velocity(),
             );
             slip[k] = S::dot(&directions[k], &difference) - (levers[0] + levers[1]) * turning;
         }
-        Self {
+        let mut contact = Self {
             pair,
             levers,
             slip_resistance: 0.0,
             background_approach: S::dot(&pair.normal, &difference),
             background_slip: S::tangent(&directions, &slip),
+            background_spin: S::Tangent::default(),
             normal_force: 0.0,
             tangential_force: S::Tangent::default(),
             normal_velocity: 0.0,
@@ -91,7 +96,13 @@ impl<S: Space> Contact<S> {
             rolling_sticks: false,
             friction_acts: false,
             held_load: 0.0,
+        };
+        if let Some(departures) = flow.departures() {
+            contact.background_approach += contact.normal_row().read(departures);
+            contact.background_slip += contact.read(&contact.slip_rows(), departures);
+            contact.background_spin = contact.read(&contact.rotation_rows(), departures);
         }
+        contact
     }
 
     /// The row of C: v_n without the background, from disturbance velocities.
@@ -114,12 +125,20 @@ impl<S: Space> Contact<S> {
         self.rows(|spheres, n, d| Row::rolling(spheres, n, d, 1.0))
     }
 
-    /// The rows of the rolling velocity. The background does not contribute, since it rotates both
-    /// spheres equally.
+    /// The rows of the rolling velocity, without the background.
     pub(crate) fn rolling_rows(&self) -> S::PerTangent<Row<S>> {
-        let radii = self.levers.map(|lever| lever - 0.5 * self.pair.gap);
-        let radius = rolling_friction::radius(radii);
+        let radius = self.rolling_radius();
         self.rows(|spheres, n, d| Row::rolling(spheres, n, d, radius))
+    }
+
+    /// Rolling velocity over relative rotation.
+    fn rolling_radius(&self) -> f64 {
+        rolling_friction::radius(self.levers.map(|lever| lever - 0.5 * self.pair.gap))
+    }
+
+    /// Rolling velocity of the background.
+    pub(crate) fn background_rolling(&self) -> S::Tangent {
+        self.background_spin * self.rolling_radius()
     }
 
     /// Rows along the directions, from the spheres, the line of centres and a direction.
@@ -136,6 +155,15 @@ impl<S: Space> Contact<S> {
         rows
     }
 
+    /// The vector whose components are those of rows along the directions.
+    fn read(&self, rows: &S::PerTangent<Row<S>>, velocities: &[f64]) -> S::Tangent {
+        let mut components = S::each_tangent(0.0);
+        for k in 0..S::TANGENTS {
+            components[k] = rows[k].read(velocities);
+        }
+        S::tangent(&self.directions(), &components)
+    }
+
     /// v_n for given disturbance velocities of all spheres.
     pub(crate) fn approach(&self, velocities: &[f64]) -> f64 {
         self.background_approach + self.normal_row().read(velocities)
@@ -144,17 +172,9 @@ impl<S: Space> Contact<S> {
     /// Sets the contact's velocities from disturbance velocities of all spheres.
     pub(crate) fn set_velocities(&mut self, velocities: &[f64]) {
         self.normal_velocity = self.approach(velocities);
-        let read = |rows: S::PerTangent<Row<S>>| {
-            let mut components = S::each_tangent(0.0);
-            for k in 0..S::TANGENTS {
-                components[k] = rows[k].read(velocities);
-            }
-            S::tangent(&self.directions(), &components)
-        };
-        (self.slip_velocity, self.rolling_velocity) = (
-            self.background_slip + read(self.slip_rows()),
-            read(self.rolling_rows()),
-        );
+        self.slip_velocity = self.background_slip + self.read(&self.slip_rows(), velocities);
+        let rolling = self.read(&self.rolling_rows(), velocities);
+        self.rolling_velocity = self.background_rolling() + rolling;
     }
 }
 

@@ -15,7 +15,7 @@ use super::problem::statement::{Forces, Problem};
 use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
-use crate::space::{Layer, VelocityGradient};
+use crate::space::{IncidentFlow, Layer};
 
 pub(crate) use super::problem::statement::AppliedForces;
 
@@ -24,8 +24,8 @@ pub(crate) use super::problem::statement::AppliedForces;
 pub(crate) struct StageInput<'a, S: Fluid> {
     /// Hydrodynamic resistance, factored.
     pub resistance: &'a Resistance<S>,
-    /// Imposed flow.
-    pub background: &'a VelocityGradient<S>,
+    /// The incident flow.
+    pub flow: &'a IncidentFlow<S>,
     /// Contact laws.
     pub laws: &'a Laws,
     /// Time span over which forces are implicit.

@@ -17,7 +17,7 @@ use super::laws::{Laws, Span};
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::space::{Space, VelocityGradient};
+use crate::space::{IncidentFlow, Space};
 
 /// Largest g/l at which the repulsion is included; beyond it the force is below 1e-13 F0.
 const MAX_EXPONENT: f64 = 30.0;
@@ -49,21 +49,21 @@ impl<S: Fluid> DistantForces<S> {
         &mut self,
         laws: &Laws,
         resistance: &mut Resistance<S>,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {
         if let Some(repulsion) = &laws.repulsion {
-            self.add_repulsion(repulsion, resistance, background, span, forces);
+            self.add_repulsion(repulsion, resistance, flow, span, forces);
         }
         if laws.adhesion == 0.0 {
             return;
         }
         let range = adhesion::range(laws.surface.roughness, laws.normal.is_rigid());
         for pair in resistance.neighbours() {
-            let mut contact = Contact::new(*pair, resistance.radii(), background);
+            let mut contact = Contact::new(*pair, resistance.radii(), flow);
             let gap = if laws.normal.is_rigid() {
-                span.gap(&contact, background)
+                span.gap(&contact, flow)
             } else {
                 pair.gap
             };
@@ -79,7 +79,7 @@ impl<S: Fluid> DistantForces<S> {
         &mut self,
         repulsion: &ExponentialRepulsion,
         resistance: &mut Resistance<S>,
-        background: &VelocityGradient<S>,
+        flow: &IncidentFlow<S>,
         span: &Span<'_>,
         forces: &mut [f64],
     ) {
@@ -87,7 +87,7 @@ impl<S: Fluid> DistantForces<S> {
             if pair.gap > MAX_EXPONENT * repulsion.length {
                 continue;
             }
-            let contact = Contact::new(*pair, resistance.radii(), background);
+            let contact = Contact::new(*pair, resistance.radii(), flow);
             let force = repulsion.at(pair.gap);
             let damping = span.time * force / repulsion.length;
             // f = force − damping (v_n − twice_first_approach), where v_n includes the background.

@@ -19,7 +19,7 @@ use super::contact_pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{CustomNormalLaw, FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
-use crate::space::{Space, VelocityGradient};
+use crate::space::{IncidentFlow, Space};
 
 /// β: fraction of the overlap of rigid contacts that is corrected within one time span.
 pub const OVERLAP_CORRECTION: f64 = 0.2;
@@ -334,11 +334,7 @@ impl Span<'_> {
     /// The gap that enters the contact law: the gap of the stage, at the second stage with the
     /// correction for the motion of the first, and at the midpoint the gap at the start of the
     /// step.
-    pub(super) fn gap<S: Space>(
-        &self,
-        contact: &Contact<S>,
-        background: &VelocityGradient<S>,
-    ) -> f64 {
+    pub(super) fn gap<S: Space>(&self, contact: &Contact<S>, flow: &IncidentFlow<S>) -> f64 {
         let pair = &contact.pair;
         match self.kind {
             StageKind::Single | StageKind::First => pair.gap,
@@ -347,7 +343,7 @@ impl Span<'_> {
                 let first = S::by_sphere(self.first);
                 let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
                 let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
-                let start = background.advect_backward(&drifted, half);
+                let start = flow.advect_backward(&drifted, half, [pair.i, pair.j]);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
             StageKind::Second => pair.gap - self.time * self.twice_first_approach(contact),

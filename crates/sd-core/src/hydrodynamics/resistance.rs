@@ -34,10 +34,10 @@ mod tables;
 use crate::error::Error;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::model::Hydrodynamics;
-use crate::space::Layer;
 use crate::space::cell::{Cell, LUBRICATION_RANGE};
 use crate::space::neighbours::NeighbourList;
 use crate::space::pair::{Neighbours, PairKey};
+use crate::space::{Layer, Strains};
 use dense::DenseResistance;
 use far_pairs::FarPairs;
 pub(crate) use fluid::Fluid;
@@ -354,13 +354,13 @@ impl<S: Fluid> Resistance<S> {
             .slip_resistance([pair.i, pair.j], &self.radii, gap)
     }
 
-    /// Forces `R_FE e` with which the background strain `(e1, e2, e3)` drives the spheres, `[3N]`.
-    pub fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
+    /// Forces `R_FE e` with which the incident strains drive the spheres, `[3N]`.
+    pub fn background_forces(&mut self, strains: Strains<'_, S>, forces: &mut [f64]) {
         match &mut self.form {
-            Form::Dense(dense) => dense.background_forces(strain, forces),
+            Form::Dense(dense) => dense.background_forces(strains, forces),
             Form::Pairwise(_) => forces.fill(0.0),
         }
-        pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strain, forces);
+        pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strains, forces);
     }
 
     /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of
@@ -370,7 +370,7 @@ impl<S: Fluid> Resistance<S> {
     pub fn apply(
         &self,
         velocities: &[f64],
-        strain: &S::Strain,
+        strains: Strains<'_, S>,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
         stresslets: &mut Vec<S::Strain>,
@@ -378,13 +378,13 @@ impl<S: Fluid> Resistance<S> {
         forces.clear();
         stresslets.clear();
         match &self.form {
-            Form::Dense(dense) => dense.apply(velocities, strain, work, forces, stresslets),
+            Form::Dense(dense) => dense.apply(velocities, strains, work, forces, stresslets),
             Form::Pairwise(_) => {
-                dense::add_isolated::<S>(&self.radii, velocities, strain, forces, stresslets);
+                dense::add_isolated::<S>(&self.radii, velocities, strains, forces, stresslets);
             }
         }
         let (pairs, terms) = (self.neighbours.pairs(), &self.terms);
-        pair_terms::add_counterforces(pairs, terms, velocities, strain, forces, stresslets);
+        pair_terms::add_counterforces(pairs, terms, velocities, strains, forces, stresslets);
     }
 }
 

@@ -193,7 +193,7 @@ impl<S: RunSpace> Simulation<S> {
 ///     radii: vec![1.0],
 ///     cell: Cell::Unbounded,
 ///     hydrodynamics: Hydrodynamics::StokesianDynamics,
-///     background: VelocityGradient::simple_shear(1.0),
+///     background: VelocityGradient::simple_shear(1.0).into(),
 ///     forces: vec![Vec2::new(0.0, 0.0)],
 ///     torques: vec![0.0],
 /// };

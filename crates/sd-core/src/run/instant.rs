@@ -13,7 +13,7 @@ use crate::model::{ContactScheme, DEEPEST_OVERLAP, Hydrodynamics, Params, Solver
 use crate::procedure::ContactList;
 use crate::space::cell::Cell;
 use crate::space::modes::strain_tensor;
-use crate::space::{Layer, Space, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Space};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::{Stress, StressWork};
 
@@ -28,8 +28,8 @@ pub struct Configuration<S: Space = Layer> {
     pub cell: Cell<S>,
     /// Hydrodynamics.
     pub hydrodynamics: Hydrodynamics,
-    /// Imposed flow.
-    pub background: VelocityGradient<S>,
+    /// Incident flow.
+    pub background: IncidentFlow<S>,
     /// External forces, in mu·a²·rate; one per centre. In the cell of a suspension the mean flow of
     /// spheres and fluid is zero. On a periodic layer in full Stokesian Dynamics they must sum to
     /// zero.
@@ -132,7 +132,7 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub disturbances: Vec<S::PerMode<f64>>,
     /// Stresslets S of (20) of each sphere by their components, in mu·a³·rate.
     pub stresslets: Vec<S::Strain>,
-    /// Bulk stress; `None` in unbounded fluid.
+    /// Bulk stress; `None` in unbounded fluid. The viscosity is the resistance to the linear flow.
     pub stress: Option<Stress>,
     /// All candidate pairs.
     pub contacts: Vec<Contact<S>>,
@@ -172,7 +172,7 @@ impl<S: Space> SolvedConfiguration<S> {
 /// Solves the motion under a contact problem, at the current positions.
 fn move_under<S: Fluid>(
     stage: &mut StageSolver<S>,
-    background: &VelocityGradient<S>,
+    background: &IncidentFlow<S>,
     external: &[f64],
     request: &InstantContacts<S>,
 ) -> Result<(), Error> {
@@ -307,7 +307,7 @@ pub(super) fn solve_with<S: Fluid>(
     let mut work = StressWork::default();
     let contacts = stage.contacts.list.clone();
     let stress = if let Some(area) = cell.content() {
-        Some(work.stress(&stage, background, background, area))
+        Some(work.stress(&stage, background, background.linear(), area))
     } else {
         work.update(&stage, background);
         None
@@ -344,7 +344,6 @@ fn check<S: Space>(configuration: &Configuration<S>) -> Result<(), Error> {
     };
     let still = vec![S::Spin::default(); configuration.centres.len()];
     let drawn = vec![S::Vector::default(); configuration.centres.len()];
-    let flow = configuration.background.numbers();
     check_lists(
         configuration.centres.len(),
         [
@@ -353,13 +352,15 @@ fn check<S: Space>(configuration: &Configuration<S>) -> Result<(), Error> {
             ("torques", configuration.torques.len()),
         ],
     )?;
+    configuration
+        .background
+        .check(configuration.centres.len())?;
     check_numbers(
         configuration.hydrodynamics,
         [
             ("centres", joined(&configuration.centres, &still)),
             ("forces", joined(&configuration.forces, &still)),
             ("torques", joined(&drawn, &configuration.torques)),
-            ("background", flow),
         ],
         &configuration.radii,
     )
@@ -385,7 +386,7 @@ fn check_lists(spheres: usize, lists: [(&'static str, usize); 3]) -> Result<(), 
 /// Refuses parameters of the hydrodynamics, numbers or radii out of range.
 fn check_numbers(
     hydrodynamics: Hydrodynamics,
-    groups: [(&'static str, Vec<f64>); 4],
+    groups: [(&'static str, Vec<f64>); 3],
     radii: &[f64],
 ) -> Result<(), Error> {
     if let Some(numbers) = hydrodynamics.leading_order() {
@@ -458,7 +459,7 @@ fn listed_pairs<S: Fluid>(
 mod tests {
     use super::*;
     use crate::model::{ContactLaws, StiffnessUnit, TangentialLaw};
-    use crate::space::Bulk;
+    use crate::space::{Bulk, VelocityGradient};
     use nalgebra::Vector3;
 
     /// A sheared cell of spheres on a disordered lattice, at φ = 0.35.
@@ -477,7 +478,7 @@ mod tests {
             radii: vec![1.0; n],
             cell: Cell::periodic(Vector3::repeat(4.0 * side), side).unwrap(),
             hydrodynamics,
-            background: VelocityGradient::simple_shear(1.0),
+            background: VelocityGradient::simple_shear(1.0).into(),
             forces: (0..n)
                 .map(|k| Vector3::new((0.7 * k as f64).sin(), 0.3, -0.1))
                 .collect(),

@@ -138,7 +138,7 @@ pub fn pass_while(
                 let positions = centres(coordinates, contact);
                 motion.assemble(&cell, &positions)?;
                 motion.solve(
-                    &VelocityGradient::at_rest(),
+                    &VelocityGradient::at_rest().into(),
                     &external,
                     contact_law,
                     SolvePass::First,

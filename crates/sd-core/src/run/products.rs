@@ -5,8 +5,9 @@
 //! (U, Ω, −E) = M (F, T, S~)     Mobility: the far field of all spheres, without lubrication
 //! (F, T) = R (U, Ω), E = 0      Resistance: lubrication included; spheres under forces move by R⁻¹ (F, T)
 //! ```
-//! The fluid is at rest but for the spheres; [`crate::instant::solve`] has a background flow and
-//! contacts. M and R are symmetric and positive definite.
+//! The fluid is at rest but for the spheres, unless [`Resistance::set_flow`] puts them into an
+//! incident flow; [`crate::instant::solve`] has contacts too. M and R are symmetric and positive
+//! definite.
 //!
 //! # Vectors
 //! A vector is one list of numbers, sphere by sphere:
@@ -37,7 +38,7 @@ use crate::hydrodynamics::resistance::{FarProduct as _, Fluid, NearFields, NearT
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
-use crate::space::{Layer, Space, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 
 /// The mobility of all force modes of the spheres of a periodic cell: forces, torques and
@@ -214,6 +215,7 @@ pub struct Resistance<S: Fluid = Layer> {
     cell: Cell<S>,
     centres: Vec<S::Vector>,
     stresslets: Vec<S::Strain>,
+    flow: IncidentFlow<S>,
     /// Modes of the far field, strains first.
     modes: Vec<f64>,
     work: Vec<f64>,
@@ -270,6 +272,7 @@ impl<S: Fluid> Resistance<S> {
             cell: *cell,
             centres: centres.to_vec(),
             stresslets: vec![S::Strain::default(); radii.len()],
+            flow: VelocityGradient::at_rest().into(),
             modes: Vec::new(),
             work: Vec::new(),
             forces: Vec::new(),
@@ -298,6 +301,19 @@ impl<S: Fluid> Resistance<S> {
         Ok(())
     }
 
+    /// Puts the spheres into an incident flow. The velocities of [`Resistance::apply`] and
+    /// [`Resistance::solve`] are then disturbances, relative to [`IncidentFlow::at`], and their
+    /// forces and stresslets those of `R (U − u∞, Ω − Ω∞, −E∞)`. At first the fluid is at rest.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for departures at another number of spheres; [`Error::OutOfRange`] for a
+    /// number that is not finite.
+    pub fn set_flow(&mut self, flow: IncidentFlow<S>) -> Result<(), Error> {
+        flow.check(self.centres.len())?;
+        self.flow = flow;
+        Ok(())
+    }
+
     /// Forces and torques from velocities and angular velocities, in the order of the
     /// [module](self).
     ///
@@ -308,9 +324,10 @@ impl<S: Fluid> Resistance<S> {
         check_lengths(forces, velocities, S::MODES, self.centres.len())?;
         check_numbers("velocities", velocities, S::MODES)?;
         let near = &self.stage.resistance;
+        let incident = self.flow.strains();
         near.apply(
             velocities,
-            &S::Strain::default(),
+            incident,
             &mut self.work,
             &mut self.forces,
             &mut self.stresslets,
@@ -323,7 +340,10 @@ impl<S: Fluid> Resistance<S> {
         // these give way to the far field itself.
         let strains = S::STRAINS * self.centres.len();
         self.modes.clear();
-        self.modes.resize(strains, 0.0);
+        for sphere in 0..self.centres.len() {
+            let strain = incident.at(sphere);
+            self.modes.extend((0..S::STRAINS).map(|k| -strain[k]));
+        }
         self.modes.extend_from_slice(velocities);
         let far = self.inverse.solve(operator, &self.modes, self.residual)?;
         let near = &self.stage.resistance;
@@ -331,7 +351,8 @@ impl<S: Fluid> Resistance<S> {
         for (pair, term) in near.far_pairs() {
             let (i, j) = (pair.i, pair.j);
             let both = [motions[i], motions[j]];
-            let (force, stresslet) = term.counterforces(&pair.normal, &both, &S::Strain::default());
+            let strains = [incident.at(i), incident.at(j)];
+            let (force, stresslet) = term.counterforces(&pair.normal, &both, strains);
             for (sphere, k) in [(i, 0), (j, 1)] {
                 for m in 0..S::MODES {
                     of_spheres[sphere][m] -= force[k][m];
@@ -340,18 +361,15 @@ impl<S: Fluid> Resistance<S> {
             }
         }
         let (far_stresslets, far_forces) = far.split_at(strains);
-        let spheres = of_spheres.iter_mut().zip(S::by_sphere(far_forces));
-        let alone = near.radii().iter().zip(motions);
-        for ((force, far), (&radius, motion)) in spheres.zip(alone) {
-            let drag = S::isolated(radius).0;
+        let far_forces = S::by_sphere(far_forces);
+        for (sphere, &radius) in near.radii().iter().enumerate() {
+            let (drag, of_strain) = S::isolated(radius);
             for m in 0..S::MODES {
-                force[m] += far[m] - drag[m] * motion[m];
+                of_spheres[sphere][m] += far_forces[sphere][m] - drag[m] * motions[sphere][m];
             }
-        }
-        let stresslets = far_stresslets.chunks_exact(S::STRAINS);
-        for (stresslet, far) in self.stresslets.iter_mut().zip(stresslets) {
-            for (k, far) in far.iter().enumerate() {
-                stresslet[k] -= far;
+            let (far, strain) = (&far_stresslets[S::STRAINS * sphere..], incident.at(sphere));
+            for k in 0..S::STRAINS {
+                self.stresslets[sphere][k] -= far[k] + of_strain * strain[k];
             }
         }
         Ok(())
@@ -370,12 +388,11 @@ impl<S: Fluid> Resistance<S> {
         // The result depends on positions and forces alone, not on earlier solves.
         self.stage.begin_step();
         self.stage.start_far_field_from(&[]);
-        let at_rest = VelocityGradient::<S>::simple_shear(0.0);
         self.stage
-            .solve(&at_rest, forces, StageContacts::None, SolvePass::First)?;
+            .solve(&self.flow, forces, StageContacts::None, SolvePass::First)?;
         velocities.copy_from_slice(self.stage.velocities());
         self.stage.counterforces(
-            &S::Strain::default(),
+            self.flow.strains(),
             &mut self.work,
             &mut self.forces,
             &mut self.stresslets,

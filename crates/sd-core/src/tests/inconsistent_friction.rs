@@ -53,7 +53,7 @@ fn held_friction_bounds_end_the_iteration_of_the_far_field() {
     };
     let quality = stage
         .solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &[],
             contact,
             SolvePass::First,

@@ -11,7 +11,7 @@ use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::cell::Cell;
 use crate::space::modes::{Vec2, strain_tensor};
-use crate::space::{Layer, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, Strains, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::StressWork;
 use crate::{
@@ -74,7 +74,7 @@ fn driven(
     near.update(cell, centres).unwrap();
     let mut forces = vec![0.0; external.len()];
     near.background_forces(
-        &VelocityGradient::<Layer>::simple_shear(1.0).strain(),
+        Strains::Uniform(VelocityGradient::<Layer>::simple_shear(1.0).strain()),
         &mut forces,
     );
     add_scaled(&mut forces, external, 1.0);
@@ -142,7 +142,7 @@ impl FixedPointMap for Free<'_> {
         v_t.fill(0.0);
         let input = StageInput {
             resistance: self.near,
-            background: &VelocityGradient::simple_shear(1.0),
+            flow: &VelocityGradient::simple_shear(1.0).into(),
             laws: &Laws::NONE,
             span: Span::single(1.0),
         };
@@ -163,7 +163,7 @@ fn linear_motion_is_that_of_the_dense_far_field() {
         let (cell, centres, radii) = sheared(&params(60, size_ratio));
         let external = external(60);
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = VelocityGradient::simple_shear(1.0);
+        let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
         let free = |stage: &mut StageSolver| {
             stage.assemble(&cell, &centres).unwrap();
             let free = StageContacts::None;
@@ -191,17 +191,24 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             // The forces of the fluid balance those on the spheres: pair by pair to the tolerance
             // of the near part's solver, and by its factor to rounding.
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-            stage.counterforces(&shear.strain(), &mut work, &mut counter, &mut stresslets);
+            stage.counterforces(shear.strains(), &mut work, &mut counter, &mut stresslets);
             let error = relative_difference(&external, &counter);
             assert!(error < 1e-9, "{size_ratio}: balance {error:e}");
             let (near, forces) = near_factored(&cell, &centres, &radii, &external);
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
-            let (mut v, strain) = (vec![0.0; 180], shear.strain());
+            let (mut v, strain) = (vec![0.0; 180], shear.linear().strain());
             let free = &mut Free::new(&near);
-            let found = far.solve_fixed_point(&near, free, &strain, &forces, &mut v);
+            let found =
+                far.solve_fixed_point(&near, free, Strains::Uniform(strain), &forces, &mut v);
             assert!(found.unwrap().converged);
-            near.apply(&v, &strain, &mut work, &mut counter, &mut stresslets);
+            near.apply(
+                &v,
+                Strains::Uniform(strain),
+                &mut work,
+                &mut counter,
+                &mut stresslets,
+            );
             far.correct(&mut counter, &mut stresslets);
             let error = relative_difference(&external, &counter);
             assert!(error < 1e-12, "{size_ratio}: balance {error:e}");
@@ -232,7 +239,13 @@ fn solves_repeat_their_bits_and_refuse_bad_input() {
     let mut solve = |forces: &[f64]| {
         far.reset();
         let mut v = vec![0.0; 120];
-        let found = far.solve_fixed_point(&near, &mut Free::new(&near), &strain, forces, &mut v);
+        let found = far.solve_fixed_point(
+            &near,
+            &mut Free::new(&near),
+            Strains::Uniform(strain),
+            forces,
+            &mut v,
+        );
         found.map(|found| (found, v))
     };
     assert_eq!(solve(&forces).unwrap(), solve(&forces).unwrap());
@@ -246,7 +259,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         let (cell, centres, radii) = sheared(&params(spheres, 1.0));
         let external = vec![0.0; 3 * spheres];
         let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = VelocityGradient::simple_shear(1.0);
+        let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
         let surface = Surface {
             roughness: 0.01,
             friction,
@@ -265,7 +278,7 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
         assert!(quality.converged(), "{quality:?}");
         let area = cell.content().unwrap();
         let list = &dense.contacts.list;
-        let expected = StressWork::default().stress(&dense, &shear, &shear, area);
+        let expected = StressWork::default().stress(&dense, &shear, shear.linear(), area);
         let count = |state| {
             list.iter()
                 .filter(|c| c.normal_force > 0.0 && c.state == state)
@@ -277,17 +290,29 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             "{counts:?}"
         );
         let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-        let strain = shear.strain();
+        let strain = shear.linear().strain();
         for residual in [1e-4, 1e-6, 1e-7] {
             let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
             far.update(&cell, &centres).unwrap();
             let mut contacts = DenseContacts::new(&near, &surface, time_span);
             let mut v = vec![0.0; 3 * spheres];
-            let found = far.solve_fixed_point(&near, &mut contacts, &strain, &forces, &mut v);
+            let found = far.solve_fixed_point(
+                &near,
+                &mut contacts,
+                Strains::Uniform(strain),
+                &forces,
+                &mut v,
+            );
             assert!(found.unwrap().residual <= residual);
             let error = relative_difference(dense.velocities(), &v);
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-            near.apply(&v, &strain, &mut work, &mut counter, &mut stresslets);
+            near.apply(
+                &v,
+                Strains::Uniform(strain),
+                &mut work,
+                &mut counter,
+                &mut stresslets,
+            );
             far.correct(&mut counter, &mut stresslets);
             let hydrodynamic: f64 = stresslets.iter().map(|s| strain_tensor(s).2).sum();
             let viscosity = 1.0 + (hydrodynamic + contacts.shear_stress()) / (2.0 * area);
@@ -341,13 +366,14 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
     let external = external(40);
     let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
     dense.assemble(&cell, &centres).unwrap();
-    let (shear, free) = (VelocityGradient::simple_shear(1.0), StageContacts::None);
+    let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
+    let free = StageContacts::None;
     dense
         .solve(&shear, &external, free, SolvePass::First)
         .unwrap();
     let settled = dense.velocities();
     let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-    let strain = shear.strain();
+    let strain = shear.linear().strain();
     let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
     far.update(&cell, &centres).unwrap();
     let mut v = vec![0.0; 120];
@@ -358,7 +384,7 @@ fn unconverged_contacts_give_the_best_motion_with_a_flag() {
             size,
             settles,
         };
-        far.solve_fixed_point(&near, &mut map, &strain, &forces, v)
+        far.solve_fixed_point(&near, &mut map, Strains::Uniform(strain), &forces, v)
     };
     assert!(solve(0.0, false, &mut v).unwrap().converged);
     assert!(relative_difference(settled, &v) < 3e-6);
@@ -385,8 +411,13 @@ fn near_pairs_of_the_far_field_halve_the_evaluations() {
             let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
             far.update(&cell, &centres).unwrap();
             let mut v = vec![0.0; 450];
-            let found =
-                far.solve_fixed_point(&near, &mut Free::new(&near), &strain, &forces, &mut v);
+            let found = far.solve_fixed_point(
+                &near,
+                &mut Free::new(&near),
+                Strains::Uniform(strain),
+                &forces,
+                &mut v,
+            );
             (found.unwrap().evaluations, v)
         });
     assert!(3 * with.0 < 2 * without.0, "{} {}", with.0, without.0);
@@ -426,7 +457,7 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
                 };
                 let quality = stage
                     .solve(
-                        &VelocityGradient::simple_shear(1.0),
+                        &VelocityGradient::simple_shear(1.0).into(),
                         &[],
                         contact,
                         SolvePass::First,
@@ -478,7 +509,7 @@ fn frictionless_spheres_far_apart_move_as_under_the_dense_far_field() {
         };
         let quality = stage
             .solve(
-                &VelocityGradient::simple_shear(1.0),
+                &VelocityGradient::simple_shear(1.0).into(),
                 &[],
                 contact,
                 SolvePass::First,
@@ -532,7 +563,7 @@ fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
         };
         let quality = stage
             .solve(
-                &VelocityGradient::simple_shear(1.0),
+                &VelocityGradient::simple_shear(1.0).into(),
                 &[],
                 contact,
                 SolvePass::First,

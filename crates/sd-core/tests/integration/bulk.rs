@@ -54,7 +54,7 @@ fn sheared(
         radii: vec![1.0; n],
         cell: *cell,
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     }
@@ -122,7 +122,8 @@ fn instants_agree_with_an_independent_program() {
                 let e = |name: &str| instant["rate_of_strain"][name].as_f64().unwrap();
                 let spin = Vector3::from_column_slice(&numbers(&instant["angular_velocity"]));
                 configuration.background =
-                    VelocityGradient::from_parts(&["xx", "yy", "xy", "xz", "yz"].map(e), &spin);
+                    VelocityGradient::from_parts(&["xx", "yy", "xy", "xz", "yz"].map(e), &spin)
+                        .into();
                 configuration.forces = vectors(&instant["forces"]);
                 configuration.torques = vectors(&instant["torques"]);
             }
@@ -189,9 +190,9 @@ fn lattices_near_contact_have_their_exact_slopes() {
         let viscosities = |xi: f64| {
             let (cell, centres) = lattice_of_side(name, side * (2.0 + xi));
             let mut configuration = sheared(centres, &cell, Hydrodynamics::BallMelrose);
-            let spin = configuration.background.angular_velocity();
+            let spin = configuration.background.linear().angular_velocity();
             configuration.background =
-                VelocityGradient::from_parts(&[0.5, -0.5, 0.5, 0.0, 0.0], &spin);
+                VelocityGradient::from_parts(&[0.5, -0.5, 0.5, 0.0, 0.0], &spin).into();
             let solved = solve(&configuration, &NearFields::default()).unwrap();
             let s = solved.stresslets[0];
             let density = configuration.centres.len() as f64 / cell.content().unwrap();
@@ -223,9 +224,9 @@ fn drags_and_viscosities_of_cubic_lattices_agree_with_an_independent_program() {
         // By the symmetry of the lattice both strains and the force decouple: one solution contains
         // all three.
         let (axes, diagonal) = (0.5, 0.3);
-        let spin = configuration.background.angular_velocity();
+        let spin = configuration.background.linear().angular_velocity();
         configuration.background =
-            VelocityGradient::from_parts(&[diagonal, -diagonal, axes, 0.0, 0.0], &spin);
+            VelocityGradient::from_parts(&[diagonal, -diagonal, axes, 0.0, 0.0], &spin).into();
         configuration.forces.fill(Vector3::x());
         let solved = solve(&configuration, &NearFields::default()).unwrap();
         let s = solved.stresslets[0];
@@ -274,7 +275,8 @@ fn cluster(hydrodynamics: Hydrodynamics) -> Configuration {
         radii: vec![1.0, 1.0, 1.4, 1.0],
         cell: Cell::Unbounded,
         hydrodynamics,
-        background: VelocityGradient::from_parts(&[0.3, -0.5, 0.2, -0.4, 0.6], &Vector3::zeros()),
+        background: VelocityGradient::from_parts(&[0.3, -0.5, 0.2, -0.4, 0.6], &Vector3::zeros())
+            .into(),
         forces: forces.map(Vector3::from).to_vec(),
         torques: torques.map(Vector3::from).to_vec(),
     }
@@ -288,10 +290,10 @@ fn turned(configuration: &Configuration, turn: &Matrix3<f64>) -> f64 {
             *x = turn * *x;
         }
     }
-    let rows = [0, 1, 2].map(|k| other.background.rows()[k].transpose());
+    let rows = [0, 1, 2].map(|k| other.background.linear().rows()[k].transpose());
     let gradient = turn * Matrix3::from_rows(&rows) * turn.transpose();
     let rows = [0, 1, 2].map(|k| gradient.row(k).transpose());
-    other.background = VelocityGradient::new(&rows).unwrap();
+    other.background = VelocityGradient::new(&rows).unwrap().into();
     let tables = NearFields::default();
     let (a, b) = (
         solve(configuration, &tables).unwrap(),
@@ -360,7 +362,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
                 radii: radii.clone(),
                 cell: sd_core::cell::Cell::Unbounded,
                 hydrodynamics,
-                background: VelocityGradient::simple_shear(1.0),
+                background: VelocityGradient::simple_shear(1.0).into(),
                 forces: forces.map(Vec2::from).to_vec(),
                 torques: torques.to_vec(),
             },
@@ -375,7 +377,7 @@ fn centres_in_a_plane_move_as_in_the_layer() {
                 radii,
                 cell: Cell::Unbounded,
                 hydrodynamics,
-                background: VelocityGradient::simple_shear(1.0),
+                background: VelocityGradient::simple_shear(1.0).into(),
                 forces: forces.iter().map(flat).collect(),
                 torques: torques.iter().map(|&t| Vector3::new(0.0, 0.0, t)).collect(),
             },

@@ -3,6 +3,7 @@
 pub(crate) mod data;
 pub(crate) mod resumed;
 pub(crate) mod schemes;
+pub(crate) mod spheres;
 
 use sd_core::{ContactScheme, Hydrodynamics, Params, TangentialLaw};
 

@@ -70,7 +70,7 @@ fn pair(gap: f64, push: f64, shear: f64) -> Configuration {
         radii: vec![1.0, 1.4],
         cell: Cell::Unbounded,
         hydrodynamics: Hydrodynamics::StokesianDynamics,
-        background: VelocityGradient::at_rest(),
+        background: VelocityGradient::at_rest().into(),
         forces: vec![force, -force],
         torques: vec![0.0; 2],
     }

@@ -159,7 +159,9 @@ fn a_step_is_the_instant_of_its_configuration_and_flow() {
                     .and_then(|cell| cell.with_cross_offset(sheared))
                     .unwrap(),
                 hydrodynamics,
-                background: VelocityGradient::simple_shear(1.0).with_cross_shear(rate),
+                background: VelocityGradient::simple_shear(1.0)
+                    .with_cross_shear(rate)
+                    .into(),
                 forces: vec![Vector3::zeros(); 40],
                 torques: vec![Vector3::zeros(); 40],
             };
@@ -318,7 +320,9 @@ fn touching(hydrodynamics: Hydrodynamics) -> Configuration<Bulk> {
             .and_then(|cell| cell.with_cross_offset(-2.1))
             .unwrap(),
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0).with_cross_shear(0.7),
+        background: VelocityGradient::simple_shear(1.0)
+            .with_cross_shear(0.7)
+            .into(),
         forces: (0..64)
             .map(|k| Vector3::new(wave(k, 0.7), 0.3, -0.1))
             .collect(),
@@ -335,14 +339,14 @@ fn exchanged(configuration: &Configuration<Bulk>) -> Configuration<Bulk> {
     let lattice = configuration.cell.lattice().unwrap();
     let sides = Vector3::from_column_slice(lattice.lengths());
     let (offset, cross_offset) = (lattice.offset(), lattice.cross_offset());
-    let flow = configuration.background;
+    let flow = configuration.background.linear();
     let [x, y, z] = [2, 1, 0].map(|k| swap(&flow.rows()[k]));
     Configuration {
         centres: configuration.centres.iter().map(swap).collect(),
         cell: Cell::periodic(swap(&sides), cross_offset)
             .and_then(|cell| cell.with_cross_offset(offset))
             .unwrap(),
-        background: VelocityGradient::new(&[x, y, z]).unwrap(),
+        background: VelocityGradient::new(&[x, y, z]).unwrap().into(),
         forces: configuration.forces.iter().map(swap).collect(),
         torques: configuration.torques.iter().map(|t| -swap(t)).collect(),
         ..configuration.clone()
@@ -375,14 +379,14 @@ fn flow_and_vorticity_may_be_exchanged() {
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
         let mut configuration = touching(hydrodynamics);
         for flow in [
-            configuration.background,
+            *configuration.background.linear(),
             // With images shifted along one axis only, that of the flow.
             VelocityGradient::simple_shear(1.0),
         ] {
             if flow == VelocityGradient::simple_shear(1.0) {
                 configuration.cell = configuration.cell.with_cross_offset(0.0).unwrap();
             }
-            configuration.background = flow;
+            configuration.background = flow.into();
             let [a, b] = [configuration.clone(), exchanged(&configuration)]
                 .map(|configuration| solved(&configuration));
             for (v, w) in a.disturbances.iter().zip(&b.disturbances) {

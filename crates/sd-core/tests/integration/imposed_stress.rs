@@ -191,7 +191,7 @@ fn instant(params: &Params, snapshot: &Snapshot, sample: &Sample) -> f64 {
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, sample.strain * snapshot.side).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

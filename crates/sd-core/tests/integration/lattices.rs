@@ -31,7 +31,8 @@ fn recorded(instant: &Value, hydrodynamics: Hydrodynamics) -> Configuration<Bulk
         background: VelocityGradient::from_parts(
             &["xx", "yy", "xy", "xz", "yz"].map(e),
             &Vector3::from_column_slice(&numbers(&instant["angular_velocity"])),
-        ),
+        )
+        .into(),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     }
@@ -149,7 +150,7 @@ fn suspension(count: u32, hydrodynamics: Hydrodynamics) -> Configuration<Bulk> {
             .and_then(|cell| cell.with_cross_offset(-0.7 * side))
             .unwrap(),
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: (0..n)
             .map(|k| Vector3::new((0.7 * k as f64).sin(), 0.3, -0.1))
             .collect(),
@@ -173,7 +174,7 @@ fn layer(count: u32, hydrodynamics: Hydrodynamics) -> Configuration {
         radii: (0..n).map(|k| if k % 3 == 0 { 1.1 } else { 1.0 }).collect(),
         cell: Cell::periodic(Vector2::repeat(f64::from(count) * side), 1.1 * side).unwrap(),
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         // In pairs of opposite ones: the fluid around a layer bears no net force.
         forces: (0..n)
             .map(|k| {

@@ -47,7 +47,7 @@ fn configuration(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Configura
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     }
@@ -312,7 +312,7 @@ fn shear(start: &start::Start, state: State, from: f64, dt: f64, steps: u32) -> 
         integrator
             .step(&mut state, time, dt, |stage, centres, velocities| {
                 motion.assemble(&cell(stage.time), centres)?;
-                motion.solve(&shear, &[], StageContacts::None, SolvePass::First)?;
+                motion.solve(&shear.into(), &[], StageContacts::None, SolvePass::First)?;
                 velocities.copy_from_slice(motion.velocities());
                 for (u, &x) in velocities.chunks_exact_mut(3).zip(centres) {
                     u[0] += shear.velocity(&x).x;
@@ -432,7 +432,7 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
         radii: vec![1.0; 2],
         cell: Cell::Unbounded,
         hydrodynamics: Hydrodynamics::StokesianDynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); 2],
         torques: vec![0.0; 2],
     };

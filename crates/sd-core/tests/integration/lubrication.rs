@@ -8,7 +8,7 @@ use sd_core::internals::Resistance;
 use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Error, Flow, FrictionOnset, Hydrodynamics, LeadingOrder,
-    NearFields, NormalLaw, Params, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
+    NearFields, NormalLaw, Params, Simulation, Snapshot, StiffnessUnit, Strains, TangentialLaw,
     VelocityGradient,
 };
 use serde_json::Value;
@@ -45,7 +45,7 @@ fn layer_of(case: &Value) -> Configuration {
             cutoff: number(&case["cutoff_gap"]),
             regularisation: number(&case["regularisation"]),
         }),
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     }
@@ -158,7 +158,13 @@ fn resistance_is_symmetric_and_positive_definite_where_spheres_overlap() {
         // strain.
         let form = |(v, e): &(Vec<f64>, Vector3<f64>), (w, strain): &(Vec<f64>, Vector3<f64>)| {
             let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-            resistance.apply(w, strain, &mut work, &mut forces, &mut stresslets);
+            resistance.apply(
+                w,
+                Strains::Uniform(*strain),
+                &mut work,
+                &mut forces,
+                &mut stresslets,
+            );
             let moved: f64 = v.iter().zip(&forces).map(|(v, f)| v * f).sum();
             let strained: f64 = stresslets.iter().map(|s| s.dot(e)).sum();
             moved + strained
@@ -247,7 +253,7 @@ fn instant(params: &Params, snapshot: &Snapshot) -> (SolvedConfiguration, f64) {
         radii: snapshot.radii.clone(),
         cell,
         hydrodynamics: params.hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

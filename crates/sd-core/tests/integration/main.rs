@@ -10,6 +10,7 @@ mod contact_problems;
 mod cross_shear;
 mod examples;
 mod imposed_stress;
+mod incident_flow;
 mod interrupted;
 mod lattices;
 mod layer;

@@ -18,7 +18,7 @@ use sd_core::modes::Vec2;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{
     ContactLaws, ContactScheme, Error, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields,
-    NormalLaw, Params, Simulation, Snapshot, TangentialLaw, VelocityGradient,
+    NormalLaw, Params, Simulation, Snapshot, Strains, TangentialLaw, VelocityGradient,
 };
 
 /// Minimum number of spheres for pairwise storage.
@@ -125,7 +125,7 @@ fn stage_under(
     };
     let quality = stage
         .solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &[],
             contact,
             SolvePass::First,
@@ -344,7 +344,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         let torques: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
         stage.assemble(&layer.cell, &layer.centres).unwrap();
         let solved = stage.solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &torques,
             StageContacts::None,
             SolvePass::First,
@@ -356,10 +356,10 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }
     let (mut forces, mut stresslets, mut work) = (Vec::new(), Vec::new(), Vec::new());
-    let (v, strain) = (dense.velocities(), nalgebra::Vector3::zeros());
+    let v = dense.velocities();
     dense
         .resistance
-        .apply(v, &strain, &mut work, &mut forces, &mut stresslets);
+        .apply(v, Strains::none(), &mut work, &mut forces, &mut stresslets);
     let mut product = vec![0.0; 300];
     let pairwise = pairwise.resistance.pairwise().unwrap();
     pairwise.apply(v, &mut product);
@@ -383,7 +383,7 @@ fn an_iterated_far_field_refuses_the_procedure() {
         contact_list: &mut ContactList::default(),
     };
     let solved = stage.solve(
-        &VelocityGradient::simple_shear(1.0),
+        &VelocityGradient::simple_shear(1.0).into(),
         &[],
         contact,
         SolvePass::First,
@@ -487,7 +487,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
     let strain = VelocityGradient::<sd_core::Layer>::simple_shear(1.0).strain();
     stage.resistance.apply(
         stage.velocities(),
-        &strain,
+        Strains::Uniform(strain),
         &mut work,
         &mut forces,
         &mut stresslets,

@@ -207,7 +207,7 @@ impl Record {
             },
         };
         let quality = stage.solve(
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &[],
             contact,
             SolvePass::First,
@@ -215,7 +215,7 @@ impl Record {
         let area = self.side * self.side;
         let stress = StressWork::default().stress(
             &stage,
-            &VelocityGradient::simple_shear(1.0),
+            &VelocityGradient::simple_shear(1.0).into(),
             &VelocityGradient::simple_shear(1.0),
             area,
         );

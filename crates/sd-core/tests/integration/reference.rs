@@ -96,7 +96,7 @@ fn layers_under_shear() {
             )
             .unwrap(),
             hydrodynamics,
-            background: VelocityGradient::simple_shear(1.0),
+            background: VelocityGradient::simple_shear(1.0).into(),
             forces: vec![Vec2::zeros(); n],
             torques: vec![0.0; n],
         };
@@ -144,7 +144,7 @@ fn two_spheres_are_exact() {
             radii,
             cell: Cell::Unbounded,
             hydrodynamics: Hydrodynamics::StokesianDynamics,
-            background: VelocityGradient::from_parts(&["xx", "yy", "xy"].map(strain), &0.0),
+            background: VelocityGradient::from_parts(&["xx", "yy", "xy"].map(strain), &0.0).into(),
             forces: vectors(&case["forces"]),
             torques: vec![0.0; 2],
         };

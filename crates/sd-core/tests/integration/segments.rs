@@ -161,7 +161,7 @@ fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(side, offset).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     };

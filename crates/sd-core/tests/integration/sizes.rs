@@ -44,7 +44,7 @@ fn viscosity<S: RunSpace>(params: &Params, change: f64, tables: &NearFields) -> 
         centres: start.centres,
         cell: Cell::equal_sides(start.side, 0.0).unwrap(),
         hydrodynamics: params.hydrodynamics,
-        background: VelocityGradient::<S>::simple_shear(1.0),
+        background: VelocityGradient::<S>::simple_shear(1.0).into(),
     };
     let instant = solve(&configuration, &InstantContacts::None, tables).unwrap();
     let stress = instant.stress.unwrap();

@@ -91,7 +91,7 @@ fn instant() -> Instant {
                 cutoff: number("cutoff"),
                 regularisation: number("regularisation"),
             }),
-            background: VelocityGradient::simple_shear(1.0),
+            background: VelocityGradient::simple_shear(1.0).into(),
             forces: vec![Vector::zeros(); radii.len()],
             torques: vec![Vector::zeros(); radii.len()],
             radii,

@@ -56,7 +56,7 @@ fn layer(tables: &NearFields) -> Configuration {
         radii: snapshot.radii,
         cell: Cell::equal_sides(snapshot.side, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); params.spheres],
         torques: vec![0.0; params.spheres],
     }
@@ -153,7 +153,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
         radii: vec![1.0; 2],
         cell: Cell::equal_sides(40.0, 0.0).unwrap(),
         hydrodynamics: Hydrodynamics::BallMelrose,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); 2],
         torques: vec![0.0; 2],
     };
@@ -198,7 +198,7 @@ fn mirror_image_resists_its_mirrored_flow_as_much() {
             .iter()
             .map(|x| Vec2::new(-x.x, x.y))
             .collect(),
-        background: VelocityGradient::simple_shear(-1.0),
+        background: VelocityGradient::simple_shear(-1.0).into(),
         ..configuration.clone()
     };
     let [one, two] = [&configuration, &mirrored]
@@ -222,7 +222,7 @@ fn quarter_turn_exchanges_flow_and_gradient() {
     let tables = tables();
     let strained = Configuration {
         // Strain without rotation, at an angle to the axes.
-        background: VelocityGradient::from_parts(&[0.3, -0.3, 0.4], &0.0),
+        background: VelocityGradient::from_parts(&[0.3, -0.3, 0.4], &0.0).into(),
         ..layer(&tables)
     };
     let turned = Configuration {
@@ -231,7 +231,7 @@ fn quarter_turn_exchanges_flow_and_gradient() {
             .iter()
             .map(|x| Vec2::new(-x.y, x.x))
             .collect(),
-        background: VelocityGradient::from_parts(&[-0.3, 0.3, -0.4], &0.0),
+        background: VelocityGradient::from_parts(&[-0.3, 0.3, -0.4], &0.0).into(),
         ..strained.clone()
     };
     let [one, two] = [&strained, &turned]

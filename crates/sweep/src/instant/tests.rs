@@ -19,7 +19,7 @@ fn example_of_the_interface_is_read() {
     assert_eq!(configuration.centres[1], Vec2::new(2.1, 0.0));
     assert_eq!(
         configuration.background,
-        VelocityGradient::simple_shear(1.0)
+        VelocityGradient::simple_shear(1.0).into()
     );
 }
 

@@ -134,7 +134,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         radii: snapshot.radii.clone(),
         cell: Cell::equal_sides(snapshot.side, strain * snapshot.side)?,
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     };
@@ -212,13 +212,13 @@ fn velocities(
         radii: start.radii.clone(),
         cell: Cell::equal_sides(start.side, strain * start.side)?,
         hydrodynamics: Hydrodynamics::BallMelrose,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vec2::zeros(); n],
         torques: vec![0.0; n],
     };
     let solved = solve(&configuration, &InstantContacts::None, tables)?;
     let motions = solved.disturbances.iter().zip(&configuration.centres);
     Ok(motions
-        .map(|(u, x)| Vec2::new(u[0], u[1]) + configuration.background.velocity(x))
+        .map(|(u, x)| Vec2::new(u[0], u[1]) + configuration.background.linear().velocity(x))
         .collect())
 }

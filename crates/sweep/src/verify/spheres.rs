@@ -69,7 +69,7 @@ fn unbounded(
             radii,
             cell: Cell::Unbounded,
             hydrodynamics: Hydrodynamics::StokesianDynamics,
-            background,
+            background: background.into(),
             forces,
             torques: vec![0.0; n],
         },

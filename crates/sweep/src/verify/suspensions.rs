@@ -28,7 +28,7 @@ fn sheared(
         radii: vec![1.0; n],
         cell: Cell::equal_sides(side, offset)?,
         hydrodynamics,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vector3::x() * force; n],
         torques: vec![Vector3::zeros(); n],
     };

@@ -29,7 +29,7 @@ impl<S: Fluid> ContactSolver<S> {
         for pair in pairs {
             let forces = known.next_if(|(other, _)| other.key() == pair.key());
             if forces.is_some() || pair.gap < range {
-                let mut contact = Contact::new(*pair, radii, input.background);
+                let mut contact = Contact::new(*pair, radii, input.flow);
                 if let Some((_, (f, t))) = forces {
                     let across = |force| S::projected(&force, &pair.normal);
                     (contact.normal_force, contact.tangential_force) = (f, across(t));
@@ -68,7 +68,7 @@ impl<S: Fluid> ContactSolver<S> {
                 }
                 continue;
             }
-            let contact = Contact::new(*pair, radii, input.background);
+            let contact = Contact::new(*pair, radii, input.flow);
             if contact.approach(velocities) < separation_velocity(input, &contact) {
                 self.list.push(contact);
             }
@@ -84,7 +84,7 @@ impl<S: Fluid> ContactSolver<S> {
 /// The overlap h − g of a pair, from the gap that enters its law.
 pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> Overlap {
     let roughness = input.laws.surface.roughness;
-    let now = roughness - input.span.gap(contact, input.background);
+    let now = roughness - input.span.gap(contact, input.flow);
     Overlap {
         now,
         reference: now,

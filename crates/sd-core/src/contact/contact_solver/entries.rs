@@ -112,14 +112,14 @@ impl<S: Fluid> ContactSolver<S> {
         add(slip, [shift, contact.tangential_force], compliance, bound);
         let zero = S::Tangent::default();
         if laws.tangential.constraint() == FrictionConstraint::SlipAndRotation {
-            // The background rotates both spheres equally.
-            add(contact.rotation_rows(), [zero; 2], compliance, bound);
+            let initial = [contact.background_spin, zero];
+            add(contact.rotation_rows(), initial, compliance, bound);
         }
         if laws.rolling_friction > 0.0 {
-            let (mut shift, mut compliance) = (zero, COMPLIANCE);
+            let (mut shift, mut compliance) = (contact.background_rolling(), COMPLIANCE);
             if laws.tangential.has_spring() {
                 compliance += ahead.recip();
-                shift = memory.rolling_springs.base(contact, kind) / ahead;
+                shift += memory.rolling_springs.base(contact, kind) / ahead;
             }
             let initial = [shift, contact.rolling_force];
             let rows = contact.rolling_rows();

@@ -12,6 +12,7 @@
 use super::{Convergence, IterativeFarField};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::space::Strains;
 
 /// State of the iteration at an evaluation of the map.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +67,7 @@ impl<S: Fluid> IterativeFarField<S> {
     /// - `near`: Ball-Melrose with or without the far field of near pairs, factored or held pair by
     ///   pair, at the positions of [`IterativeFarField::update`].
     /// - `map`: the motion under forces and the hydrodynamics of `near`.
-    /// - `strain`: background `(e1, e2, e3)`.
+    /// - `strains`: of the incident flow.
     /// - `forces`: external ones and those of [`Resistance::background_forces`] of `near`, `[3N]`.
     ///   External ones should sum to zero, since their sum meets hardly any resistance.
     ///
@@ -82,7 +83,7 @@ impl<S: Fluid> IterativeFarField<S> {
         &mut self,
         near: &Resistance<S>,
         map: &mut impl FixedPointMap,
-        strain: &S::Strain,
+        strains: Strains<'_, S>,
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<Convergence, Error> {
@@ -115,7 +116,7 @@ impl<S: Fluid> IterativeFarField<S> {
                 Err(error) => break Err(error),
             };
             found.evaluations += 1;
-            work.take_change(&self.uniform, &self.local, strain);
+            work.take_change(&self.uniform, &self.local, strains);
             found.residual = work.relative_residual();
             found.converged = found.residual <= self.residual && !changed;
             if found.converged

@@ -16,6 +16,7 @@ use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
 use crate::hydrodynamics::resistance::{FarProduct, Fluid};
 use crate::linalg::anderson::Anderson;
+use crate::space::Strains;
 use std::marker::PhantomData;
 
 /// Length of the history of the acceleration.
@@ -181,7 +182,7 @@ impl<S: Fluid> SplitMotion<S> {
         &mut self,
         uniform: &Uniform<S>,
         local: &LocalResistance<S>,
-        strain: &S::Strain,
+        strains: Strains<'_, S>,
     ) {
         let moves = self.velocities.len() / 2;
         let whole = self.work.len();
@@ -190,7 +191,7 @@ impl<S: Fluid> SplitMotion<S> {
             for k in 0..whole {
                 let x = match (part, k < half) {
                     (_, false) => self.velocities[part * moves + k - half],
-                    (0, true) => -strain[k % S::STRAINS],
+                    (0, true) => -strains.at(k / S::STRAINS)[k % S::STRAINS],
                     _ => 0.0,
                 };
                 let at = part * whole + k;

@@ -4,6 +4,7 @@
 use super::local::LocalResistance;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::linalg::dense::add_scaled;
+use crate::space::Strains;
 
 /// Resistance of the pair terms to a translation, over isolated drag, below which it counts as
 /// zero.
@@ -47,7 +48,7 @@ impl<S: Fluid> Uniform<S> {
                 .for_each(|v| *v = 1.0);
             near.apply(
                 &velocity[half..],
-                &S::Strain::default(),
+                Strains::none(),
                 &mut self.work,
                 &mut self.resisted,
                 &mut self.stresslets,

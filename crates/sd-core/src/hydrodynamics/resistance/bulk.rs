@@ -99,7 +99,7 @@ impl BulkTerm {
     }
 }
 
-/// Velocities of a sphere in the background strain.
+/// Velocities of a sphere in an incident strain.
 fn in_strain(v: &[f64; 6], strain: &Strain) -> Modes {
     std::array::from_fn(|k| if k < 6 { v[k] } else { -strain[k - 6] })
 }
@@ -133,8 +133,8 @@ impl NearTerm<Bulk> for BulkTerm {
     }
 
     #[inline(always)]
-    fn background_forces(&self, n: &Vector3<f64>, strain: &Strain) -> Both<Bulk> {
-        let y = self.apply(n, &[in_strain(&[0.0; 6], strain); 2]);
+    fn background_forces(&self, n: &Vector3<f64>, strains: [&Strain; 2]) -> Both<Bulk> {
+        let y = self.apply(n, &strains.map(|strain| in_strain(&[0.0; 6], strain)));
         y.map(|y| std::array::from_fn(|k| -y[k]))
     }
 
@@ -143,9 +143,12 @@ impl NearTerm<Bulk> for BulkTerm {
         &self,
         n: &Vector3<f64>,
         v: &Both<Bulk>,
-        strain: &Strain,
+        strains: [&Strain; 2],
     ) -> (Both<Bulk>, [Strain; 2]) {
-        let y = self.apply(n, &[in_strain(&v[0], strain), in_strain(&v[1], strain)]);
+        let y = self.apply(
+            n,
+            &[in_strain(&v[0], strains[0]), in_strain(&v[1], strains[1])],
+        );
         let forces = y.map(|y| std::array::from_fn(|k| y[k]));
         (forces, y.map(|y| -Strain::from_column_slice(&y[6..])))
     }

@@ -6,6 +6,7 @@ use super::pair_terms;
 use crate::error::Error;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::error::BadPivot;
+use crate::space::Strains;
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 
@@ -78,49 +79,51 @@ impl<S: Fluid> DenseResistance<S> {
         &self.factor
     }
 
-    /// Forces with which the background strain drives the spheres through the far field.
-    pub(super) fn background_forces(&mut self, strain: &S::Strain, forces: &mut [f64]) {
+    /// Forces with which the incident strains drive the spheres through the far field.
+    pub(super) fn background_forces(&mut self, strains: Strains<'_, S>, forces: &mut [f64]) {
         let Some(far) = &mut self.far else {
             forces.fill(0.0);
             return;
         };
-        let strains = S::STRAINS * (forces.len() / S::MODES);
+        let first = S::STRAINS * (forces.len() / S::MODES);
         self.vector.clear();
-        self.vector.resize(strains + forces.len(), 0.0);
-        for e in self.vector[..strains].chunks_exact_mut(S::STRAINS) {
+        self.vector.resize(first + forces.len(), 0.0);
+        let spheres = self.vector[..first].chunks_exact_mut(S::STRAINS);
+        for (sphere, e) in spheres.enumerate() {
             for (k, e) in e.iter_mut().enumerate() {
-                *e = strain[k];
+                *e = strains.at(sphere)[k];
             }
         }
         far.apply_for_forces(&mut self.vector);
-        forces.copy_from_slice(&self.vector[strains..]);
+        forces.copy_from_slice(&self.vector[first..]);
     }
 
     /// Appends the far field's counterforces and stresslets to empty vectors; `work` is scratch.
     pub(super) fn apply(
         &self,
         velocities: &[f64],
-        strain: &S::Strain,
+        strains: Strains<'_, S>,
         work: &mut Vec<f64>,
         forces: &mut Vec<f64>,
         stresslets: &mut Vec<S::Strain>,
     ) {
         let Some(far) = &self.far else {
-            add_isolated::<S>(&self.radii, velocities, strain, forces, stresslets);
+            add_isolated::<S>(&self.radii, velocities, strains, forces, stresslets);
             return;
         };
-        let strains = S::STRAINS * (velocities.len() / S::MODES);
+        let first = S::STRAINS * (velocities.len() / S::MODES);
         work.clear();
-        work.resize(strains + velocities.len(), 0.0);
-        for e in work[..strains].chunks_exact_mut(S::STRAINS) {
+        work.resize(first + velocities.len(), 0.0);
+        let spheres = work[..first].chunks_exact_mut(S::STRAINS);
+        for (sphere, e) in spheres.enumerate() {
             for (k, e) in e.iter_mut().enumerate() {
-                *e = -strain[k];
+                *e = -strains.at(sphere)[k];
             }
         }
-        work[strains..].copy_from_slice(velocities);
+        work[first..].copy_from_slice(velocities);
         far.apply(work);
-        forces.extend_from_slice(&work[strains..]);
-        stresslets.extend(work[..strains].chunks_exact(S::STRAINS).map(|s| {
+        forces.extend_from_slice(&work[first..]);
+        stresslets.extend(work[..first].chunks_exact(S::STRAINS).map(|s| {
             let mut stresslet = S::Strain::default();
             for (k, s) in s.iter().enumerate() {
                 stresslet[k] = -s;
@@ -134,13 +137,14 @@ impl<S: Fluid> DenseResistance<S> {
 pub(super) fn add_isolated<S: Fluid>(
     radii: &[f64],
     velocities: &[f64],
-    strain: &S::Strain,
+    strains: Strains<'_, S>,
     forces: &mut Vec<f64>,
     stresslets: &mut Vec<S::Strain>,
 ) {
-    for (v, &a) in S::by_sphere(velocities).iter().zip(radii) {
+    let spheres = S::by_sphere(velocities).iter().zip(radii);
+    for (sphere, (v, &a)) in spheres.enumerate() {
         let (drag, stresslet) = S::isolated(a);
         forces.extend((0..S::MODES).map(|m| drag[m] * v[m]));
-        stresslets.push(*strain * stresslet);
+        stresslets.push(*strains.at(sphere) * stresslet);
     }
 }

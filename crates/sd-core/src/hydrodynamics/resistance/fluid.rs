@@ -60,15 +60,15 @@ pub trait NearTerm<S: Fluid>: Copy {
     /// All modes of sphere p from those of q.
     fn mode_block(&self, n: &S::Vector, p: usize, q: usize) -> ModeBlock<S>;
 
-    /// The forces with which the background strain drives both spheres.
-    fn background_forces(&self, n: &S::Vector, strain: &S::Strain) -> Both<S>;
+    /// The forces with which the incident strains drive both spheres.
+    fn background_forces(&self, n: &S::Vector, strains: [&S::Strain; 2]) -> Both<S>;
 
-    /// Counterforces and stresslets for disturbances v in the background strain.
+    /// Counterforces and stresslets for disturbances v in the incident strains.
     fn counterforces(
         &self,
         n: &S::Vector,
         v: &Both<S>,
-        strain: &S::Strain,
+        strains: [&S::Strain; 2],
     ) -> (Both<S>, [S::Strain; 2]);
 }
 

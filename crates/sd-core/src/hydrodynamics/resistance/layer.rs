@@ -101,19 +101,19 @@ impl NearTerm<Layer> for PairTerm {
         Self::mode_block(self, *n, p, q)
     }
 
-    fn background_forces(&self, n: &Vec2, strain: &Vector3<f64>) -> Both<Layer> {
-        parted(&self.force_from_strain(*n, strain, strain))
+    fn background_forces(&self, n: &Vec2, [e_i, e_j]: [&Vector3<f64>; 2]) -> Both<Layer> {
+        parted(&self.force_from_strain(*n, e_i, e_j))
     }
 
     fn counterforces(
         &self,
         &n: &Vec2,
         v: &Both<Layer>,
-        strain: &Vector3<f64>,
+        [e_i, e_j]: [&Vector3<f64>; 2],
     ) -> (Both<Layer>, [Vector3<f64>; 2]) {
         let v = joined(v);
-        let force = self.force_velocity(n) * v - self.force_from_strain(n, strain, strain);
-        let s = self.stresslet_from_strain(n, strain, strain) - self.stresslet_from_velocity(n, &v);
+        let force = self.force_velocity(n) * v - self.force_from_strain(n, e_i, e_j);
+        let s = self.stresslet_from_strain(n, e_i, e_j) - self.stresslet_from_velocity(n, &v);
         let stresslets = [s.fixed_rows::<3>(0).into(), s.fixed_rows::<3>(3).into()];
         (parted(&force), stresslets)
     }

@@ -2,8 +2,8 @@
 
 use super::fluid::{Both, Fluid, NearTerm};
 use crate::linalg::dense::Matrix;
-use crate::space::Space;
 use crate::space::pair::Neighbours;
+use crate::space::{Space, Strains};
 
 /// Adds the terms to the lower triangle of `R_FU`; `row` is the first row of a sphere there.
 pub(super) fn add_to_matrix<S: Fluid>(
@@ -61,25 +61,26 @@ pub(super) fn add_spring<S: Space>(
     }
 }
 
-/// Adds the forces with which the background strain drives the spheres through the terms.
+/// Adds the forces with which the incident strains drive the spheres through the terms.
 pub(super) fn add_background_forces<S: Fluid>(
     pairs: &[Neighbours<S>],
     terms: &[S::Term],
-    strain: &S::Strain,
+    strains: Strains<'_, S>,
     forces: &mut [f64],
 ) {
     for (pair, term) in pairs.iter().zip(terms) {
-        add_pair(forces, pair, &term.background_forces(&pair.normal, strain));
+        let strains = [strains.at(pair.i), strains.at(pair.j)];
+        add_pair(forces, pair, &term.background_forces(&pair.normal, strains));
     }
 }
 
 /// Adds the counterforces and the stresslets that the terms give disturbances `velocities` in the
-/// background strain.
+/// incident strains.
 pub(super) fn add_counterforces<S: Fluid>(
     pairs: &[Neighbours<S>],
     terms: &[S::Term],
     velocities: &[f64],
-    strain: &S::Strain,
+    strains: Strains<'_, S>,
     forces: &mut [f64],
     stresslets: &mut [S::Strain],
 ) {
@@ -87,7 +88,8 @@ pub(super) fn add_counterforces<S: Fluid>(
     for (pair, term) in pairs.iter().zip(terms) {
         let (i, j) = (pair.i, pair.j);
         let v = [velocities[i], velocities[j]];
-        let (force, stresslet) = term.counterforces(&pair.normal, &v, strain);
+        let strains = [strains.at(i), strains.at(j)];
+        let (force, stresslet) = term.counterforces(&pair.normal, &v, strains);
         add_pair(forces, pair, &force);
         stresslets[i] += stresslet[0];
         stresslets[j] += stresslet[1];

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::space::modes::Vec2;
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 use std::f64::consts::PI;
 
 /// Four spheres, each near another, in a cell.
@@ -101,8 +101,7 @@ fn far_pair_alone_is_the_whole_two_sphere_resistance() {
             Resistance::new_pairwise(hydrodynamics, &cell, &[1.0; 2], &tables, &[]).unwrap();
         near.assemble(&cell, &centres).unwrap();
         let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-        let strain = Vector3::zeros();
-        near.apply(v, &strain, &mut work, &mut forces, &mut stresslets);
+        near.apply(v, Strains::none(), &mut work, &mut forces, &mut stresslets);
         forces
     };
     // Two touching spheres that move side by side: 6π 0.6453 each along their line (Stimson &

@@ -58,7 +58,7 @@ impl<S: Starts> Simulation<S> {
         centres: &[S::Vector],
         mut pass: SolvePass,
     ) -> Result<Quality, Error> {
-        let (background, solver, laws) = (self.background, &mut self.solver, &self.laws);
+        let (flow, solver, laws) = (self.background.into(), &mut self.solver, &self.laws);
         if laws.act_without_contact() {
             // They are a part of the forces, and a repulsion of the matrix.
             pass = SolvePass::First;
@@ -82,7 +82,7 @@ impl<S: Starts> Simulation<S> {
                     first: &self.first,
                 };
                 let contact = StageContacts::Laws { laws, span, memory };
-                let quality = solver.solve(&background, external, contact, pass)?;
+                let quality = solver.solve(&flow, external, contact, pass)?;
                 if stage.number == 0 {
                     // Input of a later stage of the step.
                     self.first.clear();
@@ -99,7 +99,7 @@ impl<S: Starts> Simulation<S> {
                         let roughness = self.params.roughness;
                         contact_list.add_approaching(
                             &solver.resistance,
-                            &background,
+                            &flow,
                             roughness,
                             velocities,
                         );
@@ -118,7 +118,7 @@ impl<S: Starts> Simulation<S> {
                     surface,
                     contact_list,
                 };
-                solver.solve(&background, external, contact, pass)?
+                solver.solve(&flow, external, contact, pass)?
             }
         };
         self.systems += u64::from(quality.systems);

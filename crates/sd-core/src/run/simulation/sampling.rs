@@ -58,8 +58,8 @@ impl<S: Starts> Simulation<S> {
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
         let primary = VelocityGradient::<S>::simple_shear(self.params.direction);
-        let flow = &self.background;
-        let mut stress = self.stress.stress(&self.solver, flow, &primary, content);
+        let flow = self.background.into();
+        let mut stress = self.stress.stress(&self.solver, &flow, &primary, content);
         if self.params.at_rest {
             (stress.viscosity, stress.viscosity_stresslet) = (f64::NAN, f64::NAN);
         }

@@ -45,7 +45,7 @@ pub(super) struct DenseContacts<'a> {
 impl<'a> DenseContacts<'a> {
     /// The problem of all pairs that may touch.
     pub(super) fn new(near: &'a Resistance, surface: &Surface, time_span: f64) -> Self {
-        let shear = VelocityGradient::simple_shear(1.0);
+        let shear = VelocityGradient::simple_shear(1.0).into();
         let pairs = near.neighbours().iter();
         let list: Vec<_> = pairs
             .filter(|pair| pair.gap < surface.roughness + 0.05)

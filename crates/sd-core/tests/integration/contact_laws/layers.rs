@@ -85,7 +85,7 @@ fn energy_of_a_layer_balances_under_every_choice() {
             radii: snapshot.radii.clone(),
             cell: Cell::equal_sides(snapshot.side, strain * snapshot.side).unwrap(),
             hydrodynamics: Hydrodynamics::StokesianDynamics,
-            background: VelocityGradient::simple_shear(1.0),
+            background: VelocityGradient::simple_shear(1.0).into(),
             forces: vec![Vec2::zeros(); params.spheres],
             torques: vec![0.0; params.spheres],
         };

@@ -88,7 +88,7 @@ pub(super) fn pushed_by(
                 let law = StageContacts::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;
                 motion.solve(
-                    &VelocityGradient::at_rest(),
+                    &VelocityGradient::at_rest().into(),
                     &external,
                     law,
                     SolvePass::First,
@@ -238,7 +238,7 @@ fn stick_slide_does_not_know_its_frame() {
     assert!((gap(&still) - gap(&turned)).abs() < 1e-12);
     // It does not stretch under a rigid rotation of the pair either, which has no slip.
     let mut whole = pair(0.0075, 5.0, 0.0);
-    whole.background = VelocityGradient::from_parts(&[0.0; 3], &0.7);
+    whole.background = VelocityGradient::from_parts(&[0.0; 3], &0.7).into();
     let c = solved(&whole, &laws, 0.001).contacts[0];
     assert!(c.slip_velocity.abs() < 1e-12 && c.tangential_force.abs() < 1e-9);
 }

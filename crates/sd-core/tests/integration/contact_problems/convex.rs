@@ -15,7 +15,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
-use sd_core::{Bulk, Layer, NearFields, Params, RunSpace, Simulation, VelocityGradient};
+use sd_core::{Bulk, Layer, NearFields, Params, RunSpace, Simulation, Strains, VelocityGradient};
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -96,7 +96,7 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
         radii: run.radii().to_vec(),
         cell: S::cell(run.side(), run.offset_at(run.strain())),
         hydrodynamics: params.hydrodynamics,
-        background: VelocityGradient::<S>::simple_shear(params.direction),
+        background: VelocityGradient::<S>::simple_shear(params.direction).into(),
         forces: vec![S::Vector::default(); n],
         torques: vec![S::Spin::default(); n],
     };
@@ -144,11 +144,11 @@ fn convex_minimum<S: Read>(
     resistance.update(cell, centres).unwrap();
     let size = S::MODES * centres.len();
     let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-    let mut apply = |velocities: &[f64], strain: &S::Strain| {
-        resistance.apply(velocities, strain, &mut work, &mut forces, &mut stresslets);
+    let mut apply = |velocities: &[f64], strains: Strains<'_, S>| {
+        resistance.apply(velocities, strains, &mut work, &mut forces, &mut stresslets);
         forces.clone()
     };
-    let drag = apply(&vec![0.0; size], &background.strain());
+    let drag = apply(&vec![0.0; size], background.strains());
     let sliding: Vec<&Contact<S>> = contacts
         .iter()
         .filter(|c| c.state != ContactState::Frictionless)
@@ -158,7 +158,7 @@ fn convex_minimum<S: Read>(
     for column in 0..size {
         let mut unit = vec![0.0; size];
         unit[column] = 1.0;
-        let force = apply(&unit, &S::Strain::default());
+        let force = apply(&unit, Strains::none());
         for (row, &x) in force.iter().enumerate().take(column + 1) {
             if x != 0.0 {
                 quadratic.0.push(row);

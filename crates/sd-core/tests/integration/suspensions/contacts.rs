@@ -65,7 +65,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                     radii: vec![1.0; 7],
                     cell: Cell::Unbounded,
                     hydrodynamics,
-                    background: VelocityGradient::simple_shear(1.0),
+                    background: VelocityGradient::simple_shear(1.0).into(),
                     forces: FORCES.map(Vec2::from).to_vec(),
                     torques: TORQUES.to_vec(),
                 },
@@ -94,7 +94,7 @@ fn spheres_in_a_plane_touch_as_in_the_layer() {
                     radii: vec![1.0; 7],
                     cell: Cell::Unbounded,
                     hydrodynamics,
-                    background: VelocityGradient::simple_shear(1.0),
+                    background: VelocityGradient::simple_shear(1.0).into(),
                     forces: FORCES.map(flat).to_vec(),
                     torques: TORQUES.map(|t| Vector3::new(0.0, 0.0, t)).to_vec(),
                 },
@@ -150,7 +150,7 @@ fn cluster(laws: ContactLaws) -> (Configuration<Bulk>, PairForces<Bulk>) {
         radii: snapshot.radii.clone(),
         cell: Cell::Unbounded,
         hydrodynamics: LUBRICATION,
-        background: VelocityGradient::simple_shear(1.0),
+        background: VelocityGradient::simple_shear(1.0).into(),
         forces: vec![Vector3::zeros(); n],
         torques: vec![Vector3::zeros(); n],
     };
@@ -175,10 +175,10 @@ fn motion_and_contact_forces_turn_with_the_configuration() {
         for x in &mut turned.centres {
             *x = turn * *x;
         }
-        let rows = [0, 1, 2].map(|k| configuration.background.rows()[k].transpose());
+        let rows = [0, 1, 2].map(|k| configuration.background.linear().rows()[k].transpose());
         let gradient = turn.matrix() * Matrix3::from_rows(&rows) * turn.matrix().transpose();
         let rows = [0, 1, 2].map(|k| gradient.row(k).transpose());
-        turned.background = VelocityGradient::new(&rows).unwrap();
+        turned.background = VelocityGradient::new(&rows).unwrap().into();
         let along = stretched.0.iter().map(|&(i, j, t)| (i, j, turn * t));
         let along = PairForces(along.collect());
         let tables = NearFields::default();
@@ -400,7 +400,7 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
         };
         let quality = stage
             .solve(
-                &VelocityGradient::simple_shear(1.0),
+                &VelocityGradient::simple_shear(1.0).into(),
                 &[],
                 contact,
                 SolvePass::First,
