@@ -3,6 +3,7 @@
 use crate::harness::{command, ended, folder, run, send, spawn, until, words};
 use assert_cmd::cargo::cargo_bin;
 use rustix::process::Signal;
+use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -305,6 +306,7 @@ fn store_deleted_during_a_run_ends_with_3_and_leaves_nothing_behind() {
         let directory = directory_with(QUICK);
         let child = command(directory.path(), &["run", "small.toml", "--quiet"])
             .stdout(Stdio::null())
+            .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -459,8 +461,29 @@ fn kill_four_times(steps: i64) {
     let directory = directory_with(&long(steps));
     let (mut before, mut largest, mut interrupted) = (0, 0, 0);
     for round in 1..=4 {
-        let mut child = start(directory.path());
-        let reached = wait_for_steps(directory.path(), (before + 1).max(steps * round / 6));
+        let mut child = command(directory.path(), &["run", "small.toml", "--quiet"])
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let target = (before + 1).max(steps * round / 6);
+        let reached = until("checkpoints", || {
+            let ended = child.try_wait().unwrap();
+            let found = query(
+                directory.path(),
+                "SELECT coalesce(sum(steps_done), 0) FROM cases",
+            );
+            if let Some(status) = ended.filter(|_| found < target) {
+                let mut said = String::new();
+                child
+                    .stderr
+                    .take()
+                    .unwrap()
+                    .read_to_string(&mut said)
+                    .unwrap();
+                panic!("round {round} ended at {found}: {status}: {said}");
+            }
+            (found >= target).then_some(found)
+        });
         largest = largest.max(checkpoint_bytes(directory.path()));
         let memory = peak_memory(&child);
         child.kill().unwrap();
