@@ -43,10 +43,10 @@ fn time_of<T>(words: &str, work: impl FnOnce() -> T) -> T {
     value
 }
 
-/// Gives every case the result, the end and the samples of the first one that has them.
+/// Gives every case the result and the samples of the first one that has them.
 fn copy_the_run(store: &Path) -> Result<(), rusqlite::Error> {
     let connection = rusqlite::Connection::open(store)?;
-    for table in ["results", "ends", "samples"] {
+    for table in ["results", "samples"] {
         let mut query = connection.prepare("SELECT name FROM pragma_table_info(?1)")?;
         let columns: Vec<String> = query
             .query_map([table], |row| row.get(0))?

@@ -5,13 +5,11 @@
 //! that this process still owns it. A run is a pure function of its case, so damaged or lost
 //! results are recomputed.
 
-mod campaign;
 mod check;
-mod checkpoints;
 mod claims;
 mod details;
 mod digest;
-mod ends;
+mod entry;
 mod error;
 mod failures;
 mod frames;
@@ -24,15 +22,12 @@ mod points;
 mod processes;
 mod reading;
 mod registry;
-mod request;
-mod results;
 mod rules;
 mod runs;
 mod samples;
 mod schema;
 mod settle;
 mod statements;
-mod states;
 mod submissions;
 mod work;
 

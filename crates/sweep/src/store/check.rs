@@ -1,12 +1,11 @@
 //! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the
 //! same digits.
 
-use super::campaign;
-use super::digest::{DigestMismatch, altered, reseal};
+use super::digest::{DigestMismatch, Sealed};
+use super::entry::{self, Entered};
+use super::runs::{self, LAST};
 use super::statements::Statements;
-use super::{
-    Store, StoreError, ends, failures, frames, points, processes, results, rules, samples, states,
-};
+use super::{Checkpoint, Store, StoreError, frames, points, processes, samples};
 use rusqlite::Connection;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,36 +18,14 @@ const CHEAP: u64 = 64 << 20;
 pub(super) const SIZE: &str =
     "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
 /// Tables with results of cases.
-pub(super) const OF_CASES: [&str; 6] = [
-    "samples",
-    "frames",
-    "checkpoints",
-    "results",
-    "ends",
-    "failures",
+pub(super) const OF_CASES: [&str; 5] = ["samples", "frames", "checkpoints", "results", "failures"];
+/// Tables with a digest in each row.
+const SEALED: [Sealed; 4] = [
+    entry::SEALED,
+    entry::POINTS,
+    processes::SEALED,
+    frames::SEALED,
 ];
-
-/// Tables with a digest in each row, a description of a row, and a statement that selects the
-/// columns covered by the digest, the digest, and the row number.
-fn kinds() -> Vec<(&'static str, &'static str, String)> {
-    let sealed = [
-        campaign::SEALED,
-        processes::SEALED,
-        rules::SEALED,
-        ends::sealed(),
-        failures::SEALED,
-        frames::SEALED,
-    ];
-    let of_points = "SELECT params, digest, rowid FROM points".to_owned();
-    sealed
-        .into_iter()
-        .map(|kind| (kind.table, kind.words, kind.select()))
-        .chain([
-            ("points", "the parameters of a point", of_points),
-            ("results", results::WORDS, results::select()),
-        ])
-        .collect()
-}
 
 /// A damaged entry.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -101,18 +78,23 @@ struct Damage {
 impl Damage {
     fn of(connection: &Connection) -> rusqlite::Result<Self> {
         let mut damage = Self::default();
-        for (table, words, query) in kinds() {
-            for (row, _) in altered(connection, &query, [])? {
-                let part = match table {
+        for sealed in SEALED {
+            let mut rows = Vec::new();
+            sealed.each(connection, "true", [], |row, _, altered| {
+                rows.extend(altered.map(|_| row));
+                Ok(())
+            })?;
+            for row in rows {
+                let part = match sealed.table {
                     "processes" => Part::Process(row),
                     "points" => Part::Point(row),
-                    _ if OF_CASES.contains(&table) => {
-                        let case = format!("SELECT case_id FROM {table} WHERE rowid = ?1");
-                        Part::Run(connection.one(&case, [row], |row| row.get(0))?)
+                    "frames" => {
+                        let case = "SELECT case_id FROM frames WHERE rowid = ?1";
+                        Part::Run(connection.one(case, [row], |row| row.get(0))?)
                     }
                     _ => Part::Grid,
                 };
-                damage.add(part, words);
+                damage.add(part, sealed.words);
             }
         }
         damage.look_at_cases(connection)?;
@@ -120,10 +102,10 @@ impl Damage {
         for case in frames::incomplete(connection, "true", [])? {
             damage.add(Part::Run(case), "frames of a run are missing");
         }
+        damage.look_at_last_states(connection)?;
         // Every result has a process that computed it.
         let orphaned: Vec<i64> = connection.values(
-            "SELECT case_id FROM ends WHERE process NOT IN (SELECT id FROM processes)
-             UNION SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
+            "SELECT case_id FROM results WHERE process NOT IN (SELECT id FROM processes)",
             [],
         )?;
         for case in orphaned {
@@ -138,7 +120,6 @@ impl Damage {
                 damage.add(Part::Run(case), "there is no such run");
             }
         }
-        damage.unless_altered(rules::check(connection))?;
         Ok(damage)
     }
 
@@ -157,18 +138,34 @@ impl Damage {
         }
     }
 
-    /// Checks that every case has its point and key, and a state consistent with its result and
-    /// failures.
+    /// Checks that every case has its point and key, and the state, result and failures that were
+    /// written.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
-        let looked = points::look(connection, "c.id", "true", |row, known| {
-            if let Err(error) = known {
-                let case = row.get(12)?;
-                self.add(Part::Run(case), &DigestMismatch::words(&error));
-                self.rows.insert(case);
+        let looked = points::look(connection, |run, known| {
+            if known.is_err() {
+                self.rows.insert(run.id);
+            }
+            if let Err(error) = known.and_then(|_| run.check()) {
+                self.add(Part::Run(run.id), &DigestMismatch::words(&error));
             }
             Ok(())
         });
         self.unless_altered(looked)
+    }
+
+    /// Checks that the last state of every completed run can be read.
+    fn look_at_last_states(&mut self, connection: &Connection) -> rusqlite::Result<()> {
+        let last = "SELECT k.case_id, k.data, r.computed FROM checkpoints k
+             JOIN results r ON r.case_id = k.case_id WHERE k.generation = ?1";
+        let mut query = connection.prepare_cached(last)?;
+        let mut rows = query.query([LAST])?;
+        while let Some(row) = rows.next()? {
+            let last = Checkpoint::decode(row.get_ref(1)?.as_blob()?);
+            if last.map(|last| last.snapshot.steps()) != Ok(row.get(2)?) {
+                self.add(Part::Run(row.get(0)?), "the last state of a run");
+            }
+        }
+        Ok(())
     }
 
     /// Checks the digest of the samples of every case.
@@ -238,7 +235,7 @@ impl Damage {
         let is_of_grid = |part: &Part| matches!(part, Part::Grid | Part::Point(_));
         if !self.rows.is_empty() || self.parts.keys().any(is_of_grid) {
             // The version last run is entered again.
-            connection.run("UPDATE campaign SET request = '', digest = 0", [])?;
+            connection.run("UPDATE campaign SET digest = 0", [])?;
         }
         Ok(())
     }
@@ -247,8 +244,8 @@ impl Damage {
 /// Resets a case to pending, without data.
 pub(super) fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
     connection.run("DELETE FROM failures WHERE case_id = ?1", [case])?;
-    states::delete_data(connection, case)?;
-    states::reopen(connection, "id = ?2", &[case]).map(|_| ())
+    runs::delete_data(connection, case)?;
+    runs::reopen(connection, "id = ?1", [case]).map(drop)
 }
 
 /// Faults of the structure of a store found by `SQLite`.
@@ -338,16 +335,18 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
         let keys = keys
             .iter()
             .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
-        let grid = super::request::grid(keys);
-        connection.execute("UPDATE campaign SET grid = ?1", [grid])?;
+        let grid = entry::grid(keys);
+        for sealed in SEALED {
+            sealed.seal(&connection, "true", [])?;
+        }
+        let entered = Entered::read(&connection)?;
+        Entered { grid, ..entered }.write(&connection)?;
         connection.execute("UPDATE cases SET samples_digest = NULL", [])?;
         for case in samples::digests(&connection)? {
             let digest = "UPDATE cases SET samples_digest = ?2 WHERE id = ?1";
             connection.run(digest, case)?;
         }
-        for (table, _, query) in kinds() {
-            reseal(&connection, table, &query, [])?;
-        }
+        runs::seal(&connection, "true", &[])?;
         connection.execute_batch("COMMIT")
     };
     accepted().map_err(|error| StoreError::sqlite(path, error, false))

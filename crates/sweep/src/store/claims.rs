@@ -1,8 +1,8 @@
 //! Claims and checkpoints: the life of a running case.
 
+use super::runs::{self, LAST, SUSPECT};
 use super::statements::Statements;
-use super::states::{self, SUSPECT};
-use super::{Checkpoint, Damage, Store, StoreError, checkpoints, ends, frames, samples};
+use super::{Checkpoint, Damage, Store, StoreError, frames, samples};
 use crate::model::case::Case;
 use crate::model::spaces::AnyFrame;
 use crate::system::process::now;
@@ -23,7 +23,7 @@ pub struct Claim {
     pub key: String,
     /// The case.
     pub case: Case,
-    /// Its checkpoints, the newest first; then its last state, if it was finished at a shorter
+    /// Its checkpoints, the newest first, and its last state, if it was finished at a shorter
     /// requested length.
     pub checkpoints: Vec<Result<Checkpoint, Damage>>,
     /// Whether there is anything of it in the store.
@@ -113,12 +113,11 @@ impl Store {
                     }
                 };
                 point = Some((of_point, params.clone()));
-                let mut kept = Vec::new();
-                if steps_done > 0 {
-                    kept = checkpoints::of(connection, id)?;
-                    // More strain may be requested than the finished run had.
-                    kept.extend(ends::resumable_end(connection, id)?);
-                }
+                let kept = if steps_done > 0 {
+                    runs::checkpoints(connection, id)?
+                } else {
+                    Vec::new()
+                };
                 let case = Case {
                     params,
                     seed,
@@ -155,7 +154,8 @@ impl Store {
         }
         self.write_own(claim, |connection| {
             samples::cut(connection, claim.id, steps, digest)?;
-            checkpoints::drop_after(connection, claim.id, steps)?;
+            let later = "DELETE FROM checkpoints WHERE case_id = ?1 AND steps > ?2";
+            connection.run(later, params![claim.id, steps])?;
             Ok(Some(NewRows {
                 samples_digest: digest,
                 frames_from: frames::resume(connection, claim.id, steps)?,
@@ -177,7 +177,7 @@ impl Store {
             return Ok(new());
         }
         self.write_own(claim, |connection| {
-            states::delete_data(connection, claim.id)?;
+            runs::delete_data(connection, claim.id)?;
             Ok(new())
         })
     }
@@ -208,12 +208,12 @@ impl Store {
             }
             rows.append(connection, claim, steps)?;
             let newest: Option<i64> = connection.value(
-                "SELECT generation FROM checkpoints WHERE case_id = ?1
+                "SELECT generation FROM checkpoints WHERE case_id = ?1 AND generation != ?2
                  ORDER BY steps DESC, written_at DESC LIMIT 1",
-                [claim.id],
+                [claim.id, LAST],
             )?;
             let generation = i64::from(newest == Some(0));
-            checkpoints::put(connection, claim.id, (generation, steps, me, data))?;
+            runs::put_checkpoint(connection, claim.id, (generation, steps, me, data))?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -251,7 +251,7 @@ impl Store {
         let me = self.me();
         self.write(|connection| {
             for claim in claims {
-                states::free_where(connection, "id = ?2 AND owner = ?3", &[claim.id, me])?;
+                runs::free_where(connection, "id = ?2 AND owner = ?3", &[claim.id, me])?;
             }
             Ok(())
         })

@@ -4,7 +4,7 @@ use super::failures::{self, Attempt};
 use super::processes::program;
 use super::schema::params;
 use super::statements::Statements;
-use super::{Store, StoreError, results, samples};
+use super::{Store, StoreError, runs, samples};
 use crate::measure::doubt::Doubt;
 use rusqlite::Row;
 use sd_core::{Params, Sample};
@@ -111,7 +111,7 @@ impl Store {
                  (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
              WHERE c.key = ?1";
         let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
-        self.read(results::check(&self.connection, id))?;
+        self.read(runs::check(&self.connection, "c.id = ?1", &[&id]))?;
         details.failures = self.read(failures::of(&self.connection, id))?;
         details.samples = self.read(samples::of(&self.connection, id, details.steps))?;
         details.frames = self.frame_count(&key)?;

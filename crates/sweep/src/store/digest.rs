@@ -5,12 +5,11 @@
 
 use super::statements::Statements;
 use rusqlite::types::{Type, Value, ValueRef};
-use rusqlite::{Connection, Params, Row, params_from_iter};
+use rusqlite::{Connection, Params, Row, Statement, params_from_iter};
 use std::fmt;
-use std::ops::Range;
 
-/// A digest being computed. It depends on the types and the order of the values that are there: a
-/// column that an older store lacks is empty, and changes nothing.
+/// A digest being computed, of values with the names of their columns. A value that is not there
+/// adds nothing: so a column that an older store lacks changes no digest.
 #[derive(Default)]
 pub(super) struct Digest(blake3::Hasher, Vec<u8>);
 
@@ -18,8 +17,8 @@ pub(super) struct Digest(blake3::Hasher, Vec<u8>);
 const PIECE: usize = 16 << 10;
 
 impl Digest {
-    /// Adds a value in its stored form: NaN is null, and null adds nothing.
-    pub(super) fn add<'v>(&mut self, value: impl Into<ValueRef<'v>>) {
+    /// Adds a value in its stored form: NaN is null.
+    pub(super) fn add<'v>(&mut self, name: &str, value: impl Into<ValueRef<'v>>) {
         let (tag, bytes): (u8, &[u8]) = match value.into() {
             ValueRef::Null => return,
             ValueRef::Integer(whole) => (1, &whole.to_le_bytes()),
@@ -30,6 +29,8 @@ impl Digest {
             ValueRef::Text(text) => (3, text),
             ValueRef::Blob(blob) => (4, blob),
         };
+        // No name has such a tag in it, so that every sequence of these is told from others.
+        self.1.extend_from_slice(name.as_bytes());
         self.1.push(tag);
         if tag > 2 {
             self.1
@@ -42,23 +43,29 @@ impl Digest {
         }
     }
 
-    /// Adds several values.
+    /// Adds values with the names of their columns.
     #[must_use]
-    pub(super) fn with<'v>(mut self, values: impl IntoIterator<Item = &'v Value>) -> Self {
-        values.into_iter().for_each(|value| self.add(value));
+    pub(super) fn with<'v>(
+        mut self,
+        values: impl IntoIterator<Item = (&'v str, &'v Value)>,
+    ) -> Self {
+        for (name, value) in values {
+            self.add(name, value);
+        }
         self
     }
 
-    /// Adds columns of a row.
-    pub(super) fn with_row(
-        mut self,
-        row: &Row<'_>,
-        columns: Range<usize>,
-    ) -> rusqlite::Result<Self> {
-        for column in columns {
-            self.add(row.get_ref(column)?);
+    /// Adds the first columns of a row, as many as there are names.
+    pub(super) fn with_row(mut self, row: &Row<'_>, names: &[String]) -> rusqlite::Result<Self> {
+        for (column, name) in names.iter().enumerate() {
+            self.add(name, row.get_ref(column)?);
         }
         Ok(self)
+    }
+
+    /// A digest that continues from another one.
+    pub(super) fn after(before: Option<i64>) -> Self {
+        Self::default().with([("before", &Value::from(before))])
     }
 
     /// The digest.
@@ -70,12 +77,13 @@ impl Digest {
     }
 }
 
-/// The digest of some values.
-pub(super) fn of(values: &[Value]) -> i64 {
-    Digest::default().with(values).finish()
+/// The first columns of a statement, until the one of a name.
+pub(super) fn names_before(query: &Statement<'_>, name: &str) -> rusqlite::Result<Vec<String>> {
+    let names = query.column_names().map(str::to_owned);
+    Ok(names.take(query.column_index(name)?).collect())
 }
 
-/// A table whose rows have a digest.
+/// A table whose rows have a digest each.
 pub(super) struct Sealed {
     pub(super) table: &'static str,
     /// The columns that the digest covers, in their order.
@@ -87,17 +95,38 @@ pub(super) struct Sealed {
 }
 
 impl Sealed {
-    /// Selects from rows `t`, and from their cases `c` where there is a key, the columns covered by
-    /// the digest, the digest, and the row number.
-    pub(super) fn select(&self) -> String {
+    /// Calls `each` with the rows `t`, with their cases `c` where there is a key, that meet a
+    /// condition: with their number, their columns, and the digest that they should have, unless it
+    /// is the one they have.
+    pub(super) fn each(
+        &self,
+        connection: &Connection,
+        condition: &str,
+        parameters: impl Params,
+        mut each: impl FnMut(i64, &Row<'_>, Option<i64>) -> rusqlite::Result<()>,
+    ) -> rusqlite::Result<()> {
         let (key, cases) = if self.with_key {
-            (", c.key", " JOIN cases c ON c.id = t.case_id")
+            (", c.key AS key", " JOIN cases c ON c.id = t.case_id")
         } else {
             ("", "")
         };
         let columns = self.columns.replace(", ", ", t.");
-        let table = self.table;
-        format!("SELECT t.{columns}{key}, t.digest, t.rowid FROM {table} t{cases}")
+        let mut query = connection.prepare_cached(&format!(
+            "SELECT t.{columns}{key}, t.digest AS digest, t.rowid FROM {} t{cases} WHERE {condition}",
+            self.table
+        ))?;
+        let names = names_before(&query, "digest")?;
+        let mut rows = query.query(parameters)?;
+        while let Some(row) = rows.next()? {
+            let digest = Digest::default().with_row(row, &names)?.finish();
+            let is_whole = row.get(names.len()) == Ok(digest);
+            each(
+                row.get(names.len() + 1)?,
+                row,
+                (!is_whole).then_some(digest),
+            )?;
+        }
+        Ok(())
     }
 
     /// Reads the rows that meet a condition, from the columns that the digest covers.
@@ -111,38 +140,39 @@ impl Sealed {
         parameters: impl Params,
         mut read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
     ) -> rusqlite::Result<Vec<T>> {
-        let query = format!("{} WHERE {condition}", self.select());
         let mut all = Vec::new();
-        each(connection, &query, parameters, |row, is_whole, _| {
-            DigestMismatch::unless(is_whole, self.words)?;
+        self.each(connection, condition, parameters, |_, row, altered| {
+            DigestMismatch::unless(altered.is_none(), self.words)?;
             all.push(read(row)?);
             Ok(())
         })?;
         Ok(all)
     }
 
-    /// Checks the digests of the rows that meet a condition.
-    pub(super) fn check(
-        &self,
-        connection: &Connection,
-        condition: &str,
-        parameters: impl Params,
-    ) -> rusqlite::Result<()> {
-        self.all(connection, condition, parameters, |_| Ok(()))?;
-        Ok(())
+    /// Checks the digests of all rows.
+    pub(super) fn check(&self, connection: &Connection) -> rusqlite::Result<()> {
+        self.all(connection, "true", [], |_| Ok(())).map(drop)
+    }
+
+    /// The digest of a row without a key.
+    pub(super) fn digest_of(&self, values: &[Value]) -> i64 {
+        let columns = self.columns.split(", ");
+        Digest::default().with(columns.zip(values)).finish()
     }
 
     /// Inserts or replaces a row, with the key of its case, and `more` columns that the digest does
-    /// not cover.
+    /// not cover. Returns its number.
     pub(super) fn put(
         &self,
         connection: &Connection,
         key: Option<&str>,
         values: &[Value],
         more: &[(&str, Value)],
-    ) -> rusqlite::Result<()> {
+    ) -> rusqlite::Result<i64> {
         let key = key.map(|key| Value::Text(key.to_owned()));
-        let digest = Value::Integer(Digest::default().with(values).with(&key).finish());
+        let columns = self.columns.split(", ").zip(values);
+        let digest = Digest::default().with(columns.chain(key.iter().map(|key| ("key", key))));
+        let digest = Value::Integer(digest.finish());
         let names = more.iter().map(|(name, _)| *name);
         let names: Vec<&str> = [self.columns, "digest"].into_iter().chain(names).collect();
         let (table, names) = (self.table, names.join(", "));
@@ -151,7 +181,8 @@ impl Sealed {
         connection.run(
             &format!("INSERT OR REPLACE INTO {table} ({names}) VALUES ({places})"),
             params_from_iter(values.iter().chain([&digest]).chain(more)),
-        )
+        )?;
+        Ok(connection.last_insert_rowid())
     }
 
     /// Updates the digests of the rows that meet a condition.
@@ -161,57 +192,15 @@ impl Sealed {
         condition: &str,
         parameters: impl Params,
     ) -> rusqlite::Result<()> {
-        let query = format!("{} WHERE {condition}", self.select());
-        reseal(connection, self.table, &query, parameters)
+        let mut altered = Vec::new();
+        self.each(connection, condition, parameters, |number, _, digest| {
+            altered.extend(digest.map(|digest| (number, digest)));
+            Ok(())
+        })?;
+        let rewrite = format!("UPDATE {} SET digest = ?2 WHERE rowid = ?1", self.table);
+        let mut altered = altered.into_iter();
+        altered.try_for_each(|row| connection.run(&rewrite, row))
     }
-}
-
-/// Calls `each` with rows, a flag whether the columns before `digest` match it, and their present
-/// digest.
-pub(super) fn each(
-    connection: &Connection,
-    query: &str,
-    parameters: impl Params,
-    mut each: impl FnMut(&Row<'_>, bool, i64) -> rusqlite::Result<()>,
-) -> rusqlite::Result<()> {
-    let mut query = connection.prepare_cached(query)?;
-    let place = query.column_index("digest")?;
-    let mut rows = query.query(parameters)?;
-    while let Some(row) = rows.next()? {
-        let digest = Digest::default().with_row(row, 0..place)?.finish();
-        each(row, row.get(place) == Ok(digest), digest)?;
-    }
-    Ok(())
-}
-
-/// Rows with a wrong digest, by their numbers in the last column, each with the right digest.
-pub(super) fn altered(
-    connection: &Connection,
-    query: &str,
-    parameters: impl Params,
-) -> rusqlite::Result<Vec<(i64, i64)>> {
-    let mut altered = Vec::new();
-    each(connection, query, parameters, |row, is_whole, digest| {
-        if !is_whole {
-            altered.push((row.get(row.as_ref().column_count() - 1)?, digest));
-        }
-        Ok(())
-    })?;
-    Ok(altered)
-}
-
-/// Updates the digests of rows of a table.
-pub(super) fn reseal(
-    connection: &Connection,
-    table: &str,
-    query: &str,
-    parameters: impl Params,
-) -> rusqlite::Result<()> {
-    let rewrite = format!("UPDATE {table} SET digest = ?2 WHERE rowid = ?1");
-    let altered = altered(connection, query, parameters)?;
-    altered
-        .into_iter()
-        .try_for_each(|row| connection.run(&rewrite, row))
 }
 
 /// Contents that differ from what was written.
@@ -263,26 +252,37 @@ pub(super) fn whole(count: u64) -> Value {
 mod tests {
     use super::*;
 
+    /// The digest of values with these names.
+    fn of(values: &[(&str, Value)]) -> i64 {
+        let values = values.iter().map(|(name, value)| (*name, value));
+        Digest::default().with(values).finish()
+    }
+
     #[test]
-    fn a_changed_value_a_missing_one_and_one_of_another_type_change_the_digest() {
-        let row = [Value::Integer(1), Value::Real(2.5), Value::Null];
-        let good = of(&row);
-        assert_eq!(good, of(&row[..2]), "an empty column changes nothing");
+    fn a_changed_value_a_missing_one_and_one_of_another_type_or_column_change_the_digest() {
+        let good = of(&[("a", Value::Integer(1)), ("b", Value::Real(2.5))]);
+        let more = [
+            ("a", Value::Integer(1)),
+            ("x", Value::Null),
+            ("b", Value::Real(2.5)),
+        ];
+        assert_eq!(good, of(&more), "an empty column changes nothing");
         for other in [
-            &row[..1],
+            &[("a", Value::Integer(1))][..],
             &[
-                Value::Integer(1),
-                Value::Real(2.5000000000000004),
-                Value::Null,
+                ("a", Value::Integer(1)),
+                ("b", Value::Real(2.5000000000000004)),
             ],
-            &[Value::Integer(1), Value::Text("2.5".into()), Value::Null],
-            &[Value::Real(1.0), Value::Real(2.5), Value::Null],
-            &[Value::Real(2.5), Value::Integer(1), Value::Null],
+            &[("a", Value::Integer(1)), ("b", Value::Text("2.5".into()))],
+            &[("a", Value::Integer(1)), ("c", Value::Real(2.5))],
+            &[("a", Value::Real(1.0)), ("b", Value::Real(2.5))],
+            &[("b", Value::Real(2.5)), ("a", Value::Integer(1))],
         ] {
             assert_ne!(good, of(other), "{other:?}");
         }
-        assert_eq!(of(&[Value::Real(f64::NAN)]), of(&[Value::Null]));
-        let words = |a: &str, b: &str| of(&[Value::Text(a.into()), Value::Text(b.into())]);
+        assert_eq!(of(&[("a", Value::Real(f64::NAN))]), of(&[]));
+        let words =
+            |a: &str, b: &str| of(&[("a", Value::Text(a.into())), ("b", Value::Text(b.into()))]);
         assert_ne!(words("ab", "c"), words("a", "bc"));
     }
 }

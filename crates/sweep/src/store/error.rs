@@ -47,7 +47,8 @@ pub enum StoreError {
         "{} has schema {found}, but this program supports schema {known}: it was made by another version of sweep", path.display()
     )]
     #[diagnostic(help(
-        "nothing was changed in it; use the version that made it, or choose another place with --store FILE"
+        "nothing was changed in it; read it with the version that made it, and move it away or name another place with --store FILE: \
+         `sweep run` computes its runs again"
     ))]
     Schema {
         path: PathBuf,

@@ -1,20 +1,39 @@
 //! Failures: storing and listing them.
 
-use super::digest::{Sealed, whole};
+use super::digest::{Digest, names_before};
 use super::statements::Statements;
-use super::{Store, StoreError};
+use super::{Store, StoreError, runs};
 use crate::system::process;
-use rusqlite::{Connection, Row, params, params_from_iter};
+use rusqlite::{Connection, Row, ToSql, params};
 use sd_core::Params;
 use serde::Serialize;
+use std::collections::HashMap;
 
-/// The failures.
-pub(super) const SEALED: Sealed = Sealed {
-    table: "failures",
-    columns: "attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process, failed_at, retried",
-    with_key: true,
-    words: "a failure",
-};
+/// The columns of a failure, all but its number and its case.
+const COLUMNS: &str =
+    "attempt, error, step, strain, sphere_i, sphere_j, gap, snapshot, process, failed_at, retried";
+
+/// The digests of the failures of each case `c` that meets a condition and has any.
+pub(super) fn digests(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[&dyn ToSql],
+) -> rusqlite::Result<HashMap<i64, i64>> {
+    let columns = COLUMNS.replace(", ", ", f.");
+    let mut query = connection.prepare_cached(&format!(
+        "SELECT f.{columns}, f.case_id AS case_id FROM failures f JOIN cases c ON c.id = f.case_id
+         WHERE {condition} ORDER BY f.id"
+    ))?;
+    let names = names_before(&query, "case_id")?;
+    let mut rows = query.query(parameters)?;
+    let mut digests = HashMap::new();
+    while let Some(row) = rows.next()? {
+        let case = row.get(names.len())?;
+        let digest = Digest::after(digests.get(&case).copied()).with_row(row, &names)?;
+        digests.insert(case, digest.finish());
+    }
+    Ok(digests)
+}
 
 /// A failed attempt at a case.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -67,36 +86,34 @@ impl Attempt {
 }
 
 /// Stores a failure of a case; that of its last attempt has the number 0.
-pub(super) fn insert(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
-    let (key, attempts): (String, u64) = connection.one(
-        "SELECT key, attempts FROM cases WHERE id = ?1",
-        [case],
-        |row| row.try_into(),
-    )?;
-    let values = [
-        whole(if failed.attempt == 0 {
-            attempts
-        } else {
-            failed.attempt
-        }),
-        failed.error.into(),
-        whole(failed.step),
-        failed.strain.into(),
-        failed.pair.map(|pair| whole(pair.0)).into(),
-        failed.pair.map(|pair| whole(pair.1)).into(),
-        failed.gap.into(),
-        failed.snapshot.into(),
-        failed.process.into(),
-        failed.failed_at.into(),
-        false.into(),
-    ];
-    SEALED.put(connection, Some(&key), &values, &[("case_id", case.into())])
+pub(super) fn insert(connection: &Connection, case: i64, failed: &Attempt) -> rusqlite::Result<()> {
+    let pair = failed.pair.unzip();
+    connection.run(
+        &format!(
+            "INSERT INTO failures (case_id, {COLUMNS}) VALUES (?1, CASE ?2 WHEN 0
+                 THEN (SELECT attempts FROM cases WHERE id = ?1) ELSE ?2 END,
+                 ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, 0)"
+        ),
+        params![
+            case,
+            failed.attempt,
+            failed.error,
+            failed.step,
+            failed.strain,
+            pair.0,
+            pair.1,
+            failed.gap,
+            failed.snapshot,
+            failed.process,
+            failed.failed_at,
+        ],
+    )
 }
 
 /// The failures of a case.
 pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Attempt>> {
-    let of_case = "t.case_id = ?1 ORDER BY t.id";
-    SEALED.all(connection, of_case, [case], |row| attempt(row, 0))
+    let of_case = format!("SELECT {COLUMNS} FROM failures WHERE case_id = ?1 ORDER BY id");
+    connection.all(&of_case, [case], |row| attempt(row, 0))
 }
 
 /// Reads a failure from a row, starting at a column.
@@ -140,11 +157,9 @@ impl Store {
         snapshot: &str,
         parameters: impl rusqlite::Params,
     ) -> Result<Vec<FailureLine>, StoreError> {
-        self.read(SEALED.check(&self.connection, "c.state = 'failed'", []))?;
-        let columns = SEALED
-            .columns
-            .replace(", ", ", f.")
-            .replace("f.snapshot", snapshot);
+        self.read(runs::check(&self.connection, "c.state = 'failed'", &[]))?;
+        let columns = COLUMNS.replace(", ", ", f.");
+        let columns = columns.replace("f.snapshot", snapshot);
         let query = format!(
             "SELECT c.key, c.seed, p.params, f.{columns} FROM cases c
                  JOIN points p ON p.id = c.point
@@ -160,21 +175,4 @@ impl Store {
             })
         })
     }
-}
-
-/// Records that cases that meet a condition, with parameters from ?2 on, are pending again after
-/// their failures.
-pub(super) fn mark_retried(
-    connection: &Connection,
-    condition: &str,
-    parameters: &[i64],
-) -> rusqlite::Result<()> {
-    let parameters = [&[1], parameters].concat();
-    let cases = format!("case_id IN (SELECT id FROM cases WHERE {condition})");
-    let retried = format!("UPDATE failures SET retried = ?1 WHERE NOT retried AND {cases}");
-    if connection.change(&retried, params_from_iter(&parameters))? > 0 {
-        let which = format!("t.retried = ?1 AND t.{cases}");
-        SEALED.seal(connection, &which, params_from_iter(&parameters))?;
-    }
-    Ok(())
 }

@@ -40,12 +40,9 @@ fn put(
     strain: f64,
     data: Vec<u8>,
 ) -> rusqlite::Result<()> {
-    SEALED.put(
-        connection,
-        Some(key),
-        &[whole(step), strain.into(), data.into()],
-        &[("case_id", case.into())],
-    )
+    let frame = [whole(step), strain.into(), data.into()];
+    let put = SEALED.put(connection, Some(key), &frame, &[("case_id", case.into())]);
+    put.map(drop)
 }
 
 /// Appends frames to those of a case, which then has all from a step until another.
@@ -177,9 +174,9 @@ impl Store {
         let protocol = self.protocol()?;
         self.write(|connection| {
             let cases: Vec<_> = connection.all(
-                "SELECT c.id, p.params, min(c.steps, max(c.steps_done, coalesce(e.steps, 0))),
+                "SELECT c.id, p.params, min(c.steps, max(c.steps_done, coalesce(r.computed, 0))),
                      c.state IN ('done', 'jammed'), c.frames_from, c.frames_until
-                 FROM cases c JOIN points p ON p.id = c.point LEFT JOIN ends e ON e.case_id = c.id
+                 FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id
                  WHERE c.position IS NOT NULL AND c.state NOT IN ('running', 'failed')",
                 [],
                 |row| {

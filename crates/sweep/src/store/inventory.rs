@@ -1,8 +1,6 @@
 //! Comparison of a campaign file with its store, and removal of runs that are not in the file.
 
 use super::check::OF_CASES;
-use super::processes::ActiveProcess;
-use super::request::Request;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use serde::Serialize;
@@ -50,36 +48,6 @@ pub struct Adoption {
 }
 
 impl Store {
-    /// The error about a process that computes another version of the campaign.
-    pub(super) fn at_work(&self, request: &Request, other: ActiveProcess) -> StoreError {
-        StoreError::ActiveProcess {
-            path: self.path.clone(),
-            ours: request.file.clone(),
-            theirs: other.file.unwrap_or_default().into(),
-            pid: other.identity.pid,
-            host: other.identity.host,
-        }
-    }
-
-    /// Checks that the store still holds the version of the campaign entered here, which holds
-    /// while this process counts as alive.
-    ///
-    /// # Errors
-    /// [`StoreError::Displaced`] if another version was entered since, and I/O or SQLite errors.
-    pub fn check_campaign(&self) -> Result<(), StoreError> {
-        let Some(request) = &self.request else {
-            return Ok(());
-        };
-        match self.read(request.displaced_by(&self.connection))? {
-            None => Ok(()),
-            Some(theirs) => Err(StoreError::Displaced {
-                path: self.path.clone(),
-                ours: request.file.clone(),
-                theirs,
-            }),
-        }
-    }
-
     /// Counts the runs in the store that the campaign requests, and the others.
     pub(crate) fn inventory(&self) -> Result<Inventory, StoreError> {
         let inventory = || {
@@ -104,8 +72,7 @@ impl Store {
                          FROM samples WHERE case_id = c.id)
                          + coalesce((SELECT sum(length(data)) FROM frames WHERE case_id = c.id), 0)
                          + coalesce((SELECT sum(length(data)) FROM checkpoints
-                         WHERE case_id = c.id), 0)
-                         + coalesce((SELECT length(state) FROM ends WHERE case_id = c.id), 0))
+                         WHERE case_id = c.id), 0))
                      FROM cases c WHERE {ORPHANED}"
                 );
                 inventory.orphan_bytes = self.connection.one(&bytes, [], |row| row.get(0))?;
@@ -129,7 +96,7 @@ impl Store {
 
 /// Condition on a case with data that is not in the campaign.
 pub(super) const ORPHANED: &str = "(NOT c.counts AND (c.state != 'pending' OR c.steps_done > 0
-     OR EXISTS (SELECT 1 FROM ends WHERE case_id = c.id)))";
+     OR EXISTS (SELECT 1 FROM results WHERE case_id = c.id)))";
 
 impl Store {
     /// Removes all runs that are not in the grid, with their data, and frees their disk space.
@@ -148,7 +115,8 @@ impl Store {
             // Seeds that a precision may still need stay.
             connection.execute(
                 "UPDATE cases SET state = 'pending', steps_done = 0, attempts = 0, deaths = 0,
-                     samples_digest = NULL, frames_from = NULL, frames_until = NULL
+                     samples_digest = NULL, frames_from = NULL, frames_until = NULL,
+                     digest = NULL
                  WHERE NOT counts AND state != 'running'",
                 [],
             )?;

@@ -7,9 +7,9 @@
 mod case;
 mod shards;
 
+use super::entry::Entered;
 use super::statements::Statements;
 use super::{Store, StoreError, rules, settle};
-use crate::model::protocol::Protocol;
 use crate::system::process::now;
 use case::Merging;
 use rusqlite::params;
@@ -142,12 +142,12 @@ impl Store {
                 known: known.into_iter().collect::<Vec<_>>().join(", "),
             });
         }
-        let protocol = self.protocol()?;
+        let entered = self.entered()?;
         for (number, shard) in readable.iter().enumerate() {
             let mixed = foreign.iter().any(|(of, _)| *of == number);
             // Once is enough: averages rarely differ in the discarded strain.
             let is_last = number + 1 == readable.len();
-            self.merge_one(mode, shard, mixed, (&protocol, is_last), &mut merged)?;
+            self.merge_one(mode, shard, mixed, (&entered, is_last), &mut merged)?;
         }
         Ok(merged)
     }
@@ -188,7 +188,7 @@ impl Store {
         mode: MergeMode,
         shard: &Shard,
         mixed: bool,
-        (protocol, is_last): (&Protocol, bool),
+        (entered, is_last): (&Entered, bool),
         merged: &mut Merged,
     ) -> Result<(), StoreError> {
         let store = match Store::open_shard(&shard.path) {
@@ -206,7 +206,7 @@ impl Store {
                 other: &store.connection,
                 connection,
                 mode,
-                protocol,
+                protocol: &entered.protocol,
                 processes: HashMap::new(),
                 merged,
             };
@@ -217,8 +217,8 @@ impl Store {
                 Err(error) => damage = Some(error.to_string()),
             }
             if is_last {
-                settle::settle_all(connection, protocol)?;
-                rules::apply_all(connection)?;
+                settle::settle_all(connection, entered)?;
+                rules::apply_all(connection, &entered.rules)?;
             }
             if mode == MergeMode::Campaign && damage.is_none() {
                 connection.execute(

@@ -1,10 +1,10 @@
 //! An open store: its connection, its files, its transactions.
 
 use super::StoreError;
+use super::entry::Entered;
 use super::lock::{WAITS, WAITS_BETWEEN_NOTES, is_stopping, wait_for_lock};
 use super::place::{self, FileIdentity, Files};
 use super::processes::{self, Registered, TaskName};
-use super::request::Request;
 use super::schema::{self, Lack};
 use super::statements::Statements;
 use crate::system::lock;
@@ -29,8 +29,8 @@ pub struct Store {
     pub(super) process: Option<Registered>,
     /// The task of a scheduler this process works for.
     pub(super) task: Option<TaskName>,
-    /// Request of this process, once it has entered a campaign.
-    pub(super) request: Option<Request>,
+    /// What this process has entered.
+    pub(super) entered: Option<Entered>,
     /// The file last run, if another version is shown.
     pub(super) last_run_with: Option<PathBuf>,
     /// Note about waiting while cases are computed, until it has been printed.
@@ -89,7 +89,7 @@ impl Store {
             warning: None,
             process: None,
             task: None,
-            request: None,
+            entered: None,
             last_run_with: None,
             waiting: Arc::default(),
         })

@@ -1,7 +1,7 @@
 //! The processes that work on a store, and those that computed its results.
 
 use super::digest::{DigestMismatch, Sealed, whole};
-use super::request::Request;
+use super::entry::Entered;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::model::case::PHYSICS_VERSION;
@@ -105,8 +105,7 @@ pub(super) fn put(
     described: &[Value],
     more: &[(&str, Value)],
 ) -> rusqlite::Result<i64> {
-    SEALED.put(connection, None, described, more)?;
-    Ok(connection.last_insert_rowid())
+    SEALED.put(connection, None, described, more)
 }
 
 /// The description of the process with a number, or that of an unknown one if it was changed.
@@ -126,7 +125,7 @@ pub(super) fn described(connection: &Connection, id: i64) -> Vec<Value> {
 }
 
 /// Registers this process, which computes a version of the campaign.
-pub(super) fn enter(connection: &Connection, request: &Request) -> rusqlite::Result<Registered> {
+pub(super) fn enter(connection: &Connection, entered: &Entered) -> rusqlite::Result<Registered> {
     let identity = Identity::of_this_process();
     let now = process::now();
     let mut described = vec![
@@ -144,8 +143,8 @@ pub(super) fn enter(connection: &Connection, request: &Request) -> rusqlite::Res
     described.resize(14, Value::Null);
     let more = [
         ("heartbeat", now.into()),
-        ("file", request.file.to_string_lossy().into_owned().into()),
-        ("request", request.hash.clone().into()),
+        ("file", entered.file.clone().into()),
+        ("request", entered.request.clone().into()),
     ];
     let id = put(connection, &described, &more)?;
     Ok(Registered { id, identity })
@@ -186,7 +185,7 @@ pub(super) fn program(version: &str, physics_version: u64, build: &str) -> Strin
 impl Store {
     /// Processes that finished results, the latest first.
     pub(crate) fn provenance(&self) -> Result<Vec<Provenance>, StoreError> {
-        self.read(SEALED.check(&self.connection, "true", []))?;
+        self.read(SEALED.check(&self.connection))?;
         self.rows(
             "SELECT p.host, p.version, p.physics_version, p.build, p.threads, p.started_at,
                  r.results

@@ -3,7 +3,8 @@
 
 use super::processes::{ActiveProcess, Registered, SEALED, TaskName};
 use super::statements::Statements;
-use super::{Store, StoreError, checkpoints, failures, settle, states};
+use super::{Store, StoreError, failures, runs, settle};
+use crate::model::precision::Precision;
 use crate::model::replay::replay;
 use crate::system::process;
 use rusqlite::config::DbConfig;
@@ -63,7 +64,7 @@ impl Store {
     pub(crate) fn leave(&mut self) -> Result<(), StoreError> {
         let me = self.me();
         self.write(|connection| {
-            states::free(connection, me)?;
+            runs::free(connection, me)?;
             end(connection, me)
         })?;
         self.process = None;
@@ -88,8 +89,9 @@ impl Store {
         {
             return Ok(0);
         }
+        let rules = self.entered()?.rules;
         self.write(|connection| {
-            let mut freed = states::free_where(connection, ORPHANED_RUNNING, &[])?;
+            let mut freed = runs::free_where(connection, ORPHANED_RUNNING, &[])?;
             for process in dead(connection)? {
                 // Deaths do not count if the machine restarted, or for cases of a batch that were
                 // not started.
@@ -98,9 +100,9 @@ impl Store {
                         "UPDATE cases SET deaths = deaths + 1 WHERE owner = ?1 AND state = 'running'",
                         [process.id],
                     )?;
-                    freed += quarantine(connection, process.id)?;
+                    freed += quarantine(connection, &rules, process.id)?;
                 }
-                freed += states::free(connection, process.id)?;
+                freed += runs::free(connection, process.id)?;
                 end(connection, process.id)?;
             }
             Ok(freed)
@@ -133,7 +135,11 @@ fn end(connection: &Connection, id: i64) -> rusqlite::Result<()> {
 }
 
 /// Ends cases of a dead process with too many deaths as failed. Returns their number.
-fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
+fn quarantine(
+    connection: &Connection,
+    rules: &[Precision],
+    process: i64,
+) -> rusqlite::Result<usize> {
     let condemned: Vec<(i64, sd_core::Params, u64)> = connection.all(
         "SELECT c.id, p.params, c.steps_done FROM cases c JOIN points p ON p.id = c.point
          WHERE c.owner = ?1 AND c.state = 'running' AND c.deaths >= ?2",
@@ -141,7 +147,7 @@ fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> 
         |row| Ok((row.get(0)?, super::schema::params(row, 1)?, row.get(2)?)),
     )?;
     for (id, params, step) in &condemned {
-        let checkpoints = checkpoints::of(connection, *id)?;
+        let checkpoints = runs::checkpoints(connection, *id)?;
         let last = checkpoints.into_iter().find_map(Result::ok);
         let failure = failures::Attempt {
             error: format!(
@@ -153,7 +159,7 @@ fn quarantine(connection: &Connection, process: i64) -> rusqlite::Result<usize> 
             snapshot: last.map(|last| replay(params, &last.snapshot)),
             ..failures::Attempt::default()
         };
-        settle::fail(connection, *id, failure.by(process))?;
+        settle::fail(connection, rules, *id, &failure.by(process))?;
     }
     Ok(condemned.len())
 }

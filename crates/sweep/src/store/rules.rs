@@ -4,13 +4,13 @@
 //! count whenever a case of the point ends, in the same transaction, so that they depend only on
 //! the results.
 
-use super::digest::{DigestMismatch, Sealed, whole};
+use super::digest::DigestMismatch;
 use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::measure::{Decision, Outcome};
 use crate::model::campaign::Campaign;
-use crate::model::precision::{Precision, Quantity};
-use rusqlite::{Connection, Row, params};
+use crate::model::precision::Precision;
+use rusqlite::{Connection, params};
 use sd_core::Params;
 
 /// State of a point with a requested precision.
@@ -32,36 +32,15 @@ struct Seed {
     cost: f64,
 }
 
-/// The rules.
-pub(super) const SEALED: Sealed = Sealed {
-    table: "rules",
-    columns: "number, precision, quantity, at_least, at_most",
-    with_key: false,
-    words: "the precision requested at a point",
-};
-
-/// Description of the damage if the seeds that count contradict the rules.
-const COUNTED_SEEDS: &str = "which seeds count";
-
-/// Replaces the rules by those of a campaign. Its cases are in the store, and all count:
-/// [`apply_all`] then excludes seeds.
+/// Gives their rules to the cases of a campaign, which are in the store. All count: [`apply_all`]
+/// then excludes seeds.
 pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
-    connection.execute("DELETE FROM rules", [])?;
     connection.execute(
         "UPDATE cases SET rule = NULL, gain = 0.0 WHERE rule IS NOT NULL",
         [],
     )?;
     let mut give = connection.prepare("UPDATE cases SET rule = ?2 WHERE key = ?1")?;
-    for (number, rule) in (0_i64..).zip(&campaign.rules) {
-        let precision = rule.precision;
-        let row = [
-            number.into(),
-            precision.precision.into(),
-            precision.quantity.name().to_owned().into(),
-            whole(precision.at_least as u64),
-            whole(precision.at_most as u64),
-        ];
-        SEALED.put(connection, None, &row, &[])?;
+    for (number, rule) in campaign.rules.iter().enumerate() {
         for (key, _) in &campaign.cases[rule.cases.clone()] {
             give.execute(params![key.to_string(), number])?;
         }
@@ -70,24 +49,36 @@ pub(super) fn enter(connection: &Connection, campaign: &Campaign) -> rusqlite::R
 }
 
 /// Applies every rule.
-pub(super) fn apply_all(connection: &Connection) -> rusqlite::Result<()> {
-    for (point, rule) in rules(connection, "true", [])? {
-        apply(connection, point, &rule)?;
-    }
-    Ok(())
+pub(super) fn apply_all(connection: &Connection, rules: &[Precision]) -> rusqlite::Result<()> {
+    let mut rules = rules.iter().enumerate();
+    rules.try_for_each(|(point, rule)| apply(connection, point, rule))
 }
 
 /// Applies the rule of a case, if it has one.
-pub(super) fn apply_to_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
-    let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
-    for (point, rule) in rules(connection, of_case, [case])? {
-        apply(connection, point, &rule)?;
+pub(super) fn apply_to_case(
+    connection: &Connection,
+    rules: &[Precision],
+    case: i64,
+) -> rusqlite::Result<()> {
+    match of_case(connection, rules, case)? {
+        Some((point, rule)) => apply(connection, point, rule),
+        None => Ok(()),
     }
-    Ok(())
+}
+
+/// The rule of a case, and its number.
+fn of_case<'r>(
+    connection: &Connection,
+    rules: &'r [Precision],
+    case: i64,
+) -> rusqlite::Result<Option<(usize, &'r Precision)>> {
+    let rule = "SELECT rule FROM cases WHERE id = ?1";
+    let number: Option<usize> = connection.value(rule, [case])?.flatten();
+    Ok(number.and_then(|number| Some((number, rules.get(number)?))))
 }
 
 /// Marks the seeds of a point that count, and no others.
-fn apply(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<()> {
+fn apply(connection: &Connection, point: usize, rule: &Precision) -> rusqlite::Result<()> {
     let seeds = seeds(connection, point, rule)?;
     let decision = decide(rule, &seeds);
     let batch = &seeds[decision.complete.min(seeds.len())..decision.wanted.min(seeds.len())];
@@ -114,37 +105,8 @@ fn decide(rule: &Precision, seeds: &[Seed]) -> Decision {
     rule.decide(&outcomes)
 }
 
-/// A row of the rules.
-fn rule(row: &Row<'_>) -> rusqlite::Result<(i64, Precision)> {
-    let quantity: String = row.get(2)?;
-    Ok((
-        row.get(0)?,
-        Precision {
-            precision: row.get(1)?,
-            quantity: Quantity::of_name(&quantity).ok_or(rusqlite::Error::InvalidQuery)?,
-            at_least: row.get(3)?,
-            at_most: row.get(4)?,
-        },
-    ))
-}
-
-/// All rules with their numbers, in the order of the campaign file.
-pub(super) fn all(connection: &Connection) -> rusqlite::Result<Vec<(i64, Precision)>> {
-    rules(connection, "true", [])
-}
-
-/// The rules that meet a condition, in the order of the campaign file.
-fn rules(
-    connection: &Connection,
-    condition: &str,
-    parameters: impl rusqlite::Params,
-) -> rusqlite::Result<Vec<(i64, Precision)>> {
-    let ordered = format!("{condition} ORDER BY t.number");
-    SEALED.all(connection, &ordered, parameters, rule)
-}
-
 /// The seeds of a point in their order.
-fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Result<Vec<Seed>> {
+fn seeds(connection: &Connection, point: usize, rule: &Precision) -> rusqlite::Result<Vec<Seed>> {
     // The name of a quantity is one of a few keywords, not user text.
     let quantity = rule.quantity.name();
     connection.all(
@@ -175,10 +137,10 @@ fn seeds(connection: &Connection, point: i64, rule: &Precision) -> rusqlite::Res
 /// The cases of the first batch of the point of a case, if it has a rule.
 pub(super) fn first_batch(
     connection: &Connection,
+    rules: &[Precision],
     case: i64,
 ) -> rusqlite::Result<Option<Vec<i64>>> {
-    let of_case = "t.number = (SELECT rule FROM cases WHERE id = ?1)";
-    let rule = rules(connection, of_case, [case])?.pop();
+    let rule = of_case(connection, rules, case)?;
     rule.map(|(point, rule)| {
         let batch = "SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2";
         connection.values(batch, params![point, rule.at_least])
@@ -188,10 +150,11 @@ pub(super) fn first_batch(
 
 /// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the
 /// grid.
-pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
-    for (point, rule) in rules(connection, "true", [])? {
-        let seeds = seeds(connection, point, &rule)?;
-        let wanted = decide(&rule, &seeds).wanted;
+pub(super) fn check(connection: &Connection, rules: &[Precision]) -> rusqlite::Result<()> {
+    const COUNTED_SEEDS: &str = "which seeds count";
+    for (point, rule) in rules.iter().enumerate() {
+        let seeds = seeds(connection, point, rule)?;
+        let wanted = decide(rule, &seeds).wanted;
         let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
         // All possible seeds of a point are in the store.
         let are_all = seeds.len() == rule.at_most;
@@ -199,8 +162,8 @@ pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
     }
     let left_out = connection.has(
         "SELECT 1 FROM cases WHERE CASE WHEN rule IS NULL THEN counts != (position IS NOT NULL)
-             ELSE rule NOT IN (SELECT number FROM rules) END",
-        [],
+             ELSE rule < 0 OR rule >= ?1 END",
+        [rules.len()],
     )?;
     DigestMismatch::unless(!left_out, COUNTED_SEEDS)
 }
@@ -208,7 +171,8 @@ pub(super) fn check(connection: &Connection) -> rusqlite::Result<()> {
 impl Store {
     /// States of the points with a requested precision, in the order of the file.
     pub(crate) fn point_states(&self) -> Result<Vec<PointState>, StoreError> {
-        let state = |(point, rule): (i64, Precision)| {
+        let rules = self.entered()?.rules;
+        let state = |(point, rule): (usize, Precision)| {
             let params = self.connection.one(
                 "SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1",
                 [point],
@@ -221,7 +185,6 @@ impl Store {
                 decision,
             })
         };
-        let rules = self.read(rules(&self.connection, "true", []))?;
-        self.read(rules.into_iter().map(state).collect())
+        self.read(rules.into_iter().enumerate().map(state).collect())
     }
 }

@@ -1,17 +1,404 @@
-//! The runs of a campaign as a table, with all their results.
+//! What a store keeps of each run: its state, checkpoints, result and failures, under one digest.
 
-use super::{Store, StoreError};
-use crate::data::DataColumn;
-use crate::measure::{PointRun, run_table};
+use super::digest::{Digest, DigestMismatch, names_before, whole};
+use super::statements::Statements;
+use super::{Checkpoint, Damage, failures, samples};
+use crate::data::{self, Kind};
+use crate::measure::RunData;
+use crate::measure::doubt::Doubt;
+use crate::measure::numbers::{self, Level, Number};
+use crate::model::case::State;
+use crate::system::process::now;
+use rusqlite::types::{Value, ValueRef};
+use rusqlite::{Connection, Row, ToSql, params, params_from_iter};
+use sd_core::simulation::Counters;
+use sd_core::{Params, Sample};
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
-impl Store {
-    /// All runs of the campaign in its order, one row each. Pending runs have no results.
+/// After this many successive deaths a case waits until no other is pending.
+pub(super) const SUSPECT: u32 = 3;
+/// Offset added to the rank of a case that waits for all others, and subtracted for a started one.
+const AHEAD: i64 = 1 << 40;
+/// Generation of the checkpoint of the last state of a completed run; those of a run in progress
+/// have lower ones.
+pub(super) const LAST: i64 = 2;
+
+/// The columns of results after the case.
+pub(super) static RESULT: LazyLock<String> = LazyLock::new(|| {
+    let numbers = numbers::columns(Level::Runs).map(|number| number.name);
+    let others = ["process", "doubts", "computed", "jammed", "counters"];
+    numbers.chain(others).collect::<Vec<_>>().join(", ")
+});
+
+/// The columns that the digest of a run covers, from the tables `c` of cases and `r` of results,
+/// besides its failures. The progress of an open run has its own digests.
+static COVERED: LazyLock<String> = LazyLock::new(|| {
+    let ended = |column: &str| {
+        format!("CASE WHEN c.state NOT IN ('pending', 'running') THEN c.{column} END AS {column}")
+    };
+    let ended = ["state", "steps_done", "samples_digest"]
+        .map(ended)
+        .join(", ");
+    format!("c.key, {ended}, r.{}", RESULT.replace(", ", ", r."))
+});
+
+/// A run in a list: its row, and places in it.
+pub(super) struct ListedRun<'r> {
+    pub(super) row: &'r Row<'r>,
+    pub(super) id: i64,
+    /// Whether its digest is the right one.
+    pub(super) is_whole: bool,
+    /// The right digest; none as long as there is nothing of it.
+    right: Option<i64>,
+    /// Column of the first number of its result.
+    pub(super) numbers: usize,
+    /// First of the further columns.
+    pub(super) more: usize,
+}
+
+/// Calls `each` for all cases `c` that meet a condition, with further columns.
+pub(super) fn each(
+    connection: &Connection,
+    more: &str,
+    condition: &str,
+    parameters: &[&dyn ToSql],
+    mut each: impl FnMut(ListedRun<'_>) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
+    let failures = failures::digests(connection, condition, parameters)?;
+    let covered = &*COVERED;
+    let mut query = connection.prepare_cached(&format!(
+        "SELECT {covered}, c.digest AS digest, c.id{more} FROM cases c
+         LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
+    ))?;
+    let names = names_before(&query, "digest")?;
+    let after_case = names.len() - RESULT.split(", ").count();
+    let mut rows = query.query(parameters)?;
+    while let Some(row) = rows.next()? {
+        let id = row.get(names.len() + 1)?;
+        let failed = failures.get(&id).copied();
+        let mut is_new = failed.is_none();
+        for column in 1..names.len() {
+            is_new = is_new && row.get_ref(column)? == ValueRef::Null;
+        }
+        let mut digest = Digest::default().with_row(row, &names)?;
+        digest.add("failures", &Value::from(failed));
+        let right = (!is_new).then(|| digest.finish());
+        each(ListedRun {
+            row,
+            id,
+            is_whole: row.get(names.len()) == Ok(right),
+            right,
+            numbers: after_case,
+            more: names.len() + 2,
+        })?;
+    }
+    Ok(())
+}
+
+/// Checks the runs of cases `c` that meet a condition.
+pub(super) fn check(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[&dyn ToSql],
+) -> rusqlite::Result<()> {
+    each(connection, "", condition, parameters, |run| run.check())
+}
+
+/// Updates the digests of the runs of cases `c` that meet a condition.
+pub(super) fn seal(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[&dyn ToSql],
+) -> rusqlite::Result<()> {
+    let mut altered = Vec::new();
+    each(connection, "", condition, parameters, |run| {
+        if !run.is_whole {
+            altered.push((run.id, run.right));
+        }
+        Ok(())
+    })?;
+    let seal = "UPDATE cases SET digest = ?2 WHERE id = ?1";
+    let mut altered = altered.into_iter();
+    altered.try_for_each(|run| connection.run(seal, run))
+}
+
+impl ListedRun<'_> {
+    /// An error if it was changed.
+    pub(super) fn check(&self) -> rusqlite::Result<()> {
+        if self.is_whole {
+            return Ok(());
+        }
+        let key: String = self.row.get(0)?;
+        let what = format!("checksum mismatch in the state or the result of run {key}");
+        Err(DigestMismatch::error(what))
+    }
+}
+
+/// Ends a case in a final state; its result or its failures are written already.
+pub(super) fn end(
+    connection: &Connection,
+    case: i64,
+    state: State,
+    steps: u64,
+) -> rusqlite::Result<()> {
+    connection.run(
+        "UPDATE cases SET state = ?2, owner = NULL, steps_done = ?3, changed_at = ?4 WHERE id = ?1",
+        params![case, state.name(), steps, now()],
+    )?;
+    seal(connection, "c.id = ?1", &[&case])
+}
+
+/// Sets all running cases of a process to pending.
+pub(super) fn free(connection: &Connection, process: i64) -> rusqlite::Result<usize> {
+    free_where(connection, "owner = ?2 AND state = 'running'", &[process])
+}
+
+/// Sets open cases that meet a condition to pending, with parameters from ?2 on; started ones
+/// continue first.
+pub(super) fn free_where(
+    connection: &Connection,
+    condition: &str,
+    parameters: &[i64],
+) -> rusqlite::Result<usize> {
+    let turn = turn("steps_done");
+    connection.change(
+        &format!(
+            "UPDATE cases SET state = 'pending', owner = NULL, changed_at = ?1, turn = {turn}
+             WHERE {condition}"
+        ),
+        params_from_iter([&[now()], parameters].concat()),
+    )
+}
+
+/// Sets cases that ended or whose data changed, and that meet a condition, to pending: earlier
+/// deaths are reset, and they continue from the last stored state. Returns their number.
+pub(super) fn reopen(
+    connection: &Connection,
+    condition: &str,
+    parameters: impl rusqlite::Params,
+) -> rusqlite::Result<usize> {
+    let cases = format!("SELECT id FROM cases WHERE {condition}");
+    let cases: Vec<i64> = connection.values(&cases, parameters)?;
+    for case in &cases {
+        let retried = "UPDATE failures SET retried = 1 WHERE case_id = ?1 AND NOT retried";
+        connection.run(retried, [case])?;
+        connection.run(
+            "UPDATE cases SET deaths = 0, steps_done = coalesce(
+                 (SELECT max(steps) FROM checkpoints WHERE case_id = cases.id), 0) WHERE id = ?1",
+            [case],
+        )?;
+        free_where(connection, "id = ?2", &[*case])?;
+        seal(connection, "c.id = ?1", &[case])?;
+    }
+    Ok(cases.len())
+}
+
+/// Deletes all of a running case but its failures, to be computed again from its start; it keeps
+/// frames if it did before.
+pub(super) fn delete_data(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    for table in ["samples", "frames", "checkpoints", "results"] {
+        connection.run(&format!("DELETE FROM {table} WHERE case_id = ?1"), [case])?;
+    }
+    connection.run(
+        "UPDATE cases SET steps_done = 0, samples_digest = NULL,
+             frames_from = frames_from * 0, frames_until = frames_until * 0 WHERE id = ?1",
+        [case],
+    )?;
+    seal(connection, "c.id = ?1", &[&case])
+}
+
+/// The rank of a case by its steps done, as SQL: before the others if it was started, after them if
+/// it kills its processes.
+pub(super) fn turn(steps_done: &str) -> String {
+    format!(
+        "((turn + {AHEAD}) % {AHEAD} + CASE WHEN deaths >= {SUSPECT} THEN {AHEAD}
+             WHEN {steps_done} > 0 THEN -{AHEAD} ELSE 0 END)"
+    )
+}
+
+/// The rank of an ordinary case.
+pub(super) fn plain_turn(rank: u64) -> i64 {
+    i64::try_from(rank).unwrap_or(i64::MAX).min(AHEAD - 1)
+}
+
+/// The checkpoints of a case, the newest first; that of its last state is among them.
+pub(super) fn checkpoints(
+    connection: &Connection,
+    case: i64,
+) -> rusqlite::Result<Vec<Result<Checkpoint, Damage>>> {
+    connection.all(
+        "SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
+        [case],
+        |row| Ok(Checkpoint::decode(row.get_ref(0)?.as_blob()?)),
+    )
+}
+
+/// Replaces a checkpoint: generation, steps, process and data.
+pub(super) fn put_checkpoint(
+    connection: &Connection,
+    case: i64,
+    (generation, steps, process, data): (i64, u64, i64, &[u8]),
+) -> rusqlite::Result<()> {
+    connection.run(
+        "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+        params![case, generation, steps, process, now(), data],
+    )
+}
+
+/// Deletes the checkpoints of a run in progress up to a step.
+pub(super) fn delete_checkpoints(
+    connection: &Connection,
+    case: i64,
+    until: u64,
+) -> rusqlite::Result<()> {
+    let begun = "DELETE FROM checkpoints WHERE case_id = ?1 AND generation != ?2 AND steps <= ?3";
+    connection.run(begun, params![case, LAST, whole(until)])
+}
+
+/// The numbers that concern all steps of a run.
+fn counters() -> impl Iterator<Item = &'static Number> {
+    numbers::kept().filter(|number| number.is_counter())
+}
+
+/// What is known of a completed run besides its samples.
+#[derive(Debug, Clone)]
+pub(super) struct RunEnd {
+    pub(super) steps: u64,
+    pub(super) jammed: bool,
+    /// Those of all its steps.
+    pub(super) counters: Counters,
+    pub(super) wall_time_s: f64,
+    pub(super) cpu_time_s: f64,
+    pub(super) resumed: u32,
+    pub(super) process: i64,
+    pub(super) finished_at: i64,
+    /// A checkpoint of the last state.
+    pub(super) state: Option<Vec<u8>>,
+}
+
+impl RunEnd {
+    /// The end of the run of a case, if it was completed.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`], and I/O or SQLite errors.
-    pub fn runs(&self) -> Result<Vec<DataColumn>, StoreError> {
-        let runs = self.point_runs()?;
-        let runs: Vec<&PointRun> = runs.iter().collect();
-        Ok(run_table(&runs))
+    /// Those of the query, and [`DigestMismatch`] if it was changed.
+    pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Self>> {
+        check(connection, "c.id = ?1", &[&case])?;
+        let end = "SELECT computed, jammed, wall_time_s, cpu_time_s, resumed, process, finished_at,
+                 counters, (SELECT data FROM checkpoints k
+                 WHERE k.case_id = r.case_id AND generation = ?2)
+             FROM results r WHERE case_id = ?1";
+        connection.find(end, [case, LAST], |row| {
+            let seconds = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
+            let unreadable = |_| DigestMismatch::error("the counters of a run");
+            let texts: BTreeMap<String, String> =
+                serde_json::from_str(row.get_ref(7)?.as_str()?).map_err(unreadable)?;
+            let mut last = Sample::default();
+            for counter in counters() {
+                let text = texts.get(counter.name).map_or("", String::as_str);
+                let value = if counter.kind(Level::Samples) == Kind::Count {
+                    data::Value::Count(text.parse().unwrap_or(0))
+                } else {
+                    data::Value::Number(text.parse().unwrap_or(f64::NAN))
+                };
+                counter.put(&mut last, value);
+            }
+            Ok(Self {
+                steps: row.get(0)?,
+                jammed: row.get(1)?,
+                counters: last.counters,
+                wall_time_s: seconds(2)?,
+                cpu_time_s: seconds(3)?,
+                resumed: row.get(4)?,
+                process: row.get(5)?,
+                finished_at: row.get(6)?,
+                state: row.get(8)?,
+            })
+        })
     }
+
+    /// Writes the result of a case: the averages of its first `steps`, some of them discarded. Its
+    /// samples are read from the store unless they are given.
+    pub(super) fn write(
+        &self,
+        connection: &Connection,
+        (case, params): (i64, &Params),
+        (steps, discard): (u64, u64),
+        samples: Option<&[(u64, Sample)]>,
+    ) -> rusqlite::Result<()> {
+        let (mut run, mut last) = (RunData::new(params, discard), None);
+        let mut add = |step, sample: &Sample| {
+            if step < steps {
+                last = Some(sample.counters);
+                run.add(step, sample);
+            }
+        };
+        match samples {
+            Some(samples) => samples.iter().for_each(|(step, sample)| add(*step, sample)),
+            None => samples::each(connection, case, |step, sample| {
+                add(step, &sample);
+                Ok(())
+            })?,
+        }
+        // Of a run cut short those of its last sample.
+        run.counters = last.filter(|_| steps < self.steps).unwrap_or(self.counters);
+        run.steps = steps;
+        run.wall_time_s = self.wall_time_s;
+        run.cpu_time_s = self.cpu_time_s;
+        run.resumed = self.resumed.into();
+        run.finished_at = u64::try_from(self.finished_at).unwrap_or(0);
+        run.finish();
+        let doubts = Doubt::write(&Doubt::of(&run));
+        let all = Sample {
+            counters: self.counters,
+            ..Sample::default()
+        };
+        let counters = counters().map(|counter| {
+            let text = match counter.of_sample(&all) {
+                data::Value::Count(count) => count.to_string(),
+                data::Value::Number(number) => format!("{number:?}"),
+                data::Value::Word(word) => word.to_owned(),
+            };
+            (counter.name, text)
+        });
+        let counters = serde_json::to_string(&counters.collect::<BTreeMap<_, _>>())
+            .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
+        let numbers = run.result().map(|value| value.map_or(Value::Null, stored));
+        let others = [
+            self.process.into(),
+            Value::Text(doubts),
+            whole(self.steps),
+            self.jammed.into(),
+            counters.into(),
+        ];
+        let row = std::iter::once(Value::Integer(case))
+            .chain(numbers)
+            .chain(others);
+        connection.run(&INSERT, params_from_iter(row))
+    }
+}
+
+/// Writes a result.
+static INSERT: LazyLock<String> = LazyLock::new(|| {
+    let columns = &*RESULT;
+    let places = vec!["?"; columns.split(", ").count() + 1].join(", ");
+    format!("INSERT OR REPLACE INTO results (case_id, {columns}) VALUES ({places})")
+});
+
+/// A value of a column in its stored form.
+pub(super) fn stored(value: data::Value) -> Value {
+    match value {
+        data::Value::Number(number) => number.into(),
+        data::Value::Count(count) => whole(count),
+        data::Value::Word(word) => Value::Text(word.to_owned()),
+    }
+}
+
+/// A number of a row; 0 for a missing count, NaN for another missing number.
+pub(super) fn read(row: &Row<'_>, column: usize, kind: Kind) -> rusqlite::Result<data::Value> {
+    Ok(match kind {
+        Kind::Count => data::Value::Count(row.get::<_, Option<u64>>(column)?.unwrap_or(0)),
+        _ => data::Value::Number(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN)),
+    })
 }

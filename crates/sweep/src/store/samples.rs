@@ -1,7 +1,7 @@
 //! Samples of runs.
 
-use super::digest::{Digest, DigestMismatch, whole};
-use super::results::{read, stored};
+use super::digest::{Digest, DigestMismatch, names_before, whole};
+use super::runs::{read, stored};
 use super::statements::Statements;
 use crate::measure::numbers::{self, Level, Number};
 use rusqlite::types::Value;
@@ -34,12 +34,9 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
 /// The digest of samples after one more, from the digest of those before, `None` without any. So it
 /// grows with a run, and each checkpoint has that of the samples before it.
 pub(crate) fn extended(before: Option<i64>, step: u64, sample: &Sample) -> i64 {
-    after(before).with(&values(step, sample)).finish()
-}
-
-/// A digest that continues from another one.
-fn after(before: Option<i64>) -> Digest {
-    Digest::default().with(&[Value::from(before)])
+    let values = values(step, sample);
+    let names = std::iter::once("step").chain(numbers::kept().map(|number| number.name));
+    Digest::after(before).with(names.zip(&values)).finish()
 }
 
 /// Appends samples to those of a case; `digest` is that of all of them.
@@ -90,14 +87,14 @@ fn digested(
     mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
 ) -> rusqlite::Result<Option<i64>> {
     let mut query = connection.prepare_cached(&SELECT)?;
-    let columns = query.column_count();
+    let names: Vec<String> = query.column_names().map(str::to_owned).collect();
     let mut digest = None;
     let mut rows = query.query([case])?;
     while let Some(row) = rows.next()? {
         if row.get::<_, u64>(0)? >= until {
             break;
         }
-        digest = Some(after(digest).with_row(row, 0..columns)?.finish());
+        digest = Some(Digest::after(digest).with_row(row, &names)?.finish());
         each(row)?;
     }
     Ok(digest)
@@ -168,12 +165,12 @@ pub(super) fn digests(connection: &Connection) -> rusqlite::Result<HashMap<i64, 
     let mut query = connection.prepare(&format!(
         "SELECT step, {names}, case_id FROM samples ORDER BY case_id, step"
     ))?;
-    let case = query.column_count() - 1;
+    let names = names_before(&query, "case_id")?;
     let mut rows = query.query([])?;
     let mut digests = HashMap::new();
     while let Some(row) = rows.next()? {
-        let id = row.get(case)?;
-        let digest = after(digests.get(&id).copied()).with_row(row, 0..case)?;
+        let id = row.get(names.len())?;
+        let digest = Digest::after(digests.get(&id).copied()).with_row(row, &names)?;
         digests.insert(id, digest.finish());
     }
     Ok(digests)

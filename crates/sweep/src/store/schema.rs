@@ -1,7 +1,7 @@
 //! The schema of a store: creation and recognition of its tables, and values of common columns.
 
 use super::digest::DigestMismatch;
-use super::ends;
+use super::entry;
 use super::statements::Statements as _;
 use crate::data::{Kind, Value as AxisValue};
 use crate::measure::numbers::{self, Level, Number};
@@ -15,15 +15,13 @@ use sd_core::Params;
 const APPLICATION_ID: i32 = 0x5357_4550;
 /// Version of the schema. Stores of other versions are refused; new numbers and axes need no other
 /// one, see [`Lack`].
-pub(super) const VERSION: i32 = 2;
+pub(super) const VERSION: i32 = 3;
 /// The statements, with placeholders for columns that are declared elsewhere.
 const STATEMENTS: &str = include_str!("schema.sql");
 /// First words of the statement of an index, which is one line.
 const INDEX: &str = "CREATE INDEX";
 /// Tables that a reader copies in order to show another version of the campaign.
-const SHADOWED: [&str; 6] = [
-    "campaign", "points", "cases", "results", "failures", "rules",
-];
+const SHADOWED: [&str; 5] = ["campaign", "points", "cases", "results", "failures"];
 
 /// The version of the schema of a store; `None` for other files.
 pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>> {
@@ -34,46 +32,20 @@ pub(super) fn identify(connection: &Connection) -> rusqlite::Result<Option<i32>>
     Ok(None)
 }
 
-/// Names and types of columns.
-type Typed = Vec<(&'static str, &'static str)>;
-
-/// Tables with a column for each number of a level, these columns, and the others.
-fn of_numbers() -> [(&'static str, Typed, String); 3] {
-    fn typed(numbers: impl Iterator<Item = &'static Number>, level: Level) -> Typed {
-        let typed = numbers.map(|number| match number.kind(level) {
-            Kind::Count => (number.name, "INTEGER"),
-            _ => (number.name, "REAL"),
-        });
-        typed.collect()
-    }
-    [
-        (
-            "samples",
-            typed(numbers::kept(), Level::Samples),
-            "case_id, step".into(),
-        ),
-        (
-            "ends",
-            typed(ends::counters(), Level::Samples),
-            format!("case_id, {}, digest", ends::BEFORE),
-        ),
-        (
-            "results",
-            typed(numbers::columns(Level::Runs), Level::Runs),
-            "case_id, process, doubts, digest".into(),
-        ),
-    ]
-}
-
-/// The statements that create the tables.
+/// The statements that create the tables, with a column for each number.
 fn statements() -> String {
-    let mut statements = STATEMENTS.to_owned();
-    for (table, columns, _) in of_numbers() {
-        let columns = columns.iter().map(|(name, kind)| format!("{name} {kind}"));
-        let columns = columns.collect::<Vec<_>>().join(",\n    ");
-        statements = statements.replace(&format!("{{{table}}}"), &columns);
+    fn typed(numbers: impl Iterator<Item = &'static Number>, level: Level) -> String {
+        let typed = numbers.map(|number| match number.kind(level) {
+            Kind::Count => format!("{} INTEGER", number.name),
+            _ => format!("{} REAL", number.name),
+        });
+        typed.collect::<Vec<_>>().join(",\n    ")
     }
-    statements
+    let samples = typed(numbers::kept(), Level::Samples);
+    let results = typed(numbers::columns(Level::Runs), Level::Runs);
+    STATEMENTS
+        .replace("{samples}", &samples)
+        .replace("{results}", &results)
 }
 
 /// The views, each with its name: the axes of each point, and the runs that count.
@@ -117,41 +89,32 @@ pub(super) struct Lack {
 impl Lack {
     /// What this program finds missing in a store.
     pub(super) fn of(connection: &Connection, may_change: bool) -> rusqlite::Result<Self> {
-        let mut lack = Self::default();
-        for (table, columns, others) in of_numbers() {
-            let there = columns_of(connection, "main", table)?;
-            let is_known = |name: &String| {
-                others.split(", ").any(|other| other == name)
-                    || columns.iter().any(|(known, _)| known == name)
-            };
-            let unknown = there.iter().find(|name| !is_known(name));
+        let (mut lack, model) = (Self::default(), model()?);
+        let tables = "SELECT name FROM sqlite_schema WHERE type = 'table'";
+        for table in model.values::<String, Vec<_>>(tables, [])? {
+            let own = columns_of(&model, &table)?;
+            let there = columns_of(connection, &table)?;
+            let lacks = |these: &Columns, name| these.iter().all(|(known, _)| known != name);
+            let unknown = there.iter().find(|(name, _)| lacks(&own, name));
             lack.unknown = lack
                 .unknown
-                .or(unknown.map(|name| format!("{table}.{name}")));
-            let missing: Vec<_> = columns
-                .iter()
-                .filter(|(name, _)| !there.is_empty() && there.iter().all(|known| known != name))
-                .collect();
+                .or(unknown.map(|(name, _)| format!("{table}.{name}")));
+            let missing = own.iter().filter(|(name, _)| lacks(&there, name));
+            let missing: Vec<_> = missing.filter(|_| !there.is_empty()).collect();
             if may_change {
                 lack.statements.extend(missing.iter().map(|(name, kind)| {
                     format!("ALTER TABLE main.{table} ADD COLUMN {name} {kind}")
                 }));
             } else if !missing.is_empty() {
-                let row = if table == "samples" {
-                    ""
-                } else {
-                    "t.rowid AS rowid, "
-                };
                 let empty = missing.iter().map(|(name, _)| format!(", NULL AS {name}"));
                 let empty: String = empty.collect();
                 lack.statements.push(format!(
-                    "CREATE TEMP VIEW {table} AS SELECT {row}t.*{empty} FROM main.{table} t"
+                    "CREATE TEMP VIEW {table} AS SELECT t.*{empty} FROM main.{table} t"
                 ));
             }
         }
         for (name, view) in views() {
-            let there = "SELECT sql FROM main.sqlite_schema WHERE type = 'view' AND name = ?1";
-            let there: Option<String> = connection.value(there, [name])?;
+            let there = view_of(connection, name)?;
             let later = there
                 .as_deref()
                 .filter(|_| name == "axes")
@@ -171,16 +134,45 @@ impl Lack {
         let mut statements = self.statements.iter();
         statements.try_for_each(|statement| connection.execute_batch(statement))?;
         if self.has_other_axes {
-            let points = "SELECT id, params FROM points";
-            let points: Vec<(i64, Params)> =
-                connection.all(points, [], |row| Ok((row.get(0)?, params(row, 1)?)))?;
-            for (id, params) in points {
-                let update = "UPDATE points SET axes = ?2 WHERE id = ?1";
-                connection.run(update, (id, axes_of(&params)))?;
-            }
+            renew_axes(connection)?;
         }
         Ok(())
     }
+}
+
+/// Writes the axes of all points as this program knows them.
+fn renew_axes(connection: &Connection) -> rusqlite::Result<()> {
+    let points = "SELECT id, params FROM points";
+    let points: Vec<(i64, Params)> =
+        connection.all(points, [], |row| Ok((row.get(0)?, params(row, 1)?)))?;
+    for (id, params) in points {
+        let update = "UPDATE points SET axes = ?2 WHERE id = ?1";
+        connection.run(update, (id, axes_of(&params)))?;
+    }
+    entry::POINTS.seal(connection, "true", [])
+}
+
+/// Names and types of columns.
+type Columns = Vec<(String, String)>;
+
+/// The columns of a table.
+fn columns_of(connection: &Connection, table: &str) -> rusqlite::Result<Columns> {
+    let columns = "SELECT name, type FROM pragma_table_info(?1, 'main')";
+    connection.all(columns, [table], |row| row.try_into())
+}
+
+/// The statement of a view.
+fn view_of(connection: &Connection, name: &str) -> rusqlite::Result<Option<String>> {
+    let view = "SELECT sql FROM main.sqlite_schema WHERE type = 'view' AND name = ?1";
+    connection.value(view, [name])
+}
+
+/// An empty store of this program in memory, to compare others with.
+fn model() -> rusqlite::Result<Connection> {
+    let model = Connection::open_in_memory()?;
+    create(&model)?;
+    index(&model)?;
+    Ok(model)
 }
 
 /// An axis in the view of a store that this program does not know.
@@ -188,14 +180,6 @@ fn later_axis(view: &str) -> Option<&str> {
     let keys = view.split("'$.").skip(1);
     let mut keys = keys.filter_map(|rest| rest.split_once('\'').map(|(key, _)| key));
     keys.find(|key| AXES.iter().all(|axis| axis.key != *key))
-}
-
-/// Names of the columns of a table.
-fn columns_of(connection: &Connection, schema: &str, table: &str) -> rusqlite::Result<Vec<String>> {
-    connection.values(
-        "SELECT name FROM pragma_table_info(?1, ?2)",
-        [table, schema],
-    )
 }
 
 /// Creates the tables, without indices.
@@ -225,32 +209,26 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
 /// Copies some tables, with their indices, into temporary ones of the same names, which a read-only
 /// connection can change.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
+    let model = model()?;
     for table in SHADOWED {
         connection.execute_batch(&format!("DROP VIEW IF EXISTS temp.{table}"))?;
-        let statements: Vec<String> = connection.values(
-            "SELECT sql FROM main.sqlite_schema WHERE tbl_name = ?1 AND sql IS NOT NULL
-             ORDER BY type DESC",
-            [table],
-        )?;
-        for statement in statements {
+        let statements = "SELECT sql FROM sqlite_schema WHERE tbl_name = ?1 AND sql IS NOT NULL
+             ORDER BY type DESC";
+        for statement in model.values::<String, Vec<_>>(statements, [table])? {
             let temporary = statement
                 .replacen("CREATE TABLE ", "CREATE TABLE temp.", 1)
                 .replacen("CREATE INDEX ", "CREATE INDEX temp.", 1);
             connection.execute_batch(&temporary)?;
         }
+        let names = columns_of(connection, table)?.into_iter();
+        let names = names.map(|(name, _)| name).collect::<Vec<_>>().join(", ");
         connection.execute_batch(&format!(
-            "INSERT INTO temp.{table} SELECT * FROM main.{table}"
+            "INSERT INTO temp.{table} ({names}) SELECT {names} FROM main.{table}"
         ))?;
     }
-    for (table, columns, _) in of_numbers() {
-        let there = columns_of(connection, "temp", table)?;
-        for (name, kind) in columns {
-            if !there.is_empty() && there.iter().all(|known| known != name) {
-                connection.execute_batch(&format!(
-                    "ALTER TABLE temp.{table} ADD COLUMN {name} {kind}"
-                ))?;
-            }
-        }
+    let [(axes, view), _] = views();
+    if view_of(connection, axes)?.is_none_or(|there| there != view) {
+        renew_axes(connection)?;
     }
     Ok(())
 }
@@ -258,15 +236,7 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
 /// The values of some parameters on all axes as JSON, for the views. Infinity is a number too large
 /// for `SQLite`.
 pub(super) fn axes_of(params: &Params) -> String {
-    let fragments: Vec<String> = axis_fragments(params)
-        .map(|(_, fragment)| fragment)
-        .collect();
-    format!("{{{}}}", fragments.join(","))
-}
-
-/// Each axis with its part of this JSON.
-fn axis_fragments(params: &Params) -> impl Iterator<Item = (&'static str, String)> {
-    AXES.iter().map(|axis| {
+    let fragments = AXES.iter().map(|axis| {
         let value = match axis.value(params) {
             // Rate and stress are alternatives, and so are area fraction and volume fraction.
             _ if axis.is_alternative() && !axis.means_something(params) => "null".into(),
@@ -276,16 +246,9 @@ fn axis_fragments(params: &Params) -> impl Iterator<Item = (&'static str, String
             AxisValue::Number(number) if number == f64::NEG_INFINITY => "-9e999".into(),
             AxisValue::Number(number) => format!("{number:?}"),
         };
-        (axis.key, format!("\"{}\":{value}", axis.key))
-    })
-}
-
-/// Whether this is such JSON of these parameters, possibly of a program that knew fewer axes.
-pub(super) fn are_axes_of(text: &str, params: &Params) -> bool {
-    text == axes_of(params)
-        || axis_fragments(params).all(|(key, fragment)| {
-            text.contains(&fragment) || !text.contains(&format!("\"{key}\""))
-        })
+        format!("\"{}\":{value}", axis.key)
+    });
+    format!("{{{}}}", fragments.collect::<Vec<_>>().join(","))
 }
 
 /// The parameters in a column of JSON.

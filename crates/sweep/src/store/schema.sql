@@ -1,17 +1,13 @@
 -- The store of one campaign. Strains, not times; lengths in a, stresses in mu·rate; moments in milliseconds since 1970.
--- A digest is the first 64 bits of a BLAKE3 hash. Where nothing else is said, it is of the other columns of its row.
+-- A digest is the first 64 bits of a BLAKE3 hash of values with the names of their columns; NULL adds nothing to it.
 
 CREATE TABLE campaign (
     id       INTEGER PRIMARY KEY CHECK (id = 1),
     name     TEXT NOT NULL,
     text     TEXT NOT NULL,         -- the campaign file last run, to the letter
-    protocol TEXT NOT NULL,         -- JSON
-    file     TEXT NOT NULL,         -- where that file was
-    request  TEXT NOT NULL,         -- hash of the runs that it requests
-    grid     TEXT NOT NULL,         -- number and sum of the keys of these runs
+    entered  TEXT NOT NULL,         -- JSON: what it requests of its runs
     written  TEXT NOT NULL,         -- JSON: points that share runs, names of start layers
-    digest   INTEGER NOT NULL,      -- of all above
-    priority TEXT NOT NULL          -- empty
+    digest   INTEGER NOT NULL       -- of all above
 );
 
 -- One row for every process that ever worked on this store.
@@ -43,7 +39,7 @@ CREATE TABLE points (
     id     INTEGER PRIMARY KEY,
     params TEXT NOT NULL,           -- JSON
     axes   TEXT NOT NULL,           -- JSON
-    digest INTEGER NOT NULL UNIQUE  -- of params
+    digest INTEGER NOT NULL UNIQUE  -- of params and axes
 );
 
 CREATE TABLE cases (
@@ -54,7 +50,7 @@ CREATE TABLE cases (
     steps          INTEGER NOT NULL,
     sample_stride  INTEGER NOT NULL,
     position       INTEGER,             -- in the campaign file; NULL once the case has left the grid
-    rule           INTEGER REFERENCES rules (number),   -- the precision that decides on its seed
+    rule           INTEGER,             -- the precision that decides on its seed, by its number in the campaign
     counts         INTEGER NOT NULL,    -- 0 outside the grid, and for seeds that a precision has not requested yet
     turn           INTEGER NOT NULL,    -- order of work: cases with a low number come first
     gain           REAL NOT NULL DEFAULT 0.0,   -- among equal turns: the highest gain first
@@ -69,6 +65,7 @@ CREATE TABLE cases (
     samples_digest INTEGER,             -- of its last sample and this digest before it; NULL without any
     frames_from    INTEGER,             -- it has a frame of each sampled step from this one; NULL if it keeps none
     frames_until   INTEGER,             -- until this one
+    digest         INTEGER,             -- of key, state, steps, samples, result and failures; NULL as long as it never ended
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
 CREATE INDEX IF NOT EXISTS queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
@@ -80,7 +77,7 @@ CREATE INDEX IF NOT EXISTS cases_of_rule ON cases (rule, position) WHERE rule IS
 
 CREATE TABLE checkpoints (
     case_id    INTEGER NOT NULL REFERENCES cases (id),
-    generation INTEGER NOT NULL,        -- 0 or 1: the last two are kept
+    generation INTEGER NOT NULL,        -- 0 or 1: the last two are kept; 2: the last state of a completed run
     steps      INTEGER NOT NULL,
     process    INTEGER NOT NULL REFERENCES processes (id),
     written_at INTEGER NOT NULL,
@@ -96,29 +93,16 @@ CREATE TABLE samples (
     PRIMARY KEY (case_id, step)
 ) WITHOUT ROWID;
 
--- How far each finished run was computed. The campaign may request less: then its result is that of the beginning of the
--- run. It may request more: then the run goes on from here.
-CREATE TABLE ends (
-    case_id     INTEGER PRIMARY KEY,
-    steps       INTEGER NOT NULL,
-    jammed      INTEGER NOT NULL,       -- whether the layer jammed there, so that there is nothing to go on with
-    wall_time_s REAL NOT NULL,
-    cpu_time_s  REAL NOT NULL,
-    resumed     INTEGER NOT NULL,       -- times it went on from a checkpoint
-    process     INTEGER NOT NULL REFERENCES processes (id),
-    finished_at INTEGER NOT NULL,
-    state       BLOB,                   -- a checkpoint
-    {ends},                             -- counters of all these steps
-    digest      INTEGER NOT NULL        -- with the key of the case
-);
-
--- One row for every done or jammed case. Means over the samples from discard_step on; NULL without such samples.
+-- One row for every completed run. The campaign may request less of it than was computed: then the averages are those of
+-- the beginning of the run. It may request more: then the run is pending, and goes on from its last state.
 CREATE TABLE results (
-    case_id INTEGER PRIMARY KEY REFERENCES cases (id),
+    case_id  INTEGER PRIMARY KEY REFERENCES cases (id),
     {results},
-    process INTEGER NOT NULL REFERENCES processes (id),
-    doubts  TEXT NOT NULL,          -- names of the rules it broke, as doubt.rs has them
-    digest  INTEGER NOT NULL        -- with the case, its state, its parameters and its samples
+    process  INTEGER NOT NULL REFERENCES processes (id),
+    doubts   TEXT NOT NULL,         -- names of the rules it broke, as doubt.rs has them
+    computed INTEGER NOT NULL,      -- steps
+    jammed   INTEGER NOT NULL,      -- whether the layer jammed there, so that there is nothing to go on with
+    counters TEXT NOT NULL          -- JSON: those of all these steps
 );
 
 -- Every failed attempt.
@@ -135,8 +119,7 @@ CREATE TABLE failures (
     snapshot  TEXT,                     -- JSON, state before the step that failed
     process   INTEGER NOT NULL REFERENCES processes (id),
     failed_at INTEGER NOT NULL,
-    retried   INTEGER NOT NULL DEFAULT 0,   -- whether the case was made pending again after it
-    digest    INTEGER NOT NULL DEFAULT 0    -- with the key of the case
+    retried   INTEGER NOT NULL DEFAULT 0    -- whether the case was made pending again after it
 );
 CREATE INDEX IF NOT EXISTS failures_of_case ON failures (case_id);
 
@@ -146,18 +129,8 @@ CREATE TABLE frames (
     step    INTEGER NOT NULL,
     strain  REAL NOT NULL,
     data    BLOB NOT NULL,              -- version, then content
-    digest  INTEGER NOT NULL,           -- of step, strain and data
+    digest  INTEGER NOT NULL,           -- of step, strain, data, and the key of the case
     PRIMARY KEY (case_id, step)
-);
-
--- Points at which a precision is requested.
-CREATE TABLE rules (
-    number    INTEGER PRIMARY KEY,      -- in the campaign file
-    precision REAL NOT NULL,            -- half width of the 95 % interval over the mean
-    quantity  TEXT NOT NULL,            -- a column of results
-    at_least  INTEGER NOT NULL,
-    at_most   INTEGER NOT NULL,
-    digest    INTEGER NOT NULL
 );
 
 -- One row for every job that was handed to a scheduler.

@@ -5,14 +5,15 @@
 
 use super::claims::{Claim, NewRows, owns};
 use super::digest::whole;
-use super::ends::{self, RunEnd};
+use super::entry::Entered;
 use super::failures::{self, Attempt};
-use super::results::{self, Covered};
+use super::runs::{self, LAST, RunEnd};
 use super::statements::Statements;
-use super::{Store, StoreError, checkpoints, frames, rules, samples, states};
+use super::{Store, StoreError, frames, rules, samples};
 use crate::measure::mser_5;
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, State};
+use crate::model::precision::Precision;
 use crate::model::protocol::{Discard, Protocol};
 use crate::system::process;
 use rusqlite::Connection;
@@ -25,9 +26,10 @@ type NewEnd<'r> = (&'r RunEnd, Option<&'r [(u64, Sample)]>);
 
 /// A completed case, and the result requested.
 struct Computed {
-    case: Covered,
+    id: i64,
     /// Number of its point.
     point: i64,
+    params: Params,
     requested: u64,
     state: String,
     /// Steps of its result now.
@@ -39,7 +41,7 @@ struct Computed {
 }
 
 impl Computed {
-    /// The cases that meet a condition on `c`.
+    /// The cases that meet a condition on `c`, with their results `r` if there are any.
     fn of(
         connection: &Connection,
         condition: &str,
@@ -47,29 +49,23 @@ impl Computed {
     ) -> rusqlite::Result<Vec<Self>> {
         connection.all(
             &format!(
-                "SELECT c.id, c.key, c.point, p.digest, p.params, c.samples_digest, c.steps, c.state, c.steps_done,
-                     r.discard_step, e.steps, e.jammed
-                 FROM ends e JOIN cases c ON c.id = e.case_id JOIN points p ON p.id = c.point
-                 LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
+                "SELECT c.id, c.point, p.params, c.steps, c.state, c.steps_done, r.discard_step,
+                     coalesce(r.computed, 0), coalesce(r.jammed, 0)
+                 FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id
+                 WHERE {condition}"
             ),
             parameters,
             |row| {
-                let case = Covered {
-                    id: row.get(0)?,
-                    key: row.get(1)?,
-                    point: row.get(3)?,
-                    params: super::schema::params(row, 4)?,
-                    samples: row.get(5)?,
-                };
                 Ok(Self {
-                    case,
-                    point: row.get(2)?,
-                    requested: row.get(6)?,
-                    state: row.get(7)?,
-                    steps_done: row.get(8)?,
-                    discarded: row.get(9)?,
-                    steps: row.get(10)?,
-                    jammed: row.get(11)?,
+                    id: row.get(0)?,
+                    point: row.get(1)?,
+                    params: super::schema::params(row, 2)?,
+                    requested: row.get(3)?,
+                    state: row.get(4)?,
+                    steps_done: row.get(5)?,
+                    discarded: row.get(6)?,
+                    steps: row.get(7)?,
+                    jammed: row.get(8)?,
                 })
             },
         )
@@ -94,11 +90,17 @@ impl Computed {
         discard: u64,
         run: Option<NewEnd<'_>>,
     ) -> rusqlite::Result<()> {
-        let id = self.case.id;
+        let case = (self.id, &self.params);
         let Some((state, steps)) = self.outcome() else {
+            if let Some((end, _)) = run {
+                // Averages of nothing, until the rest is computed.
+                end.write(connection, case, (0, 0), Some(&[]))?;
+            }
             // Others are pending already, or failed in a continuation.
-            if matches!(self.state.as_str(), "done" | "jammed") {
-                states::reopen(connection, "id = ?2", &[id])?;
+            if run.is_some() || matches!(self.state.as_str(), "done" | "jammed") {
+                let ended = "id = ?1 AND state IN ('done', 'jammed')";
+                runs::reopen(connection, ended, [self.id])?;
+                runs::seal(connection, "c.id = ?1", &[&self.id])?;
             }
             return Ok(());
         };
@@ -106,16 +108,13 @@ impl Computed {
         if run.is_none() && known == (state.name(), steps, Some(discard)) {
             return Ok(());
         }
-        let result = (state, steps, discard);
+        let averaged = (steps, discard);
         if let Some((end, samples)) = run {
-            results::put(connection, &self.case, result, end, samples)?;
-        } else {
-            let Some(end) = RunEnd::of(connection, id)? else {
-                return Ok(());
-            };
-            results::put(connection, &self.case, result, &end, None)?;
+            end.write(connection, case, averaged, samples)?;
+        } else if let Some(end) = RunEnd::of(connection, self.id)? {
+            end.write(connection, case, averaged, None)?;
         }
-        states::end(connection, id, state, steps)
+        runs::end(connection, self.id, state, steps)
     }
 
     /// Settles it if every run discards the same strain; otherwise nothing is discarded yet.
@@ -125,7 +124,7 @@ impl Computed {
         protocol: &Protocol,
         run: Option<NewEnd<'_>>,
     ) -> rusqlite::Result<()> {
-        let steps = protocol.with_time_step(self.case.params.time_step);
+        let steps = protocol.with_time_step(self.params.time_step);
         self.settle(connection, steps.discard_steps().unwrap_or(0), run)
     }
 }
@@ -135,30 +134,42 @@ impl Computed {
 /// chosen by point, see [`settle_point_of`].
 pub(super) fn keep(
     connection: &Connection,
-    (case, key): (i64, &str),
+    case: i64,
     end: &RunEnd,
     samples: Option<&[(u64, Sample)]>,
     protocol: &Protocol,
 ) -> rusqlite::Result<()> {
-    end.write(connection, case, key)?;
-    checkpoints::drop_until(connection, case, end.steps)?;
-    Computed::of(connection, "c.id = ?1", [case])?
-        .iter()
-        .try_for_each(|case| case.settle_alone(connection, protocol, Some((end, samples))))
+    runs::delete_checkpoints(connection, case, end.steps)?;
+    match &end.state {
+        Some(state) => {
+            let last = (LAST, end.steps, end.process, &state[..]);
+            runs::put_checkpoint(connection, case, last)?;
+        }
+        None => connection.run(
+            "DELETE FROM checkpoints WHERE case_id = ?1 AND generation = ?2",
+            [case, LAST],
+        )?,
+    }
+    for mut computed in Computed::of(connection, "c.id = ?1", [case])? {
+        (computed.steps, computed.jammed) = (end.steps, end.jammed);
+        computed.settle_alone(connection, protocol, Some((end, samples)))?;
+    }
+    Ok(())
 }
 
 /// Continues new runs with segments from runs that were computed without the last segment.
 pub(super) fn continue_shorter_runs(
     connection: &Connection,
     campaign: &Campaign,
+    entered: &Entered,
 ) -> rusqlite::Result<()> {
     each_shorter_run(connection, campaign, |(id, key), of, end| {
         samples::copy((connection, of), (connection, id), end.steps)?;
         if let Some(kept) = frames::of(connection, of)? {
             frames::take(connection, (id, key), kept)?;
         }
-        keep(connection, (id, key), end, None, &campaign.protocol)?;
-        states::reopen(connection, "id = ?2", &[id]).map(drop)
+        keep(connection, id, end, None, &entered.protocol)?;
+        runs::reopen(connection, "id = ?1", [id]).map(drop)
     })
 }
 
@@ -188,7 +199,7 @@ fn each_shorter_run(
         }
         let key = key.to_string();
         let new = "SELECT id FROM cases WHERE key = ?1 AND state = 'pending' AND steps_done = 0
-             AND NOT EXISTS (SELECT 1 FROM ends WHERE case_id = cases.id)";
+             AND NOT EXISTS (SELECT 1 FROM results WHERE case_id = cases.id)";
         let Some(id) = connection.value(new, [&key])? else {
             continue;
         };
@@ -218,9 +229,10 @@ fn each_shorter_run(
 
 /// Sets the state and the result that the protocol requests for every completed case of the grid.
 /// Running cases are skipped.
-pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
-    let of_grid = "c.position IS NOT NULL AND c.state != 'running'";
+pub(super) fn settle_all(connection: &Connection, entered: &Entered) -> rusqlite::Result<()> {
+    let of_grid = "c.position IS NOT NULL AND c.state != 'running' AND r.case_id IS NOT NULL";
     let computed = Computed::of(connection, of_grid, [])?;
+    let protocol = &entered.protocol;
     if protocol.discard != Discard::Auto {
         return computed
             .iter()
@@ -231,24 +243,34 @@ pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqli
         points.entry(case.point).or_default().push(case);
     }
     let mut points = points.values();
-    points.try_for_each(|point| settle_point(connection, point))
+    points.try_for_each(|point| settle_point(connection, &entered.rules, point))
 }
 
 /// Updates the results of the point of a case, if its runs determine the discarded strain.
-pub(super) fn settle_point_of(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+fn settle_point_of(
+    connection: &Connection,
+    rules: &[Precision],
+    case: i64,
+) -> rusqlite::Result<()> {
     let of_point = "c.point = (SELECT point FROM cases WHERE id = ?1)
-         AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')";
-    settle_point(connection, &Computed::of(connection, of_point, [case])?)
+         AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')
+         AND r.case_id IS NOT NULL";
+    let point = Computed::of(connection, of_point, [case])?;
+    settle_point(connection, rules, &point)
 }
 
 /// Updates the results of a point with the discarded strain that MSER-5 chooses from the mean over
 /// done runs. Under a requested precision only the first batch is used, so that the discarded
 /// strain does not change while seeds are added.
-fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result<()> {
+fn settle_point(
+    connection: &Connection,
+    rules: &[Precision],
+    point: &[Computed],
+) -> rusqlite::Result<()> {
     let Some(first) = point.first() else {
         return Ok(());
     };
-    let batch = rules::first_batch(connection, first.case.id)?;
+    let batch = rules::first_batch(connection, rules, first.id)?;
     let mut total: Vec<f64> = Vec::new();
     let mut steps: Vec<u64> = Vec::new();
     for case in point {
@@ -257,13 +279,13 @@ fn settle_point(connection: &Connection, point: &[Computed]) -> rusqlite::Result
         };
         if batch
             .as_ref()
-            .is_some_and(|batch| !batch.contains(&case.case.id))
+            .is_some_and(|batch| !batch.contains(&case.id))
         {
             continue;
         }
         let is_first = steps.is_empty();
         let mut place = 0;
-        samples::each(connection, case.case.id, |step, sample| {
+        samples::each(connection, case.id, |step, sample| {
             if is_first && step < end {
                 steps.push(step);
                 total.push(0.0);
@@ -293,11 +315,16 @@ pub(crate) struct LastState {
 impl Store {
     /// The last states of all done runs of the grid that have one, in the order of the campaign.
     pub(crate) fn last_states(&self) -> Result<Vec<LastState>, StoreError> {
-        self.read(ends::sealed().check(&self.connection, "c.counts AND c.state = 'done'", []))?;
+        self.read(runs::check(
+            &self.connection,
+            "c.counts AND c.state = 'done'",
+            &[],
+        ))?;
         self.rows(
-            "SELECT p.params, c.seed, e.state FROM cases c JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
-             WHERE c.counts AND c.state = 'done' AND e.state IS NOT NULL ORDER BY c.position",
-            [],
+            "SELECT p.params, c.seed, k.data FROM cases c JOIN points p ON p.id = c.point
+             JOIN checkpoints k ON k.case_id = c.id AND k.generation = ?1
+             WHERE c.counts AND c.state = 'done' ORDER BY c.position",
+            [LAST],
             |row| {
                 Ok(LastState {
                     params: super::schema::params(row, 0)?,
@@ -334,13 +361,13 @@ impl Store {
     /// Stores the results of cases and their last states in one transaction. Returns for each
     /// whether this process still owned it; otherwise nothing is stored.
     pub(crate) fn finish(&mut self, runs: &[(&Claim, &Finished)]) -> Result<Vec<bool>, StoreError> {
-        let (me, protocol) = (self.me(), self.protocol()?);
+        let (me, entered) = (self.me(), self.entered()?);
         self.write(|connection| {
             runs.iter()
                 .map(|(claim, finished)| {
                     let is_owned = owns(connection, claim, me)?;
                     if is_owned {
-                        finish(connection, claim, finished, &protocol, me)?;
+                        finish(connection, claim, finished, &entered, me)?;
                     }
                     Ok(is_owned)
                 })
@@ -355,13 +382,13 @@ impl Store {
         failure: Attempt,
         rows: &NewRows,
     ) -> Result<(), StoreError> {
-        let me = self.me();
+        let (me, entered) = (self.me(), self.entered()?);
         let owned = self.write(|connection| {
             if !owns(connection, claim, me)? {
                 return Ok(false);
             }
             rows.append(connection, claim, failure.step)?;
-            fail(connection, claim.id, failure.by(me))?;
+            fail(connection, &entered.rules, claim.id, &failure.by(me))?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())
@@ -369,20 +396,26 @@ impl Store {
 
     /// Resets all failed cases of the grid to pending. Returns their number.
     pub(crate) fn retry_failed(&mut self) -> Result<usize, StoreError> {
+        let rules = self.entered()?.rules;
         self.write(|connection| {
-            let reopened = states::reopen(connection, "state = 'failed' AND counts", &[])?;
-            rules::apply_all(connection)?;
+            let reopened = runs::reopen(connection, "state = 'failed' AND counts", [])?;
+            rules::apply_all(connection, &rules)?;
             Ok(reopened)
         })
     }
 }
 
 /// Ends a case as failed.
-pub(super) fn fail(connection: &Connection, case: i64, failed: Attempt) -> rusqlite::Result<()> {
-    states::end(connection, case, State::Failed, failed.step)?;
+pub(super) fn fail(
+    connection: &Connection,
+    rules: &[Precision],
+    case: i64,
+    failed: &Attempt,
+) -> rusqlite::Result<()> {
     failures::insert(connection, case, failed)?;
-    checkpoints::drop_all(connection, case)?;
-    rules::apply_to_case(connection, case)
+    runs::end(connection, case, State::Failed, failed.step)?;
+    runs::delete_checkpoints(connection, case, u64::MAX)?;
+    rules::apply_to_case(connection, rules, case)
 }
 
 /// Stores a completed run. It may be longer than requested if its last checkpoint was beyond that.
@@ -390,7 +423,7 @@ fn finish(
     connection: &Connection,
     claim: &Claim,
     finished: &Finished,
-    protocol: &Protocol,
+    entered: &Entered,
     me: i64,
 ) -> rusqlite::Result<()> {
     let rows = &finished.rows;
@@ -404,14 +437,13 @@ fn finish(
         resumed: finished.resumed,
         process: me,
         finished_at: process::now(),
-        state: Some(finished.last_state.clone()),
+        state: Some(finished.last_state.clone()).filter(|state| !state.is_empty()),
     };
-    let case = (claim.id, claim.key.as_str());
     let begins = rows.samples.first().is_some_and(|(step, _)| *step == 0);
     let samples = begins.then_some(rows.samples.as_slice());
-    keep(connection, case, &end, samples, protocol)?;
-    if protocol.discard == Discard::Auto {
-        settle_point_of(connection, claim.id)?;
+    keep(connection, claim.id, &end, samples, &entered.protocol)?;
+    if entered.protocol.discard == Discard::Auto {
+        settle_point_of(connection, &entered.rules, claim.id)?;
     }
-    rules::apply_to_case(connection, claim.id)
+    rules::apply_to_case(connection, &entered.rules, claim.id)
 }

@@ -160,9 +160,9 @@ impl Store {
     fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
         let mut sums = (0.0, 0.0, 0.0);
         self.sampled_runs(
-            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * e.steps / c.steps
+            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps
                  FROM results r
-             JOIN cases c ON c.id = r.case_id JOIN ends e ON e.case_id = c.id",
+             JOIN cases c ON c.id = r.case_id",
             |row| {
                 sums.0 += row.get::<_, f64>(1)?;
                 sums.1 += row.get::<_, f64>(2)?;
@@ -235,9 +235,9 @@ impl Store {
         let here = (process::Identity::of_this_process().host, process::build());
         let mut runs = Vec::new();
         self.sampled_runs(
-            "SELECT r.case_id, p.params, e.steps, r.cpu_time_s, o.host, o.build
+            "SELECT r.case_id, p.params, r.computed, r.cpu_time_s, o.host, o.build
                  FROM results r JOIN cases c ON c.id = r.case_id
-             JOIN points p ON p.id = c.point JOIN ends e ON e.case_id = c.id
+             JOIN points p ON p.id = c.point
              JOIN processes o ON o.id = r.process",
             |row| {
                 let cpu_s: f64 = row.get(3)?;

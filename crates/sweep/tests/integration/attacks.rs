@@ -187,12 +187,13 @@ fn text_that_is_no_utf_8_is_damage_of_the_store() {
     // Unfinished, so that a run has something to do.
     edit(
         &at.join("results/small.sqlite"),
-        "DELETE FROM results WHERE case_id = 1; DELETE FROM ends WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1;
+        "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1;
          UPDATE cases SET state = 'pending', steps_done = 0, samples_digest = NULL WHERE id = 1",
     );
     let whole = std::fs::read(at.join("results/small.sqlite")).unwrap();
     for (table, column) in [
         ("campaign", "text"),
+        ("campaign", "entered"),
         ("processes", "host"),
         ("points", "params"),
         ("cases", "key"),
@@ -281,7 +282,7 @@ fn run_says_whom_it_waits_for() {
     edit(
         &store,
         "UPDATE processes SET host = 'elsewhere', ended_at = NULL, heartbeat = 1000 * unixepoch() + 100000;
-         DELETE FROM results WHERE case_id = 1; DELETE FROM ends WHERE case_id = 1;
+         DELETE FROM results WHERE case_id = 1;
          UPDATE cases SET state = 'running', owner = 1, steps_done = 0 WHERE id = 1",
     );
     let mut child = command(at, &["run", "small.toml"])
@@ -346,7 +347,7 @@ fn control_sequences_are_made_visible() {
     edit(
         &store,
         &format!(
-            "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1; DELETE FROM ends;
+            "DELETE FROM results WHERE case_id = 1; DELETE FROM samples WHERE case_id = 1;
              UPDATE cases SET state = 'failed' WHERE id = 1;
              INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
                  VALUES (1, 1, 'no {EVIL}', 3, 0.015, 1, 0);

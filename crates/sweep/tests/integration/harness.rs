@@ -240,7 +240,6 @@ pub(crate) fn fail(at: &Path, which: &str) {
             "CREATE TEMP TABLE chosen AS SELECT c.id FROM cases c JOIN axes p ON p.id = c.point WHERE {which};
              UPDATE cases SET state = 'failed' WHERE id IN chosen;
              DELETE FROM results WHERE case_id IN chosen;
-             DELETE FROM ends WHERE case_id IN chosen;
              INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
                  SELECT id, 1, 'made up', 3, 0.015, 1, 0 FROM chosen;"
         ),

@@ -49,9 +49,8 @@ fn computed(store: &Path) -> Vec<Vec<Value>> {
              r.contacts, r.stages, r.unconverged_stages, r.worst_residual, r.worst_friction_error, r.minimum_gap,
              r.jam_events, r.jammed_strain, r.final_strain
          FROM results r JOIN cases c ON c.id = r.case_id ORDER BY c.key",
-        "SELECT c.key, e.steps, e.jammed, e.minimum_gap_so_far, e.stages, e.unconverged_stages, e.worst_residual,
-             e.worst_friction_error, e.jam_events, e.jammed_steps
-         FROM ends e JOIN cases c ON c.id = e.case_id ORDER BY c.key",
+        "SELECT c.key, r.computed, r.jammed, r.counters
+         FROM results r JOIN cases c ON c.id = r.case_id ORDER BY c.key",
     ] {
         let mut statement = store.prepare(query).unwrap();
         let names: Vec<String> = statement.column_names().map(String::from).collect();

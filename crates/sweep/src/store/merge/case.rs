@@ -4,13 +4,11 @@
 use super::{MergeMode, Merged};
 use crate::model::case::{Case, State};
 use crate::model::protocol::Protocol;
-use crate::store::campaign::Points;
-use crate::store::digest::{self, whole};
-use crate::store::ends::RunEnd;
+use crate::store::digest::whole;
+use crate::store::entry::Points;
+use crate::store::runs::{self, RunEnd};
 use crate::store::statements::Statements;
-use crate::store::{
-    Checkpoint, checkpoints, failures, frames, processes, samples, schema, settle, states,
-};
+use crate::store::{Checkpoint, failures, frames, processes, samples, schema, settle};
 use crate::system::process::now;
 use rusqlite::{Connection, params};
 use std::collections::HashMap;
@@ -88,9 +86,8 @@ impl Merging<'_> {
     fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
         let look = || {
             self.connection.find(
-                "SELECT c.id, c.state, c.steps_done, c.steps, e.steps, e.jammed,
-                 e.process FROM cases c
-                     LEFT JOIN ends e ON e.case_id = c.id WHERE c.key = ?1",
+                "SELECT c.id, c.state, c.steps_done, c.steps, r.computed, r.jammed, r.process
+                 FROM cases c LEFT JOIN results r ON r.case_id = c.id WHERE c.key = ?1",
                 [&theirs.key],
                 |row| {
                     let end: (Option<u64>, Option<bool>, Option<i64>) =
@@ -214,12 +211,12 @@ impl Merging<'_> {
             ..end.clone()
         };
         self.take_samples(ours, theirs, end.steps)?;
-        let case = (ours.id, theirs.key.as_str());
-        settle::keep(self.connection, case, &end, None, self.protocol)?;
+        settle::keep(self.connection, ours.id, &end, None, self.protocol)?;
         // It may be shorter than requested.
-        let reopened = "id = ?2 AND state IN ('pending', 'failed')";
-        states::reopen(self.connection, reopened, &[ours.id])?;
+        let reopened = "id = ?1 AND state IN ('pending', 'failed')";
+        runs::reopen(self.connection, reopened, [ours.id])?;
         self.merged.results += 1;
+        let case = (ours.id, theirs.key.as_str());
         kept.map_or(Ok(()), |kept| frames::take(self.connection, case, kept))
     }
 
@@ -240,8 +237,9 @@ impl Merging<'_> {
 
     /// Copies failures that the store does not have.
     fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
-        let found = failures::of(self.other, theirs.id)
-            .and_then(|found| samples::each(self.other, theirs.id, |_, _| Ok(())).map(|()| found));
+        let found = runs::check(self.other, "c.id = ?1", &[&theirs.id])
+            .and_then(|()| samples::each(self.other, theirs.id, |_, _| Ok(())))
+            .and_then(|()| failures::of(self.other, theirs.id));
         let Ok(found) = found else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -256,7 +254,7 @@ impl Merging<'_> {
             if !is_there {
                 let process = self.take_process(failure.process)?;
                 let failure = failures::Attempt { process, ..failure };
-                failures::insert(self.connection, ours.id, failure)?;
+                failures::insert(self.connection, ours.id, &failure)?;
                 taken = true;
             }
         }
@@ -269,10 +267,10 @@ impl Merging<'_> {
         }
         self.take_frames(ours, theirs)?;
         if ours.state == State::Pending {
-            checkpoints::drop_all(self.connection, ours.id)?;
-            states::end(self.connection, ours.id, State::Failed, theirs.steps_done)?;
+            runs::delete_checkpoints(self.connection, ours.id, u64::MAX)?;
+            runs::end(self.connection, ours.id, State::Failed, theirs.steps_done)?;
         }
-        Ok(())
+        runs::seal(self.connection, "c.id = ?1", &[&ours.id])
     }
 
     /// Replaces the checkpoints of a running case by newer ones.
@@ -285,13 +283,13 @@ impl Merging<'_> {
         if steps <= ours.steps_done {
             return Ok(());
         }
-        checkpoints::drop_all(self.connection, ours.id)?;
+        runs::delete_checkpoints(self.connection, ours.id, u64::MAX)?;
         self.take_samples(ours, theirs, steps)?;
         for (generation, steps, process, data) in whole {
             let kept = (generation, steps, self.take_process(process)?, &data[..]);
-            checkpoints::put(self.connection, ours.id, kept)?;
+            runs::put_checkpoint(self.connection, ours.id, kept)?;
         }
-        states::reopen(self.connection, "id = ?2", &[ours.id])?;
+        runs::reopen(self.connection, "id = ?1", [ours.id])?;
         self.merged.checkpoints += 1;
         self.take_frames(ours, theirs)
     }
@@ -313,7 +311,9 @@ impl Merging<'_> {
         }
         let described = processes::described(self.other, there);
         let known = "SELECT id FROM processes WHERE digest = ?1";
-        let known = self.connection.value(known, [digest::of(&described)])?;
+        let known = self
+            .connection
+            .value(known, [processes::SEALED.digest_of(&described)])?;
         let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
         let enter = || processes::put(self.connection, &described, &left);
         let here = known.map_or_else(enter, Ok)?;

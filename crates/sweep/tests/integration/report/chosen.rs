@@ -28,12 +28,12 @@ fn figures_of_every_kind_are_drawn() {
 fn stores_without_results_give_sensible_output() {
     let hostile = "</script><img src=x onerror=alert(1)>";
     let failed = format!(
-        "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames; UPDATE cases SET state = 'failed';
+        "DELETE FROM results; DELETE FROM samples; DELETE FROM frames; UPDATE cases SET state = 'failed';
          INSERT INTO failures (case_id, attempt, error, step, strain, process, failed_at)
              SELECT id, 1, '{hostile}', 3, 0.015, 1, 0 FROM cases;
          UPDATE campaign SET name = '{hostile}', text = '{hostile}@DATA@@JS@'"
     );
-    let pending = "DELETE FROM results; DELETE FROM ends; DELETE FROM samples; DELETE FROM frames;
+    let pending = "DELETE FROM results; DELETE FROM samples; DELETE FROM frames;
                    UPDATE cases SET state = 'pending', steps_done = 0";
     let no_grid = "UPDATE cases SET position = NULL, counts = 0";
     for (statements, code) in [(failed.as_str(), 0), (pending, 0), (no_grid, 0)] {

@@ -1,22 +1,24 @@
 //! Entering a campaign file into its store.
 
-use super::digest::{self, DigestMismatch, Sealed};
+use super::digest::{DigestMismatch, Sealed};
 use super::inventory::Adoption;
 use super::place;
 use super::processes::{self, ActiveProcess};
-use super::request::Request;
 use super::schema;
 use super::statements::Statements;
-use super::{Store, StoreError, rules, settle, states};
+use super::{Store, StoreError, rules, runs, settle};
 use crate::model::campaign::{Campaign, PointRule, Written};
 use crate::model::case::Case;
 use crate::model::order;
-use crate::model::protocol::Protocol;
+use crate::model::precision::Precision;
+use crate::model::protocol::{Discard, Protocol};
 use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, params};
 use sd_core::Params;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -24,10 +26,102 @@ use std::path::{Path, PathBuf};
 /// The campaign.
 pub(super) const SEALED: Sealed = Sealed {
     table: "campaign",
-    columns: "name, text, protocol, file, request, grid, written",
+    columns: "name, text, entered, written",
     with_key: false,
     words: "the campaign",
 };
+/// The parameters of points.
+pub(super) const POINTS: Sealed = Sealed {
+    table: "points",
+    columns: "params, axes",
+    with_key: false,
+    words: "the parameters of a point",
+};
+
+/// What a version of a campaign file requests of its runs, as a store keeps it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Entered {
+    pub(super) protocol: Protocol,
+    /// The precisions requested at points, by the numbers that their cases have.
+    pub(super) rules: Vec<Precision>,
+    /// Equal exactly for versions that request the same, in any order and wording.
+    pub(super) request: String,
+    /// Number and sum of the keys of the runs.
+    pub(super) grid: String,
+    pub(super) file: String,
+}
+
+impl Entered {
+    pub(super) fn of(campaign: &Campaign) -> Self {
+        let grid = grid(campaign.cases.iter().map(|(key, _)| key.number()));
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&campaign.protocol.strain.to_bits().to_le_bytes());
+        match campaign.protocol.discard {
+            Discard::Strain(strain) => hasher.update(&strain.to_bits().to_le_bytes()),
+            Discard::Auto => hasher.update(b"auto"),
+        };
+        hasher.update(grid.as_bytes());
+        for rule in &campaign.rules {
+            let first = campaign.cases[rule.cases.start].0;
+            hasher.update(format!("{first} {:?}", rule.precision).as_bytes());
+        }
+        Self {
+            protocol: campaign.protocol.clone(),
+            rules: campaign.rules.iter().map(|rule| rule.precision).collect(),
+            request: hasher.finalize().to_hex()[..32].to_owned(),
+            grid,
+            file: campaign.file.to_string_lossy().into_owned(),
+        }
+    }
+
+    /// That of a store.
+    ///
+    /// # Errors
+    /// [`DigestMismatch`] where the campaign was changed, or there is none.
+    pub(super) fn read(connection: &Connection) -> rusqlite::Result<Self> {
+        let found = SEALED.all(connection, "true", [], |row| document(row, 2))?;
+        found.into_iter().next().ok_or_else(no_campaign)
+    }
+
+    /// Replaces that of a store.
+    pub(super) fn write(&self, connection: &Connection) -> rusqlite::Result<()> {
+        connection.execute("UPDATE campaign SET entered = ?1", [json(self)?])?;
+        SEALED.seal(connection, "true", [])
+    }
+
+    /// The file whose version of the campaign a store now holds, if its request differs.
+    fn displaced_by(&self, connection: &Connection) -> rusqlite::Result<Option<PathBuf>> {
+        let found = connection.find("SELECT entered FROM campaign", [], |row| document(row, 0))?;
+        Ok(found
+            .filter(|found: &Self| found.request != self.request)
+            .map(|found| found.file.into()))
+    }
+}
+
+/// Number and sum of some keys, independent of their order.
+pub(super) fn grid(keys: impl Iterator<Item = u128>) -> String {
+    let (number, sum) = keys.fold((0_u64, 0_u128), |(number, sum), key| {
+        (number + 1, sum.wrapping_add(key))
+    });
+    format!("{number} {sum:032x}")
+}
+
+/// The JSON of a column of the campaign.
+fn document<T: DeserializeOwned>(row: &Row<'_>, column: usize) -> rusqlite::Result<T> {
+    let text = row.get_ref(column)?.as_str()?;
+    serde_json::from_str(text).map_err(|error| DigestMismatch::error(error.to_string()))
+}
+
+/// As JSON.
+fn json(value: &impl Serialize) -> rusqlite::Result<Value> {
+    let text = serde_json::to_string(value);
+    text.map(Value::Text)
+        .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))
+}
+
+fn no_campaign() -> rusqlite::Error {
+    DigestMismatch::error("it holds no campaign")
+}
 
 impl Store {
     /// Opens the store of a campaign, creates it if missing, and enters the campaign: see
@@ -73,7 +167,7 @@ impl Store {
         let mut store = Self::on(connection, path)?;
         let adoption = store.adopt(campaign)?;
         store.use_write_ahead_log()?;
-        let (registered, request) = (store.process.take(), store.request.take());
+        let (registered, entered) = (store.process.take(), store.entered.take());
         drop(store);
         draft.as_file().sync_all().map_err(unwritable)?;
         if std::fs::metadata(path).is_ok_and(|file| file.len() == 0) {
@@ -85,14 +179,16 @@ impl Store {
             Err(error) => return Err(unwritable(error.error)),
         }
         let _ = std::fs::File::open(folder).and_then(|folder| folder.sync_all());
-        let mut store = Self::open(path).map_err(|error| match error {
-            StoreError::Missing { path } => StoreError::Gone {
-                path,
+        let mut store = Self::open(path).map_err(|error| {
+            if path.exists() {
+                return error;
+            }
+            StoreError::Gone {
+                path: path.to_owned(),
                 what: "deleted",
-            },
-            other => other,
+            }
         })?;
-        (store.process, store.request) = (registered, request);
+        (store.process, store.entered) = (registered, entered);
         Ok(Some((store, adoption)))
     }
 
@@ -105,18 +201,18 @@ impl Store {
     /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes
     /// another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
     pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
-        let entry = Entry::of(campaign, &self.path)?;
+        let entry = Entry::of(campaign);
+        let request = &entry.entered.request;
         let me = self.process.clone();
         let id = self.me();
         let mut last = self.read(LastRun::of(&self.connection))?;
         if last.as_ref().is_some_and(|last| last.name != campaign.name) {
             return Err(self.other_campaign(last, campaign));
         }
-        let conflicting = |connection: &Connection| {
-            ActiveProcess::conflicting(connection, id, &entry.request.hash)
-        };
+        let conflicting =
+            |connection: &Connection| ActiveProcess::conflicting(connection, id, request);
         if let Some(other) = self.read(conflicting(&self.connection))? {
-            return Err(self.at_work(&entry.request, other));
+            return Err(self.at_work(&entry.entered, other));
         }
         let entered = self.write(|connection| {
             // Another process may have been faster.
@@ -126,23 +222,53 @@ impl Store {
             }
             if last.as_ref().is_none_or(|last| entry.differs(last)) {
                 entry.enter(connection, last.is_none())?;
-                settle::continue_shorter_runs(connection, campaign)?;
+                settle::continue_shorter_runs(connection, campaign, &entry.entered)?;
             }
             match me {
                 Some(me) => Ok(Ok(me)),
-                None => processes::enter(connection, &entry.request).map(Ok),
+                None => processes::enter(connection, &entry.entered).map(Ok),
             }
         })?;
         match entered {
             Ok(registered) => self.process = Some(registered),
-            Err(other) => return Err(self.at_work(&entry.request, other)),
+            Err(other) => return Err(self.at_work(&entry.entered, other)),
         }
         let adoption = Adoption {
-            changed: last.is_some_and(|last| last.request != entry.request.hash),
+            changed: last.is_some_and(|last| last.entered.request != *request),
             inventory: self.inventory()?,
         };
-        self.request = Some(entry.request);
+        self.entered = Some(entry.entered);
         Ok(adoption)
+    }
+
+    /// The error about a process that computes another version of the campaign.
+    fn at_work(&self, entered: &Entered, other: ActiveProcess) -> StoreError {
+        StoreError::ActiveProcess {
+            path: self.path.clone(),
+            ours: entered.file.clone().into(),
+            theirs: other.file.unwrap_or_default().into(),
+            pid: other.identity.pid,
+            host: other.identity.host,
+        }
+    }
+
+    /// Checks that the store still holds the version of the campaign entered here, which holds
+    /// while this process counts as alive.
+    ///
+    /// # Errors
+    /// [`StoreError::Displaced`] if another version was entered since, and I/O or SQLite errors.
+    pub fn check_campaign(&self) -> Result<(), StoreError> {
+        let Some(entered) = &self.entered else {
+            return Ok(());
+        };
+        match self.read(entered.displaced_by(&self.connection))? {
+            None => Ok(()),
+            Some(theirs) => Err(StoreError::Displaced {
+                path: self.path.clone(),
+                ours: entered.file.clone().into(),
+                theirs,
+            }),
+        }
     }
 
     fn other_campaign(&self, found: Option<LastRun>, campaign: &Campaign) -> StoreError {
@@ -161,21 +287,29 @@ impl Store {
         if last.name != campaign.name {
             return Err(self.other_campaign(Some(last), campaign));
         }
-        let request = Request::of(campaign);
-        if last.request == request.hash && last.text == campaign.text {
+        let entry = Entry::of(campaign);
+        let is_another = last.entered.request != entry.entered.request;
+        if !is_another && last.text == campaign.text {
             return Ok(());
         }
-        let entry = Entry::of(campaign, &self.path)?;
         // Copies must be complete: readers compare digests with the data shown.
         self.point_runs()?;
         let shown = schema::shadow(&self.connection)
             .and_then(|()| entry.enter(&self.connection, false))
             .and_then(|()| settle::count_shorter_runs(&self.connection, campaign));
         self.read(shown)?;
-        if last.request != request.hash {
-            self.last_run_with = Some(last.file.into());
+        if is_another {
+            self.last_run_with = Some(last.entered.file.into());
         }
         Ok(())
+    }
+
+    /// What was requested of the store last: of this process, that which it entered.
+    pub(super) fn entered(&self) -> Result<Entered, StoreError> {
+        match &self.entered {
+            Some(entered) => Ok(entered.clone()),
+            None => self.read(Entered::read(&self.connection)),
+        }
     }
 
     /// The protocol last run.
@@ -183,25 +317,23 @@ impl Store {
     /// # Errors
     /// An I/O or SQLite error, or an unreadable entry.
     pub fn protocol(&self) -> Result<Protocol, StoreError> {
-        let text = self.of_campaign(2)?;
-        self.json(serde_json::from_str(&text))
+        Ok(self.entered()?.protocol)
     }
 
     /// The name of the campaign.
     pub(crate) fn campaign_name(&self) -> Result<String, StoreError> {
-        self.of_campaign(0)
+        self.of_campaign(|row| row.get(0))
     }
 
     /// What the campaign file says and its cases do not show.
     pub(crate) fn written(&self) -> Result<Written, StoreError> {
-        let text = self.of_campaign(6)?;
-        self.json(serde_json::from_str(&text))
+        self.of_campaign(|row| document(row, 3))
     }
 
     /// The campaign last run.
     pub(super) fn campaign(&self) -> Result<Campaign, StoreError> {
         self.point_runs()?;
-        let cases: Vec<(Option<i64>, Case)> = self.rows(
+        let cases: Vec<(Option<usize>, Case)> = self.rows(
             "SELECT c.rule, p.params, c.seed, c.steps, c.sample_stride FROM cases c JOIN points p ON p.id = c.point
              WHERE c.position IS NOT NULL ORDER BY c.position",
             [],
@@ -215,9 +347,10 @@ impl Store {
                 Ok((row.get(0)?, case))
             },
         )?;
-        let rules = self.read(rules::all(&self.connection))?;
-        let rules = rules.into_iter().filter_map(|(number, precision)| {
-            let is_ruled = |case: &(Option<i64>, Case)| case.0 == Some(number);
+        let entered = self.entered()?;
+        let rules = entered.rules.into_iter().enumerate();
+        let rules = rules.filter_map(|(number, precision)| {
+            let is_ruled = |case: &(Option<usize>, Case)| case.0 == Some(number);
             let start = cases.iter().position(is_ruled)?;
             let end = cases.iter().rposition(is_ruled)? + 1;
             Some(PointRule {
@@ -229,9 +362,9 @@ impl Store {
         let cases = cases.into_iter().map(|(_, case)| (case.key(), case));
         Ok(Campaign {
             name: self.campaign_name()?,
-            file: PathBuf::from(self.of_campaign(3)?),
+            file: entered.file.into(),
             text: self.campaign_text()?,
-            protocol: self.protocol()?,
+            protocol: entered.protocol,
             cases: cases.collect(),
             rules,
             folded: 0,
@@ -241,28 +374,26 @@ impl Store {
 
     /// The text of the campaign file last run.
     pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
-        self.of_campaign(1)
+        self.of_campaign(|row| row.get(1))
     }
 
-    /// One text of the campaign.
-    fn of_campaign(&self, column: usize) -> Result<String, StoreError> {
-        let texts = SEALED.all(&self.connection, "true", [], |row| row.get(column));
-        let text = self.read(texts)?.pop();
-        text.map_or_else(|| self.read(Err(no_campaign())), Ok)
+    /// Something of the campaign.
+    fn of_campaign<T>(
+        &self,
+        read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
+        let found = self
+            .read(SEALED.all(&self.connection, "true", [], read))?
+            .pop();
+        found.map_or_else(|| self.read(Err(no_campaign())), Ok)
     }
-}
-
-fn no_campaign() -> rusqlite::Error {
-    DigestMismatch::error("it holds no campaign")
 }
 
 /// The version of the campaign last run with a store.
 struct LastRun {
     name: String,
     text: String,
-    protocol: String,
-    file: String,
-    request: String,
+    entered: Entered,
 }
 
 impl LastRun {
@@ -272,9 +403,7 @@ impl LastRun {
             Ok(Self {
                 name: row.get(0)?,
                 text: row.get(1)?,
-                protocol: row.get(2)?,
-                file: row.get(3)?,
-                request: row.get(4)?,
+                entered: document(row, 2)?,
             })
         };
         match SEALED.all(connection, "true", [], read) {
@@ -287,62 +416,49 @@ impl LastRun {
 /// A version of a campaign to enter into a store.
 struct Entry<'c> {
     campaign: &'c Campaign,
-    request: Request,
-    protocol: String,
-    written: String,
+    entered: Entered,
 }
 
 impl<'c> Entry<'c> {
-    fn of(campaign: &'c Campaign, path: &Path) -> Result<Self, StoreError> {
-        let protocol = serde_json::to_string(&campaign.protocol)
-            .map_err(|error| StoreError::unreadable(path, &error))?;
-        let written = serde_json::to_string(&campaign.written)
-            .map_err(|error| StoreError::unreadable(path, &error))?;
-        Ok(Self {
-            written,
+    fn of(campaign: &'c Campaign) -> Self {
+        Self {
+            entered: Entered::of(campaign),
             campaign,
-            request: Request::of(campaign),
-            protocol,
-        })
+        }
     }
 
-    /// Whether anything must be written.
+    /// Whether anything must be written: not for the same text in another place.
     fn differs(&self, last: &LastRun) -> bool {
-        last.text != self.campaign.text
-            || last.protocol != self.protocol
-            || last.request != self.request.hash
+        let file = last.entered.file.clone();
+        let here = Entered {
+            file,
+            ..self.entered.clone()
+        };
+        last.text != self.campaign.text || last.entered != here
     }
 
     /// Sets the cases of a store to those of the campaign.
     fn enter(&self, connection: &Connection, is_new: bool) -> rusqlite::Result<()> {
-        let text = |text: &str| Value::Text(text.to_owned());
         let row = [
-            text(&self.campaign.name),
-            text(&self.campaign.text),
-            text(&self.protocol),
-            text(&self.request.file.to_string_lossy()),
-            text(&self.request.hash),
-            text(&self.request.grid),
-            text(&self.written),
+            self.campaign.name.clone().into(),
+            self.campaign.text.clone().into(),
+            json(&self.entered)?,
+            json(&self.campaign.written)?,
         ];
-        let more = [
-            ("id", Value::Integer(1)),
-            ("priority", Value::Text(String::new())),
-        ];
-        SEALED.put(connection, None, &row, &more)?;
+        SEALED.put(connection, None, &row, &[("id", 1.into())])?;
         self.enter_cases(connection)?;
         if is_new {
             schema::index(connection)?;
         }
         rules::enter(connection, self.campaign)?;
         // Runs that failed beyond the strain requested now can reach that strain.
-        states::reopen(
+        runs::reopen(
             connection,
             "state = 'failed' AND counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
-            &[],
+            [],
         )?;
-        settle::settle_all(connection, &self.campaign.protocol)?;
-        rules::apply_all(connection)
+        settle::settle_all(connection, &self.entered)?;
+        rules::apply_all(connection, &self.entered.rules)
     }
 
     /// Writes new cases, and updates the position of known ones.
@@ -362,7 +478,7 @@ impl<'c> Entry<'c> {
             .map(|(_, case)| known.place(connection, &case.params))
             .collect::<Result<Vec<i64>, _>>()?;
         let now = process::now();
-        let turn = states::turn("steps_done").replace("turn", "excluded.turn");
+        let turn = runs::turn("steps_done").replace("turn", "excluded.turn");
         let mut insert = connection.prepare(&format!(
             "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
                  cost, changed_at)
@@ -384,7 +500,7 @@ impl<'c> Entry<'c> {
                 case.steps,
                 case.sample_stride,
                 position,
-                states::plain_turn(ranks[position]),
+                runs::plain_turn(ranks[position]),
                 costs[position],
                 now,
             ])?;
@@ -413,33 +529,17 @@ impl Points {
         }
         let text = serde_json::to_string(params)
             .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-        let digest = digest::of(&[Value::Text(text.clone())]);
+        let point = [text.into(), schema::axes_of(params).into()];
+        let digest = POINTS.digest_of(&point);
         let place = match self.known.get(&digest) {
             Some(place) => *place,
-            None => number_of(connection, (text, digest), params)?,
+            None => match connection.value("SELECT id FROM points WHERE digest = ?1", [digest])? {
+                Some(place) => place,
+                None => POINTS.put(connection, None, &point, &[])?,
+            },
         };
         self.known.insert(digest, place);
         self.last = Some((params.clone(), place));
         Ok(place)
     }
-}
-
-/// The number of a point by its text and digest, which is entered if missing.
-fn number_of(
-    connection: &Connection,
-    (text, digest): (String, i64),
-    params: &Params,
-) -> rusqlite::Result<i64> {
-    let known = "SELECT id FROM points WHERE digest = ?1";
-    let axes = schema::axes_of(params);
-    if let Some(place) = connection.value(known, [digest])? {
-        let update = "UPDATE points SET axes = ?2 WHERE id = ?1 AND axes != ?2";
-        connection.run(update, (place, axes))?;
-        return Ok(place);
-    }
-    connection.run(
-        "INSERT INTO points (params, axes, digest) VALUES (?1, ?2, ?3)",
-        (text, axes, digest),
-    )?;
-    Ok(connection.last_insert_rowid())
 }
