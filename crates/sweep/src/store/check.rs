@@ -1,11 +1,11 @@
 //! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the
 //! same digits.
 
+use super::database::Statements;
 use super::digest::{DigestMismatch, Sealed};
-use super::entry::{self, Entered};
-use super::runs::{self, LAST};
-use super::statements::Statements;
-use super::{Checkpoint, Store, StoreError, frames, points, processes, samples};
+use super::entry::Entered;
+use super::runs::LAST;
+use super::{Checkpoint, Store, StoreError, entry, frames, runs, samples, show, workers};
 use rusqlite::Connection;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ pub(super) const OF_CASES: [&str; 5] = ["samples", "frames", "checkpoints", "res
 const SEALED: [Sealed; 4] = [
     entry::SEALED,
     entry::POINTS,
-    processes::SEALED,
+    workers::SEALED,
     frames::SEALED,
 ];
 
@@ -141,7 +141,7 @@ impl Damage {
     /// Checks that every case has its point and key, and the state, result and failures that were
     /// written.
     fn look_at_cases(&mut self, connection: &Connection) -> rusqlite::Result<()> {
-        let looked = points::look(connection, |run, known| {
+        let looked = show::look(connection, |run, known| {
             if known.is_err() {
                 self.rows.insert(run.id);
             }
@@ -224,7 +224,7 @@ impl Damage {
                         "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
                         [process],
                     )?;
-                    processes::SEALED.seal(connection, "t.id = ?1", [process])?;
+                    workers::SEALED.seal(connection, "t.id = ?1", [process])?;
                 }
                 Part::Grid => {}
             }

@@ -1,13 +1,14 @@
 //! Claims and checkpoints: the life of a running case.
 
-use super::runs::{self, LAST, SUSPECT};
-use super::statements::Statements;
-use super::{Checkpoint, Damage, Store, StoreError, frames, samples};
+use super::database::{Statements, json};
+use super::runs::{LAST, SUSPECT};
+use super::{Checkpoint, Damage, Store, StoreError, frames, runs, samples};
 use crate::model::case::Case;
 use crate::model::spaces::AnyFrame;
 use crate::system::process::now;
 use rusqlite::{Connection, params};
 use sd_core::Sample;
+use serde::Deserialize;
 use std::time::Duration;
 
 /// Maximum number of short cases that are claimed together.
@@ -29,6 +30,20 @@ pub struct Claim {
     /// Whether there is anything of it in the store.
     has_data: bool,
     /// Whether it keeps a frame with each sample.
+    keeps_frames: bool,
+}
+
+/// The row of a case that was claimed.
+#[derive(Deserialize)]
+struct Claimed {
+    key: String,
+    #[serde(deserialize_with = "json")]
+    params: sd_core::Params,
+    seed: u64,
+    steps: u64,
+    sample_stride: u64,
+    steps_done: u64,
+    has_samples: bool,
     keeps_frames: bool,
 }
 
@@ -85,52 +100,33 @@ impl Store {
                 Some(id) => vec![id],
                 None => next(connection, workers, batch.as_secs_f64())?,
             };
-            let mut own = connection.prepare_cached(
-                "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
+            let own = "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
                      changed_at = ?3
-                 WHERE id = ?1 RETURNING key, point, seed, steps, sample_stride, steps_done,
-                     samples_digest IS NOT NULL, frames_from IS NOT NULL",
-            )?;
-            let mut point: Option<(i64, sd_core::Params)> = None;
+                 WHERE id = ?1 RETURNING key, seed, steps, sample_stride, steps_done,
+                     (SELECT params FROM points WHERE id = point) AS params,
+                     samples_digest IS NOT NULL AS has_samples,
+                     frames_from IS NOT NULL AS keeps_frames";
             let mut claims = Vec::with_capacity(ids.len());
             for id in ids {
-                let row = own.query_row(params![id, me, now()], |row| row.try_into())?;
-                let (
-                    key,
-                    of_point,
-                    seed,
-                    steps,
-                    sample_stride,
-                    steps_done,
-                    has_samples,
-                    keeps_frames,
-                ): (_, i64, _, _, _, u64, bool, _) = row;
-                let params = match point.take() {
-                    Some((known, params)) if known == of_point => params,
-                    _ => {
-                        let query = "SELECT params FROM points WHERE id = ?1";
-                        connection.one(query, [of_point], |row| super::schema::params(row, 0))?
-                    }
-                };
-                point = Some((of_point, params.clone()));
-                let kept = if steps_done > 0 {
+                let claimed: Option<Claimed> = connection.first(own, params![id, me, now()])?;
+                let claimed = claimed.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
+                let checkpoints = if claimed.steps_done > 0 {
                     runs::checkpoints(connection, id)?
                 } else {
                     Vec::new()
                 };
-                let case = Case {
-                    params,
-                    seed,
-                    steps,
-                    sample_stride,
-                };
                 claims.push(Claim {
                     id,
-                    key,
-                    case,
-                    has_data: has_samples || !kept.is_empty(),
-                    keeps_frames,
-                    checkpoints: kept,
+                    key: claimed.key,
+                    case: Case {
+                        params: claimed.params,
+                        seed: claimed.seed,
+                        steps: claimed.steps,
+                        sample_stride: claimed.sample_stride,
+                    },
+                    has_data: claimed.has_samples || !checkpoints.is_empty(),
+                    keeps_frames: claimed.keeps_frames,
+                    checkpoints,
                 });
             }
             Ok(claims)

@@ -3,8 +3,8 @@
 //! A run that keeps frames has one of each sampled step in an interval of its steps, which is
 //! stored with its case: so a missing one is noticed.
 
+use super::database::Statements;
 use super::digest::{DigestMismatch, Sealed, whole};
-use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::model::spaces::AnyFrame;
 use crate::trajectory;

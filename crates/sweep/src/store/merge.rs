@@ -7,13 +7,13 @@
 mod case;
 mod shards;
 
+use super::database::Statements;
 use super::entry::Entered;
-use super::statements::Statements;
 use super::{Store, StoreError, rules, settle};
 use crate::system::process::now;
 use case::Merging;
 use rusqlite::params;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shards::{Shard, Stamp, foreign};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
@@ -65,7 +65,7 @@ impl fmt::Display for Damaged {
 }
 
 /// Two results of one case with different bits.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Disagreement {
     /// Key of the case.
     pub key: String,
@@ -255,20 +255,13 @@ impl Store {
             )
         };
         let query = format!(
-            "SELECT c.key, {}, {}, d.what FROM disagreements d JOIN cases c ON c.id = d.case_id
+            "SELECT c.key, {} AS kept, {} AS other, d.what FROM disagreements d JOIN cases c ON c.id = d.case_id
              JOIN processes k ON k.id = d.kept JOIN processes o ON o.id = d.other
              ORDER BY c.position, c.id",
             who("k"),
             who("o")
         );
-        self.rows(&query, [], |row| {
-            Ok(Disagreement {
-                key: row.get(0)?,
-                kept: row.get(1)?,
-                other: row.get(2)?,
-                what: row.get(3)?,
-            })
-        })
+        self.named(&query, [])
     }
 
     /// Number of these shards that were not merged, or have changed since.

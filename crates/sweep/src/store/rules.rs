@@ -4,8 +4,8 @@
 //! count whenever a case of the point ends, in the same transaction, so that they depend only on
 //! the results.
 
+use super::database::Statements;
 use super::digest::DigestMismatch;
-use super::statements::Statements;
 use super::{Store, StoreError};
 use crate::measure::{Decision, Outcome};
 use crate::model::campaign::Campaign;

@@ -1,9 +1,10 @@
 //! Samples of runs.
 
+use super::database::Statements;
 use super::digest::{Digest, DigestMismatch, names_before, whole};
 use super::runs::{read, stored};
-use super::statements::Statements;
-use crate::measure::numbers::{self, Level, Number};
+use crate::measure::numbers;
+use crate::measure::numbers::{Level, Number};
 use rusqlite::types::Value;
 use rusqlite::{Connection, Row, Rows, params, params_from_iter};
 use sd_core::Sample;

@@ -1,10 +1,11 @@
 //! The schema of a store: creation and recognition of its tables, and values of common columns.
 
+use super::database::Statements as _;
 use super::digest::DigestMismatch;
 use super::entry;
-use super::statements::Statements as _;
 use crate::data::{Kind, Value as AxisValue};
-use crate::measure::numbers::{self, Level, Number};
+use crate::measure::numbers;
+use crate::measure::numbers::{Level, Number};
 use crate::model::axes::AXES;
 use crate::model::case::State;
 use rusqlite::types::{Type, ValueRef};

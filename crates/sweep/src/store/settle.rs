@@ -4,12 +4,11 @@
 //! more.
 
 use super::claims::{Claim, NewRows, owns};
+use super::database::{Statements, json};
 use super::digest::whole;
 use super::entry::Entered;
-use super::failures::{self, Attempt};
-use super::runs::{self, LAST, RunEnd};
-use super::statements::Statements;
-use super::{Store, StoreError, frames, rules, samples};
+use super::runs::{Attempt, LAST, RunEnd};
+use super::{Store, StoreError, frames, rules, runs, samples};
 use crate::measure::mser_5;
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, State};
@@ -19,16 +18,19 @@ use crate::system::process;
 use rusqlite::Connection;
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
+use serde::Deserialize;
 use std::collections::HashMap;
 
 /// The new end of a run, and its samples if they are all at hand.
 type NewEnd<'r> = (&'r RunEnd, Option<&'r [(u64, Sample)]>);
 
 /// A completed case, and the result requested.
+#[derive(Deserialize)]
 struct Computed {
     id: i64,
     /// Number of its point.
     point: i64,
+    #[serde(deserialize_with = "json")]
     params: Params,
     requested: u64,
     state: String,
@@ -47,27 +49,15 @@ impl Computed {
         condition: &str,
         parameters: impl rusqlite::Params,
     ) -> rusqlite::Result<Vec<Self>> {
-        connection.all(
+        connection.named(
             &format!(
-                "SELECT c.id, c.point, p.params, c.steps, c.state, c.steps_done, r.discard_step,
-                     coalesce(r.computed, 0), coalesce(r.jammed, 0)
+                "SELECT c.id, c.point, p.params, c.steps AS requested, c.state, c.steps_done,
+                     r.discard_step AS discarded, coalesce(r.computed, 0) AS steps,
+                     coalesce(r.jammed, 0) AS jammed
                  FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id
                  WHERE {condition}"
             ),
             parameters,
-            |row| {
-                Ok(Self {
-                    id: row.get(0)?,
-                    point: row.get(1)?,
-                    params: super::schema::params(row, 2)?,
-                    requested: row.get(3)?,
-                    state: row.get(4)?,
-                    steps_done: row.get(5)?,
-                    discarded: row.get(6)?,
-                    steps: row.get(7)?,
-                    jammed: row.get(8)?,
-                })
-            },
         )
     }
 
@@ -412,7 +402,7 @@ pub(super) fn fail(
     case: i64,
     failed: &Attempt,
 ) -> rusqlite::Result<()> {
-    failures::insert(connection, case, failed)?;
+    runs::insert(connection, case, failed)?;
     runs::end(connection, case, State::Failed, failed.step)?;
     runs::delete_checkpoints(connection, case, u64::MAX)?;
     rules::apply_to_case(connection, rules, case)

@@ -1,18 +1,18 @@
 //! Submitted jobs, and the cases of their tasks.
 
-use super::statements::Statements;
+use super::database::Statements;
 use super::{Store, StoreError};
 use crate::model::campaign::Campaign;
 use crate::system::process;
-use rusqlite::{Row, params};
-use serde::Serialize;
+use rusqlite::params;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
 /// A submitted job.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Submission {
-    #[serde(skip)]
+    #[serde(skip_serializing)]
     pub(crate) id: i64,
     /// The scheduler.
     pub engine: String,
@@ -35,7 +35,7 @@ pub struct Submission {
 }
 
 /// A case that is neither finished nor failed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct OpenCase {
     /// Its key.
     pub key: String,
@@ -59,16 +59,13 @@ pub struct SliceState {
 impl Store {
     /// Open cases of the grid in the order of work.
     pub(crate) fn open_cases(&self) -> Result<Vec<OpenCase>, StoreError> {
-        self.rows(
-                "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)), steps_done > 0
-                 FROM cases
-                 WHERE state IN ('pending', 'running') AND counts ORDER BY turn, gain DESC, position", [], |row| {
-                        Ok(OpenCase {
-                            key: row.get(0)?,
-                            cost: row.get(1)?,
-                            begun: row.get(2)?,
-                        })
-                    })
+        self.named(
+            "SELECT key, cost * (1.0 - min(1.0 * steps_done / steps, 1.0)) AS cost,
+                 steps_done > 0 AS begun
+             FROM cases WHERE state IN ('pending', 'running') AND counts
+             ORDER BY turn, gain DESC, position",
+            [],
+        )
     }
 
     /// Records a job before its submission; [`Store::submitted`] adds its name.
@@ -128,13 +125,7 @@ impl Store {
 
     /// All jobs, the first first.
     pub(crate) fn submissions(&self) -> Result<Vec<Submission>, StoreError> {
-        self.rows(
-            "SELECT id, engine, job, plan, folder, tasks, workers, build, submitted_at,
-                     cancelled_at
-                 FROM submissions ORDER BY id",
-            [],
-            submission,
-        )
+        self.named("SELECT * FROM submissions ORDER BY id", [])
     }
 
     /// Keys of the open cases of a job, with their tasks.
@@ -212,20 +203,4 @@ impl Store {
         )?;
         Ok(())
     }
-}
-
-/// A row of [`Store::submissions`].
-fn submission(row: &Row<'_>) -> rusqlite::Result<Submission> {
-    Ok(Submission {
-        id: row.get(0)?,
-        engine: row.get(1)?,
-        job: row.get(2)?,
-        plan: row.get(3)?,
-        folder: PathBuf::from(row.get::<_, String>(4)?),
-        tasks: row.get(5)?,
-        workers: row.get(6)?,
-        build: row.get(7)?,
-        submitted_at: row.get(8)?,
-        cancelled_at: row.get(9)?,
-    })
 }

@@ -4,11 +4,11 @@
 use super::{MergeMode, Merged};
 use crate::model::case::{Case, State};
 use crate::model::protocol::Protocol;
+use crate::store::database::Statements;
 use crate::store::digest::whole;
 use crate::store::entry::Points;
 use crate::store::runs::{self, RunEnd};
-use crate::store::statements::Statements;
-use crate::store::{Checkpoint, failures, frames, processes, samples, schema, settle};
+use crate::store::{Attempt, Checkpoint, frames, samples, schema, settle, workers};
 use crate::system::process::now;
 use rusqlite::{Connection, params};
 use std::collections::HashMap;
@@ -239,7 +239,7 @@ impl Merging<'_> {
     fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
         let found = runs::check(self.other, "c.id = ?1", &[&theirs.id])
             .and_then(|()| samples::each(self.other, theirs.id, |_, _| Ok(())))
-            .and_then(|()| failures::of(self.other, theirs.id));
+            .and_then(|()| runs::of(self.other, theirs.id));
         let Ok(found) = found else {
             self.merged.unreadable += 1;
             return Ok(());
@@ -253,8 +253,8 @@ impl Merging<'_> {
             )?;
             if !is_there {
                 let process = self.take_process(failure.process)?;
-                let failure = failures::Attempt { process, ..failure };
-                failures::insert(self.connection, ours.id, &failure)?;
+                let failure = Attempt { process, ..failure };
+                runs::insert(self.connection, ours.id, &failure)?;
                 taken = true;
             }
         }
@@ -309,13 +309,13 @@ impl Merging<'_> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
-        let described = processes::described(self.other, there);
+        let described = workers::described(self.other, there);
         let known = "SELECT id FROM processes WHERE digest = ?1";
         let known = self
             .connection
-            .value(known, [processes::SEALED.digest_of(&described)])?;
+            .value(known, [workers::SEALED.digest_of(&described)])?;
         let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
-        let enter = || processes::put(self.connection, &described, &left);
+        let enter = || workers::put(self.connection, &described, &left);
         let here = known.map_or_else(enter, Ok)?;
         self.processes.insert(there, here);
         Ok(here)

@@ -1,8 +1,8 @@
 //! Checks of shards before a merge: integrity, build, changes since the last merge.
 
 use crate::store::check::SIZE;
-use crate::store::statements::Statements;
-use crate::store::{Store, StoreError, place};
+use crate::store::database::Statements;
+use crate::store::{Store, StoreError, database};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -29,7 +29,7 @@ impl Stamp {
         Ok(Self {
             name: name.to_string_lossy().into_owned(),
             size: file.len(),
-            changing: place::has_log(path),
+            changing: database::has_log(path),
             modified: since.map_or(0, |since| {
                 i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
             }),

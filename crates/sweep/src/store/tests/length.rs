@@ -134,7 +134,7 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     // The shorter one adds nothing to it.
     let small = directory.path().join("small.sqlite");
     let other = directory.path().join("other.sqlite");
-    reading::snapshot(&small, &other).unwrap();
+    database::snapshot(&small, &other).unwrap();
     let merged = store.merge(&[other], false).unwrap();
     assert_eq!((merged.results, merged.duplicates), (0, 1));
 }

@@ -19,7 +19,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
     let own = format!("t.id = {}", store.me());
-    processes::SEALED.seal(&store.connection, &own, []).unwrap();
+    workers::SEALED.seal(&store.connection, &own, []).unwrap();
     (store, path)
 }
 
@@ -241,7 +241,7 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
     let claim = a.next().unwrap();
     a.end(&claim, &finished(State::Done)).unwrap();
     let good = at.join("good.sqlite");
-    reading::snapshot(&work, &good).unwrap();
+    database::snapshot(&work, &good).unwrap();
     drop(a);
     let bytes = std::fs::read(&good).unwrap();
     for length in [0, 1, 99, 100, 4096, bytes.len() / 2, bytes.len() - 1] {

@@ -1,0 +1,633 @@
+//! What readers see of a store: all runs, one case, and the progress of the campaign.
+
+use super::database::Statements;
+use super::digest::DigestMismatch;
+use super::entry::Entered;
+use super::runs::{Attempt, ListedRun};
+use super::schema::{params, state};
+use super::workers::program;
+use super::{Store, StoreError, entry, rules, runs, samples, workers};
+use crate::data::{DataColumn, Kind};
+use crate::measure::doubt::Doubt;
+use crate::measure::numbers::Level;
+use crate::measure::{PointRun, numbers, run_table};
+use crate::model::case::{CaseKey, State};
+use crate::model::protocol::Protocol;
+use crate::system::process;
+use rusqlite::{Connection, Row};
+use sd_core::{Params, Sample};
+use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+impl Store {
+    /// All cases of the grid in the order of the file, each checked by its digest.
+    pub(crate) fn point_runs(&self) -> Result<Vec<PointRun>, StoreError> {
+        self.read(point_runs(&self.connection))
+    }
+}
+
+impl Store {
+    /// All runs of the campaign in its order, one row each. Pending runs have no results.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`], and I/O or SQLite errors.
+    pub fn runs(&self) -> Result<Vec<DataColumn>, StoreError> {
+        let runs = self.point_runs()?;
+        let runs: Vec<&PointRun> = runs.iter().collect();
+        Ok(run_table(&runs))
+    }
+
+    /// Checks what commands show of all cases, their points, results and processes.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`].
+    pub(crate) fn verify(&self) -> Result<(), StoreError> {
+        let checked = workers::SEALED.check(&self.connection).and_then(|()| {
+            look(&self.connection, |run, known| {
+                known.and_then(|_| run.check())
+            })
+        });
+        self.read(checked)
+    }
+}
+
+/// See [`Store::point_runs`].
+fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
+    let mut runs = Vec::new();
+    look(connection, |run, known| {
+        let (key, point) = known?;
+        run.check()?;
+        let position: Option<u64> = run.row.get(run.more + POSITION)?;
+        if let Some(position) = position
+            && run.row.get(run.more + COUNTS)?
+        {
+            runs.push(point_run(run, position, key, point)?);
+        }
+        Ok(())
+    })?;
+    // Sorted here: SQLite would copy all columns.
+    runs.sort_unstable_by_key(|run: &PointRun| run.position);
+    Ok(runs)
+}
+
+/// Further columns of [`look`], and their places.
+const MORE: &str = ", c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point";
+const SEED: usize = 0;
+const STEPS: usize = 1;
+const STRIDE: usize = 2;
+const STATE: usize = 3;
+const POSITION: usize = 4;
+const COUNTS: usize = 5;
+const POINT: usize = 6;
+
+/// Calls `each` for every case, with its key and point, or an error if these were changed. Checks
+/// the campaign and the seeds that count.
+pub(super) fn look(
+    connection: &Connection,
+    mut each: impl FnMut(
+        &ListedRun<'_>,
+        rusqlite::Result<(CaseKey, &KnownPoint)>,
+    ) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
+    let Entered {
+        protocol,
+        grid,
+        rules,
+        ..
+    } = Entered::read(connection)?;
+    let mut points: HashMap<i64, rusqlite::Result<KnownPoint>> = HashMap::new();
+    entry::POINTS.each(connection, "true", [], |id, row, altered| {
+        let whole = DigestMismatch::unless(altered.is_none(), entry::POINTS.words);
+        points.insert(id, whole.and_then(|()| KnownPoint::read(row, &protocol)));
+        Ok(())
+    })?;
+    let (mut positions, mut keys) = (Vec::new(), Vec::new());
+    runs::each(connection, MORE, "true", &[], |run| {
+        let position: Option<u64> = run.row.get(run.more + POSITION)?;
+        let known = match points.get(&run.row.get(run.more + POINT)?) {
+            Some(Ok(point)) => point
+                .checked_key(&run, position.is_some())
+                .map(|key| (key, point)),
+            Some(Err(error)) => Err(DigestMismatch::error(DigestMismatch::words(error))),
+            None => Err(DigestMismatch::error("the point of a case is missing")),
+        };
+        if let (Ok((key, _)), Some(position)) = (&known, position) {
+            positions.push(position);
+            keys.push(key.number());
+        }
+        each(&run, known)
+    })?;
+    positions.sort_unstable();
+    let numbers = 0..positions.len() as u64;
+    if !positions.into_iter().eq(numbers) || entry::grid(keys.into_iter()) != grid {
+        return Err(DigestMismatch::error(
+            "the grid of the campaign is incomplete: a case is missing",
+        ));
+    }
+    rules::check(connection, &rules)
+}
+
+/// The point of a case.
+pub(super) struct KnownPoint {
+    text: String,
+    params: Arc<Params>,
+    steps: u64,
+}
+
+impl KnownPoint {
+    /// A row of the points.
+    fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
+        let mut params = params(row, 0)?;
+        // The store may be shown up to one of its segments.
+        params.segments.truncate(protocol.segments.len());
+        Ok(Self {
+            text: row.get(0)?,
+            steps: protocol.with_time_step(params.time_step).steps(),
+            params: Arc::new(params),
+        })
+    }
+
+    /// The key of a case of this point.
+    ///
+    /// # Errors
+    /// [`DigestMismatch`] if the case was changed.
+    fn checked_key(&self, run: &ListedRun<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
+        let (row, more) = (run.row, run.more);
+        let key = CaseKey::of_text(&self.text, row.get(more + SEED)?, row.get(more + STRIDE)?);
+        let written = row.get_ref(0)?.as_str()?;
+        if key.to_string() != written {
+            return Err(DigestMismatch::error(format!(
+                "the parameters of case {written} are not those it was named for"
+            )));
+        }
+        state(row.get_ref(more + STATE)?)?;
+        if is_in_grid && row.get::<_, u64>(more + STEPS)? != self.steps {
+            return Err(DigestMismatch::error(format!(
+                "case {written} has another length than the campaign requests"
+            )));
+        }
+        Ok(key)
+    }
+}
+
+/// One of [`point_runs`].
+fn point_run(
+    run: &ListedRun<'_>,
+    position: u64,
+    key: CaseKey,
+    point: &KnownPoint,
+) -> rusqlite::Result<PointRun> {
+    let (row, more) = (run.row, run.more);
+    let state = state(row.get_ref(more + STATE)?)?;
+    let (mut numbers, mut doubts) = (Vec::new(), Vec::new());
+    // An open run may have the result of a shorter one.
+    if matches!(state, State::Done | State::Jammed) {
+        for (number, column) in numbers::columns(Level::Runs).zip(run.numbers..) {
+            let value: Option<f64> = match number.kind(Level::Runs) {
+                Kind::Count => row.get::<_, Option<u64>>(column)?.map(|count| count as f64),
+                _ => row.get(column)?,
+            };
+            numbers.push(value.unwrap_or(f64::NAN));
+        }
+        doubts = Doubt::read(row.get_ref("doubts")?.as_str()?);
+    }
+    let params = point.params.clone();
+    Ok(PointRun {
+        position,
+        key: key.to_string(),
+        sample_every: row.get::<_, u64>(more + STRIDE)? as f64 * params.time_step,
+        params,
+        seed: row.get(more + SEED)?,
+        state,
+        doubts,
+        numbers: numbers.into(),
+    })
+}
+
+/// One case with its state and data.
+#[derive(Debug, Clone, Serialize)]
+pub struct CaseDetails {
+    /// Its key.
+    pub key: String,
+    /// Its number in the campaign file, from 1; `None` once it has left the grid.
+    pub number: Option<u64>,
+    /// Its parameters.
+    pub params: Params,
+    /// Its seed.
+    pub seed: u64,
+    /// Its state.
+    pub state: String,
+    /// Steps of the whole run.
+    pub steps: u64,
+    /// Steps done, as of the last checkpoint.
+    pub steps_done: u64,
+    /// Number of attempts.
+    pub attempts: u64,
+    /// Reasons why its numbers are doubtful, if any.
+    pub doubts: Vec<String>,
+    /// Wall seconds, once it is done.
+    pub wall_time_s: Option<f64>,
+    /// Seconds of CPU.
+    pub cpu_time_s: Option<f64>,
+    /// Number of times it was resumed from a checkpoint.
+    pub resumed: Option<u64>,
+    /// The process that computed it, or computes it.
+    pub origin: Option<Origin>,
+    /// Its failed attempts, the last one last.
+    pub failures: Vec<Attempt>,
+    /// Number of frames.
+    pub frames: u64,
+    /// Its samples so far, with their steps.
+    pub samples: Vec<(u64, Sample)>,
+}
+
+/// Where a run was computed.
+#[derive(Debug, Clone, Serialize)]
+pub struct Origin {
+    /// Host.
+    pub host: String,
+    /// Version of the program.
+    pub version: String,
+    /// Version of its physics.
+    pub physics_version: u64,
+    /// Hash of its executable.
+    pub build: String,
+    /// Its end or last heartbeat, in milliseconds since 1970.
+    pub at: i64,
+}
+
+impl Store {
+    /// The key of the case identified by the beginning of a key or by a number of the campaign
+    /// file; an exact number takes precedence.
+    ///
+    /// # Errors
+    /// [`StoreError::Case`] if no case or several match, and I/O or SQLite errors.
+    pub fn key_of(&self, given: &str) -> Result<String, StoreError> {
+        let mut keys = self.find_cases(given)?;
+        match (keys.pop(), keys.as_slice()) {
+            (None, _) => Err(self.no_case(given, "no case")),
+            (Some(key), []) => Ok(key),
+            (Some(_), _) => Err(self.no_case(given, "the beginning of several cases")),
+        }
+    }
+
+    /// The error about a name that does not match exactly one case.
+    pub(crate) fn no_case(&self, given: &str, what: &'static str) -> StoreError {
+        StoreError::Case {
+            path: self.path.clone(),
+            given: given.to_owned(),
+            what,
+        }
+    }
+
+    /// Keys of the cases that match a name, at most two.
+    fn find_cases(&self, given: &str) -> Result<Vec<String>, StoreError> {
+        let number = given.parse::<i64>().ok().filter(|_| given.len() < 8);
+        let by_number = "SELECT key FROM cases WHERE position = ?1 - 1";
+        let by_number: Vec<String> = self.read(self.connection.values(by_number, [number]))?;
+        if !by_number.is_empty() {
+            return Ok(by_number);
+        }
+        let by_key = "SELECT key FROM cases WHERE substr(key, 1, length(?1)) = lower(?1) ORDER BY key LIMIT 2";
+        self.read(self.connection.values(by_key, [given]))
+    }
+
+    /// The details of a case, by a name as for [`Store::key_of`].
+    pub(crate) fn details(&self, given: &str) -> Result<CaseDetails, StoreError> {
+        self.verify()?;
+        let key = self.key_of(given)?;
+        let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
+                 r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
+                 coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''), r.cpu_time_s
+             FROM cases c JOIN points q ON q.id = c.point
+             LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
+             LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
+                 (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+             WHERE c.key = ?1";
+        let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
+        self.read(runs::check(&self.connection, "c.id = ?1", &[&id]))?;
+        details.failures = self.read(runs::of(&self.connection, id))?;
+        details.samples = self.read(samples::of(&self.connection, id, details.steps))?;
+        details.frames = self.frame_count(&key)?;
+        Ok(details)
+    }
+
+    /// Samples of a case so far, with their steps.
+    ///
+    /// # Errors
+    /// An I/O or SQLite error.
+    pub fn samples(&self, key: &str) -> Result<Vec<(u64, Sample)>, StoreError> {
+        let case = "SELECT id, steps FROM cases WHERE key = ?1";
+        let found = self.connection.find(case, [key], |row| row.try_into());
+        match self.read(found)? {
+            Some((id, steps)) => self.read(samples::of(&self.connection, id, steps)),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Strain and viscosity of a case at its samples so far.
+    ///
+    /// # Errors
+    /// An I/O or SQLite error.
+    pub fn trace(&self, key: &str) -> Result<Vec<(f64, f64)>, StoreError> {
+        Ok(self
+            .samples(key)?
+            .into_iter()
+            .map(|(_, sample)| (sample.strain, sample.viscosity))
+            .filter(|(_, viscosity)| viscosity.is_finite())
+            .collect())
+    }
+}
+
+impl Origin {
+    /// Name and version of the program.
+    pub fn program(&self) -> String {
+        program(&self.version, self.physics_version, &self.build)
+    }
+}
+
+/// One row of [`Store::details`], and the number of its case.
+fn case(row: &Row<'_>) -> rusqlite::Result<(i64, CaseDetails)> {
+    let host: Option<String> = row.get(11)?;
+    let origin = match host {
+        None => None,
+        Some(host) => Some(Origin {
+            host,
+            version: row.get(12)?,
+            physics_version: row.get(13)?,
+            build: row.get(14)?,
+            at: row.get(15)?,
+        }),
+    };
+    let details = CaseDetails {
+        key: row.get(1)?,
+        number: row.get::<_, Option<u64>>(2)?.map(|position| position + 1),
+        params: params(row, 3)?,
+        seed: row.get(4)?,
+        state: row.get(5)?,
+        steps: row.get(6)?,
+        steps_done: row.get(7)?,
+        attempts: row.get(8)?,
+        doubts: Doubt::read(&row.get::<_, String>(16)?)
+            .into_iter()
+            .map(Doubt::meaning)
+            .collect(),
+        wall_time_s: row.get(9)?,
+        cpu_time_s: row.get(17)?,
+        resumed: row.get(10)?,
+        origin,
+        failures: Vec::new(),
+        frames: 0,
+        samples: Vec::new(),
+    };
+    Ok((row.get(0)?, details))
+}
+
+/// Cases of the grid by state.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Finished.
+    pub done: u64,
+    /// Ended as jammed layers.
+    pub jammed: u64,
+    /// Ended with an error.
+    pub failed: u64,
+    /// Owned by a process.
+    pub running: u64,
+    /// Not started, or stopped.
+    pub pending: u64,
+}
+
+impl Counts {
+    /// All cases of the grid.
+    pub fn total(&self) -> u64 {
+        self.done + self.jammed + self.failed + self.running + self.pending
+    }
+
+    /// Number of cases in a state.
+    pub(crate) fn of(&mut self, state: State) -> &mut u64 {
+        match state {
+            State::Done => &mut self.done,
+            State::Jammed => &mut self.jammed,
+            State::Failed => &mut self.failed,
+            State::Running => &mut self.running,
+            State::Pending => &mut self.pending,
+        }
+    }
+
+    /// Counts a case that ended in this state since the last count.
+    pub(crate) fn end(&mut self, state: State) {
+        if matches!(state, State::Pending | State::Running) {
+            return;
+        }
+        // It may have been claimed after that count.
+        let open = if self.running > 0 {
+            &mut self.running
+        } else {
+            &mut self.pending
+        };
+        if *open > 0 {
+            *open -= 1;
+            *self.of(state) += 1;
+        }
+    }
+}
+
+/// Progress of the grid, in estimated CPU seconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Work {
+    /// Its cases by state.
+    pub counts: Counts,
+    /// Total work.
+    pub total: f64,
+    /// Work done: finished cases, and others up to their last checkpoint, except those running in
+    /// this process.
+    pub done: f64,
+    /// Failed cases, which are not retried automatically.
+    pub given_up: f64,
+    /// Remaining work of pending and running cases.
+    pub left: f64,
+    /// Running cases with a recent heartbeat of their process.
+    alive: u64,
+}
+
+/// Progress of the runs of one point.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub(crate) struct PointWork {
+    /// Position of the first of them in the campaign.
+    pub(crate) position: usize,
+    /// All that count.
+    pub(crate) runs: f64,
+    /// Those that have not ended.
+    pub(crate) open: f64,
+    /// The done part of these, in runs.
+    pub(crate) done: f64,
+}
+
+/// Number of finished runs used to estimate the speed of a machine.
+const SAMPLED: i64 = 1000;
+
+/// One process in a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProcessLine {
+    /// Its host.
+    pub host: String,
+    /// Its process id.
+    pub pid: u32,
+    /// Seconds since its last heartbeat.
+    pub silent_s: f64,
+    /// Cases it owns.
+    pub running: u64,
+}
+
+impl Store {
+    /// Cases of the grid by state.
+    ///
+    /// # Errors
+    /// An I/O or SQLite error.
+    pub fn counts(&self) -> Result<Counts, StoreError> {
+        self.work().map(|work| work.counts)
+    }
+
+    /// Progress of the grid, from one scan of all cases.
+    ///
+    /// # Errors
+    /// An I/O or SQLite error.
+    pub fn work(&self) -> Result<Work, StoreError> {
+        let heard_since = process::now()
+            - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
+        let read = || {
+            let alive = "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1";
+            let alive: HashSet<i64> = self.connection.values(alive, [heard_since])?;
+            // Summed here: SQLite would sort all cases by their states first.
+            let mut query = self.connection.prepare_cached(
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
+                     FROM cases NOT INDEXED WHERE counts",
+            )?;
+            let mut rows = query.query([])?;
+            let mut work = Work::default();
+            while let Some(row) = rows.next()? {
+                let state = state(row.get_ref(0)?)?;
+                let (cost, done): (f64, f64) = (row.get(1)?, row.get(2)?);
+                let owner: Option<i64> = row.get(3)?;
+                work.total += cost;
+                match state {
+                    State::Done | State::Jammed => work.done += cost,
+                    State::Failed => work.given_up += cost,
+                    State::Pending | State::Running => {
+                        work.left += cost - done;
+                        if owner != Some(self.me()) {
+                            work.done += done;
+                        }
+                    }
+                }
+                work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
+                *work.counts.of(state) += 1;
+            }
+            Ok(work)
+        };
+        self.read(read())
+    }
+
+    /// Wall and CPU seconds of finished runs, over their estimates; `None` without finished runs.
+    fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
+        let mut sums = (0.0, 0.0, 0.0);
+        self.sampled_runs(
+            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps
+                 FROM results r
+             JOIN cases c ON c.id = r.case_id",
+            |row| {
+                sums.0 += row.get::<_, f64>(1)?;
+                sums.1 += row.get::<_, f64>(2)?;
+                sums.2 += row.get::<_, f64>(3)?;
+                Ok(())
+            },
+        )?;
+        Ok((sums.2 > 0.0).then(|| (sums.0 / sums.2, sums.1 / sums.2)))
+    }
+
+    /// Calls `each` with rows about finished runs, evenly spread over the store.
+    fn sampled_runs(
+        &self,
+        query: &str,
+        mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
+    ) -> Result<(), StoreError> {
+        let mut read = || {
+            let last = "SELECT coalesce(max(case_id), 0) FROM results";
+            let last: i64 = self.connection.one(last, [], |row| row.get(0))?;
+            let stride = (last / SAMPLED).max(1);
+            let query = format!("{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1");
+            let mut from = 0;
+            let mut next = |row: &Row<'_>| each(row).and_then(|()| row.get::<_, i64>(0));
+            while let Some(found) = self.connection.find(&query, [from], &mut next)? {
+                from = found + stride;
+            }
+            Ok(())
+        };
+        self.read(read())
+    }
+
+    /// Estimated remaining CPU seconds of open cases, scaled by finished ones.
+    pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
+        Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
+    }
+
+    /// Estimated seconds until running and pending cases are done, scaled by finished ones; `None`
+    /// without running processes or finished cases.
+    pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
+        if work.alive == 0 {
+            return Ok(None);
+        }
+        Ok(self
+            .pace()?
+            .map(|(wall, _)| work.left * wall / work.alive as f64))
+    }
+
+    /// Progress of the runs of each point, in the order of the campaign.
+    pub(crate) fn point_work(&self) -> Result<Vec<PointWork>, StoreError> {
+        self.named(
+            "SELECT min(position) AS position, 1.0 * count(*) AS runs,
+                 total(state IN ('pending', 'running')) AS open,
+                 total(CASE WHEN state IN ('pending', 'running')
+                     THEN min(1.0 * steps_done / steps, 1.0) END) AS done
+             FROM cases WHERE counts GROUP BY point ORDER BY 1",
+            [],
+        )
+    }
+
+    /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on
+    /// this machine.
+    pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
+        let here = (process::Identity::of_this_process().host, process::build());
+        let mut runs = Vec::new();
+        self.sampled_runs(
+            "SELECT r.case_id, p.params, r.computed, r.cpu_time_s, o.host, o.build
+                 FROM results r JOIN cases c ON c.id = r.case_id
+             JOIN points p ON p.id = c.point
+             JOIN processes o ON o.id = r.process",
+            |row| {
+                let cpu_s: f64 = row.get(3)?;
+                if cpu_s > 0.0
+                    && row.get::<_, String>(4)? == here.0
+                    && row.get::<_, String>(5)? == here.1
+                {
+                    runs.push((params(row, 1)?, row.get(2)?, cpu_s));
+                }
+                Ok(())
+            },
+        )?;
+        Ok(runs)
+    }
+
+    /// Processes that own cases.
+    pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
+        self.named(
+            "SELECT p.host, p.pid, max(?1 - p.heartbeat, 0) / 1000.0 AS silent_s,
+                 count(*) AS running
+             FROM processes p JOIN cases c ON c.owner = p.id
+             WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
+            [process::now()],
+        )
+    }
+}
