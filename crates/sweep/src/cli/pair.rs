@@ -90,7 +90,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     if let Some(path) = &arguments.figure {
         let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();
         let graphs = [("first sphere", path_of(1)), ("second sphere", path_of(4))];
-        let drawn = draw_graphs(&graphs, ["x / a", "y / a"], "two spheres that pass");
+        let drawn = draw_graphs(&graphs, ["x / a", "y / a"], "two spheres that pass")?;
         save(path, &drawn, output)?;
     }
     if output.json {

@@ -21,10 +21,11 @@ mod plane;
 pub(super) mod scale;
 mod svg;
 
-pub(super) use graph::{FitCurve, GraphForm, MeasuredGraph, draw_fit, draw_graphs_of};
+pub(super) use graph::draw_curves;
 pub use graph::{Graph, draw_graphs};
 pub(super) use origin::Origin;
 pub use outline::Outline;
+pub(super) use outline::{Curve, CurveKind};
 pub(super) use plane::{Key, Mark, PlanePicture, draw_plane};
 
 use super::error::ReportError;

@@ -3,11 +3,12 @@
 mod wyart_cates;
 
 use super::error::ReportError;
-use super::figure::{FitCurve, Origin, draw_fit};
+use super::figure::{Curve, CurveKind, Origin, draw_curves};
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::data::Tag;
 use crate::data::{DataColumn, Kind, Value};
+use crate::measure::Estimate;
 use crate::model::axes::{AXES, identity};
 use crate::store::Store;
 use sd_core::Params;
@@ -208,24 +209,20 @@ impl FitReport {
         };
         let low = finite().fold(f64::INFINITY, f64::min).ln();
         let high = finite().fold(0.0, f64::max).ln();
-        let curves = fractions.iter().map(|&fraction| {
+        let mut curves = Vec::with_capacity(2 * fractions.len());
+        for (index, &fraction) in fractions.iter().enumerate() {
             let of = self.rows().filter(|row| row[0] == fraction);
             let mut data: Vec<[f64; 2]> = of.map(|row| [row[1], row[2]]).collect();
             data.sort_by(|a, b| a[0].total_cmp(&b[0]));
             let drawn = (0..=DRAWN).map(|k| (low + (high - low) * k as f64 / DRAWN as f64).exp());
-            FitCurve {
-                label: format!("{} = {fraction}", self.fraction()[1]),
-                data,
-                fit: drawn
-                    .map(|at| [at, self.fit.viscosity(fraction, at)])
-                    .collect(),
-            }
-        });
-        draw_fit(
-            &curves.collect::<Vec<_>>(),
-            ["shear stress σ* (F_crit/a²)", "relative viscosity η"],
-            &self.origin,
-        )
+            let fit = drawn.map(|at| (at, Estimate::bare(self.fit.viscosity(fraction, at))));
+            let data = data.into_iter().map(|[x, y]| (x, Estimate::bare(y)));
+            let label = format!("{} = {fraction}", self.fraction()[1]);
+            curves.push(Curve::of_values(&label, data, CurveKind::Points, index));
+            curves.push(Curve::of_values("", fit, CurveKind::Line, index));
+        }
+        let axes = ["shear stress σ* (F_crit/a²)", "relative viscosity η"];
+        draw_curves(curves, axes, [true, false], &self.origin)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Results of each segment of the runs of a campaign, point by point.
 
 use super::error::ReportError;
-use super::figure::{GraphForm, MeasuredGraph, Origin, draw_graphs_of, mean_trace};
+use super::figure::{Curve, CurveKind, Origin, draw_curves, mean_trace};
 use super::labels::Shared;
 use super::points::{Point, Report};
 use super::selection::Selection;
@@ -347,7 +347,7 @@ impl SegmentReport {
             units: self.report.units,
             starts: &self.report.starts,
         };
-        let mut graphs: Vec<(String, Vec<(f64, Estimate)>)> = Vec::new();
+        let mut curves = Vec::new();
         for (label, place) in shared.labels(&all).iter().zip(&places) {
             for name in ["eta_prime", "eta_double_prime"] {
                 let mut known = NUMBERS.iter().enumerate();
@@ -362,20 +362,13 @@ impl SegmentReport {
                     })
                     .collect();
                 spots.sort_by(|a, b| a.0.total_cmp(&b.0));
-                graphs.push((label.with(number.1), spots));
+                let (label, kind) = (label.with(number.1), CurveKind::Markers);
+                let index = curves.len();
+                curves.push(Curve::of_values(&label, spots.into_iter(), kind, index));
             }
         }
-        let graphs: Vec<MeasuredGraph<'_>> = graphs
-            .iter()
-            .map(|(label, spots)| (label.as_str(), spots.clone()))
-            .collect();
         let origin = Origin::of(std::slice::from_ref(&self.report));
-        let axes = ["amplitude γ₀", "η′, η″ (μ)"];
-        let form = GraphForm {
-            has_markers: true,
-            ..GraphForm::default()
-        };
-        Ok(draw_graphs_of(&graphs, axes, form, &origin))
+        draw_curves(curves, ["amplitude γ₀", "η′, η″ (μ)"], [false; 2], &origin)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::error::ReportError;
 use super::figure::{
-    Colour, GraphForm, Key, Mark, MeasuredGraph, Origin, PlanePicture, draw_graphs_of, draw_plane,
+    Colour, Curve, CurveKind, Key, Mark, Origin, PlanePicture, draw_curves, draw_plane,
 };
 use super::labels::{Shared, all_named};
 use super::points::{Point, Report};
@@ -16,7 +16,7 @@ use crate::model::case::State;
 use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::Store;
-use crate::structure::{Band, Curve, NAMED, Network, RunStructure, Structure};
+use crate::structure::{Band, NAMED, Network, RunStructure, Structure};
 use crate::text::choices::choices;
 use crate::text::format::{count, counted, short};
 use sd_core::Params;
@@ -73,7 +73,7 @@ type NamedCurve = (
     &'static str,
     [&'static str; 3],
     [&'static str; 2],
-    fn(&Structure) -> &Curve,
+    fn(&Structure) -> &crate::structure::Curve,
 );
 
 /// All of them. Both weights of the contact angle are one object of JSON.
@@ -364,28 +364,29 @@ impl StructureReport {
         let labels = shared.labels(&all);
         let mut axes = ["", ""];
         let is_of_sizes = kind == StructureKind::ClusterSize;
-        let mut graphs: Vec<MeasuredGraph<'_>> = Vec::with_capacity(labels.len());
+        let marks = if is_of_sizes {
+            CurveKind::Markers
+        } else {
+            CurveKind::Line
+        };
+        let mut curves = Vec::with_capacity(labels.len());
         let points = labels.iter().zip(&self.points).zip(self.params());
-        for ((label, (_, structure)), params) in points {
+        for (index, ((label, (_, structure)), params)) in points.enumerate() {
             let (names, places) = graph(structure, kind);
             axes = names;
             let places = places.into_iter();
             // No cluster has more spheres than there are.
             let places = places.filter(|[x, _]| !is_of_sizes || *x <= params.spheres as f64);
             let places = places.map(|[x, y]| (x, Estimate::bare(y)));
-            graphs.push((label.words.as_str(), places.collect()));
+            curves.push(Curve::of_values(&label.words, places, marks, index));
         }
         let origin = Origin::of(std::slice::from_ref(&self.report));
         // Shares by angle differ by their shape, not by their decades.
-        let form = GraphForm {
-            is_linear: matches!(
-                kind,
-                StructureKind::ContactAngle | StructureKind::ForceAngle
-            ),
-            is_log_along: is_of_sizes,
-            has_markers: is_of_sizes,
-        };
-        Ok(draw_graphs_of(&graphs, axes, form, &origin))
+        let is_linear = matches!(
+            kind,
+            StructureKind::ContactAngle | StructureKind::ForceAngle
+        );
+        draw_curves(curves, axes, [is_of_sizes, is_linear], &origin)
     }
 
     /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite

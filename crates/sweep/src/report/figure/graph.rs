@@ -8,123 +8,64 @@ use super::refused;
 use super::scale::LogAxis;
 use crate::measure::Estimate;
 use crate::report::error::ReportError;
-use crate::report::labels::Label;
 
 /// A path: its entry in the legend and its points.
 pub type Graph<'a> = (&'a str, Vec<[f64; 2]>);
 
-/// Values along an axis, with the entry of their curve in the legend.
-pub(in crate::report) type MeasuredGraph<'a> = (&'a str, Vec<(f64, Estimate)>);
-
-/// Axes and marks of curves that are not points of a campaign.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::report) struct GraphForm {
-    /// Whether the vertical axis is linear whatever its values.
-    pub(in crate::report) is_linear: bool,
-    /// Whether the horizontal axis is logarithmic.
-    pub(in crate::report) is_log_along: bool,
-    /// Whether points have markers and intervals.
-    pub(in crate::report) has_markers: bool,
-}
-
 /// Draws paths between axes with these names as SVG, with this title in the metadata of the file.
-pub fn draw_graphs(graphs: &[Graph<'_>], axes: [&str; 2], title: &str) -> Vec<u8> {
-    let mut measured: Vec<MeasuredGraph<'_>> = Vec::with_capacity(graphs.len());
-    for (label, points) in graphs {
+///
+/// # Errors
+/// [`ReportError::Argument`] if there are more paths than can be distinguished.
+pub fn draw_graphs(
+    graphs: &[Graph<'_>],
+    axes: [&str; 2],
+    title: &str,
+) -> Result<Vec<u8>, ReportError> {
+    let curve = |(index, (label, points)): (usize, &Graph<'_>)| {
         let points = points.iter().map(|[x, y]| (*x, Estimate::bare(*y)));
-        measured.push((label, points.collect()));
-    }
-    let origin = Origin::of_lines(title, &[]);
-    draw_graphs_of(&measured, axes, GraphForm::default(), &origin)
-}
-
-/// Draws curves of a campaign.
-pub(in crate::report) fn draw_graphs_of(
-    graphs: &[MeasuredGraph<'_>],
-    [x, y]: [&str; 2],
-    form: GraphForm,
-    origin: &Origin,
-) -> Vec<u8> {
-    let all = graphs.iter().flat_map(|(_, points)| points);
-    let log = form
-        .is_log_along
-        .then(|| LogAxis::of(&all.map(|(x, _)| *x).collect::<Vec<_>>()));
-    let place = |x: f64| log.map_or(x, |log| log.place(x));
-    let curve = |(index, (label, points)): (usize, &MeasuredGraph<'_>)| {
-        let points = points.iter().map(|(x, value)| {
-            let half = value.ci95.filter(|_| form.has_markers).unwrap_or(0.0);
-            (place(*x), value.mean, half, half)
-        });
-        let kind = if form.has_markers {
-            CurveKind::Markers
-        } else {
-            CurveKind::Line
-        };
-        Curve {
-            index,
-            ..Curve::new(Label::from(*label), points.collect(), kind, 0)
-        }
+        Curve::of_values(label, points, CurveKind::Line, index)
     };
-    let figure = Figure {
-        curves: graphs.iter().enumerate().map(curve).collect(),
-        panels: vec![Panel::default()],
-        x: x.into(),
-        y: y.into(),
-        log,
-        is_linear: form.is_linear,
-        ..Figure::default()
-    };
-    draw(&figure.outline(), origin)
+    let curves = graphs.iter().enumerate().map(curve).collect();
+    draw_curves(curves, axes, [false; 2], &Origin::of_lines(title, &[]))
 }
 
-/// Data and their fit: entry in the legend, and points of both.
-#[derive(Debug)]
-pub(in crate::report) struct FitCurve {
-    pub(in crate::report) label: String,
-    pub(in crate::report) data: Vec<[f64; 2]>,
-    pub(in crate::report) fit: Vec<[f64; 2]>,
-}
-
-/// Draws data as markers and fits as lines against a logarithmic axis, whose ends may be 0 and
-/// infinity.
+/// Draws curves between axes with these names. The horizontal axis may be logarithmic, with 0 and
+/// infinity beyond its ends; the vertical one may be linear whatever its values.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there are more curves than can be distinguished.
-pub(in crate::report) fn draw_fit(
-    curves: &[FitCurve],
+pub(in crate::report) fn draw_curves(
+    mut curves: Vec<Curve>,
     [x, y]: [&str; 2],
+    [is_logarithmic, is_linear]: [bool; 2],
     origin: &Origin,
 ) -> Result<Vec<u8>, ReportError> {
-    if curves.len() > ORDERED_CURVES {
+    let number = curves.iter().map(|curve| curve.index + 1).max();
+    let number = number.unwrap_or(0);
+    if number > ORDERED_CURVES {
         return Err(refused(format!(
-            "{} curves are more than the {ORDERED_CURVES} that can be distinguished: choose points (where)",
-            curves.len()
+            "{number} curves are more than the {ORDERED_CURVES} that can be distinguished: choose points (where)"
         )));
     }
-    let all = curves.iter().flat_map(|curve| &curve.data);
-    let log = LogAxis::of(&all.map(|[x, _]| *x).collect::<Vec<_>>());
-    let mut drawn = Vec::new();
-    for (index, curve) in curves.iter().enumerate() {
-        for (label, points, kind) in [
-            (curve.label.as_str(), &curve.data, CurveKind::Points),
-            ("", &curve.fit, CurveKind::Line),
-        ] {
-            let points = points.iter().map(|[x, y]| (log.place(*x), *y, 0.0, 0.0));
-            drawn.push(Curve {
-                index,
-                ..Curve::new(Label::from(label), points.collect(), kind, 0)
-            });
+    let log = is_logarithmic.then(|| {
+        // Lines follow the markers.
+        let data = curves.iter().filter(|curve| curve.kind != CurveKind::Line);
+        let places = data.flat_map(|curve| &curve.points).map(|point| point.0);
+        LogAxis::of(&places.collect::<Vec<_>>())
+    });
+    if let Some(log) = log {
+        for point in curves.iter_mut().flat_map(|curve| &mut curve.points) {
+            point.0 = log.place(point.0);
         }
     }
-    let is_ordered = curves.len() > CURVES;
     let figure = Figure {
-        curves: drawn,
+        curves,
         panels: vec![Panel::default()],
-        ordered: if is_ordered { curves.len() } else { 0 },
+        ordered: if number > CURVES { number } else { 0 },
         x: x.into(),
         y: y.into(),
-        log: Some(log),
-        is_linear: false,
+        log,
+        is_linear,
     };
     Ok(draw(&figure.outline(), origin))
 }
@@ -137,13 +78,10 @@ mod tests {
     /// 0.00 and 0.001.
     fn labels(is_linear: bool) -> [usize; 3] {
         let points = [(1.9, 0.001), (4.0, 0.1), (6.0, 0.02)];
-        let graph = [("", points.map(|(x, y)| (x, Estimate::bare(y))).to_vec())];
+        let points = points.map(|(x, y)| (x, Estimate::bare(y))).into_iter();
+        let curve = Curve::of_values("", points, CurveKind::Line, 0);
         let origin = Origin::of_lines("a path", &[]);
-        let form = GraphForm {
-            is_linear,
-            ..GraphForm::default()
-        };
-        let svg = draw_graphs_of(&graph, ["r", "g"], form, &origin);
+        let svg = draw_curves(vec![curve], ["r", "g"], [false, is_linear], &origin).unwrap();
         let svg = String::from_utf8(svg).unwrap();
         ["0", "0.00", "0.001"].map(|label| svg.matches(&format!(">{label}<")).count())
     }

@@ -5,6 +5,7 @@
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use super::scale::{LogAxis, Scale, extent};
 use super::svg::PER_MM;
+use crate::measure::Estimate;
 use crate::report::labels::Label;
 use serde::Serialize;
 
@@ -75,7 +76,7 @@ pub(super) struct Figure {
 
 /// How a curve is drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) enum CurveKind {
+pub(in crate::report) enum CurveKind {
     /// Markers joined by a line.
     #[default]
     Markers,
@@ -89,7 +90,7 @@ pub(super) enum CurveKind {
 
 /// One curve.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct Curve {
+pub(in crate::report) struct Curve {
     /// Its entry in the legend; empty for none.
     pub(super) label: String,
     pub(super) colour: Colour,
@@ -320,6 +321,21 @@ impl Curve {
             kind,
             panel,
             ..Self::default()
+        }
+    }
+
+    /// A curve of values with their intervals.
+    pub(in crate::report) fn of_values(
+        label: &str,
+        points: impl Iterator<Item = (f64, Estimate)>,
+        kind: CurveKind,
+        index: usize,
+    ) -> Self {
+        let half = |value: Estimate| value.ci95.unwrap_or(0.0);
+        let points = points.map(|(x, value)| (x, value.mean, half(value), half(value)));
+        Self {
+            index,
+            ..Self::new(label.into(), points.collect(), kind, 0)
         }
     }
 
