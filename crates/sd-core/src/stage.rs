@@ -12,6 +12,7 @@ use crate::contact::{
     ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface, reserved_contacts,
 };
 use crate::error::Error;
+use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -164,7 +165,7 @@ impl<S: Fluid> StageSolver<S> {
     }
 
     /// Products with the mobility of the far field at the current positions, if it is iterated.
-    pub(crate) fn far_operator(&mut self) -> Option<&mut S::Operator> {
+    pub(crate) fn far_operator(&mut self) -> Option<&mut FarOperator<S>> {
         self.far.as_mut().map(|far| far.operator())
     }
 

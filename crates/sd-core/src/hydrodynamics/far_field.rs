@@ -15,9 +15,9 @@
 mod ewald;
 pub(crate) mod far_operator;
 pub(crate) mod far_resistance;
-mod planar_grid;
 mod real_space;
 pub(crate) mod suspension;
+mod wave_grid;
 mod wave_space;
 
 use crate::error::Error;
@@ -234,6 +234,17 @@ fn check_content<S: Space>(cell: &Cell<S>, planned: Option<f64>) -> Result<(), E
         value: found.unwrap_or(f64::INFINITY),
         allowed: "the one that the far field was planned for",
     })
+}
+
+/// Splitting of the periodic sums.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Splitting {
+    /// α, in 1/a.
+    alpha: f64,
+    /// Largest separation of the real sum, in a.
+    distance: f64,
+    /// Largest wave number, in 1/a.
+    wave: f64,
 }
 
 /// Relative change of a cell's area or volume that a far field admits: that of rounding.

@@ -1,6 +1,7 @@
 //! Solves with the mobility of the far field, by conjugate gradients.
 
-use super::resistance::{FarProduct as _, Fluid};
+use super::far_field::far_operator::FarOperator;
+use super::resistance::Fluid;
 use crate::error::Error;
 use crate::linalg::dense::{add_scaled, dot};
 
@@ -49,7 +50,7 @@ impl<S: Fluid> InverseMobility<S> {
     /// [`Error::NotConverged`].
     pub(crate) fn solve(
         &mut self,
-        operator: &mut S::Operator,
+        operator: &mut FarOperator<S>,
         x: &[f64],
         tolerance: f64,
     ) -> Result<&[f64], Error> {

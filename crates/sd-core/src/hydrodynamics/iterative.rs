@@ -25,7 +25,8 @@ mod split;
 mod uniform;
 
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{FarProduct, Fluid, Resistance};
+use crate::hydrodynamics::far_field::far_operator::FarOperator;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::Layer;
 use crate::space::cell::Cell;
 use local::LocalResistance;
@@ -51,7 +52,7 @@ pub struct Convergence {
 /// O(N).
 pub struct IterativeFarField<S: Fluid = Layer> {
     /// M.
-    operator: S::Operator,
+    operator: FarOperator<S>,
     /// Diagonal of M₀⁻¹, strains first.
     drag: Vec<f64>,
     /// P.
@@ -85,7 +86,7 @@ impl<S: Fluid> IterativeFarField<S> {
                 allowed: "1e-7 to 1e-2",
             });
         }
-        let operator = S::Operator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
+        let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
         let n = radii.len();
         let mut drag = vec![0.0; (S::STRAINS + S::MODES) * n];
         let (strains, velocities) = drag.split_at_mut(S::STRAINS * n);
@@ -151,7 +152,7 @@ impl<S: Fluid> IterativeFarField<S> {
     }
 
     /// Products with M at the current positions.
-    pub(crate) fn operator(&mut self) -> &mut S::Operator {
+    pub(crate) fn operator(&mut self) -> &mut FarOperator<S> {
         &mut self.operator
     }
 

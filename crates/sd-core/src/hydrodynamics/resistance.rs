@@ -29,6 +29,7 @@ mod layer;
 mod near_matrix;
 mod pair_terms;
 mod pairwise;
+mod reach;
 mod tables;
 
 use crate::error::Error;
@@ -41,7 +42,7 @@ use crate::space::{Layer, Strains};
 use dense::DenseResistance;
 use far_pairs::FarPairs;
 pub(crate) use fluid::Fluid;
-pub(crate) use fluid::{FarMatrix, FarProduct, ModeBlock, NearTerm};
+pub(crate) use fluid::{FarMatrix, ModeBlock, NearTerm};
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
 pub(crate) use pairwise::PairwiseResistance;
 pub(crate) use pairwise::{Motion, side_by_side_mut};

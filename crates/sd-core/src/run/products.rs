@@ -33,8 +33,9 @@
 use crate::contact::SolvePass;
 use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
+use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::inverse_mobility::InverseMobility;
-use crate::hydrodynamics::resistance::{FarProduct as _, Fluid, NearFields, NearTerm as _};
+use crate::hydrodynamics::resistance::{Fluid, NearFields, NearTerm as _};
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
@@ -66,7 +67,7 @@ use crate::stage::{Method, StageContacts, StageSolver};
 /// # Ok::<(), sd_core::Error>(())
 /// ```
 pub struct Mobility<S: Fluid = Layer> {
-    operator: S::Operator,
+    operator: FarOperator<S>,
     inverse: InverseMobility<S>,
     radii: Vec<f64>,
     tolerance: f64,
@@ -97,7 +98,7 @@ impl<S: Fluid> Mobility<S> {
     ) -> Result<Self, Error> {
         let modes = vec![0.0; (S::STRAINS + S::MODES) * radii.len()];
         let mut mobility = Self {
-            operator: S::Operator::new(cell, radii, tolerance)?,
+            operator: FarOperator::new(cell, radii, tolerance)?,
             inverse: InverseMobility::new(radii),
             radii: radii.to_vec(),
             tolerance,

@@ -1,5 +1,6 @@
 //! The periodic mobility: real- and wave-space sums combined, block by block.
 
+use super::Splitting;
 use super::real_space::RealSpace;
 use super::wave_space::{self, CHUNK, EVEN, ODD, WaveSpace, WaveSums};
 use crate::hydrodynamics::free_space::kernels::{self, Blocks, FiniteSize, LANES, Lanes};
@@ -47,21 +48,12 @@ pub(super) struct Sums {
     wave: WaveSums,
 }
 
-/// Cut-offs that reach the tolerance at one splitting parameter.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CutOffs {
-    /// Largest separation, in a.
-    pub(super) distance: f64,
-    /// Largest wave number, in 1/a.
-    pub(super) wave: f64,
-}
-
 /// The smallest cut-offs whose remainders stay below the tolerance.
 ///
 /// The remainder in real space is estimated from the images in the ring where the summand falls by
 /// e, as random terms; in wave space, where a sphere's own term adds coherently, from the full sum
 /// over the ring.
-pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> CutOffs {
+pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> Splitting {
     let largest = radii.iter().copied().fold(0.0, f64::max);
     let size = FiniteSize::new(largest);
     let factors = size.factors(&size);
@@ -89,7 +81,11 @@ pub(super) fn cut_offs(alpha: f64, area: f64, radii: &[f64], tolerance: f64) -> 
     while alpha * alpha / PI * magnitude(wave_space::weights(Vec2::new(wave, 0.0), alpha)) > limit {
         wave += 0.04 * alpha;
     }
-    CutOffs { distance, wave }
+    Splitting {
+        alpha,
+        distance,
+        wave,
+    }
 }
 
 /// The pairs of n spheres in chunks of about [`CHUNK`], unless a single column has more.

@@ -1,72 +1,121 @@
 //! The periodic mobility as an operator: `M x` in O(N log N), M never formed.
 //!
 //! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes
-//! through a grid (`grid`). Same kernels, same modes, same order of rows as [`super::FarField`],
-//! but **without the uniform force mode**: a force common to all spheres moves none of them here,
-//! where the dense matrix has an arbitrary constant.
+//! through a grid (`wave_grid`). Kernels, modes and order of rows are those of the dense mobility,
+//! but **without the uniform force mode** of a layer: a force common to all spheres moves none of
+//! them here, where the dense matrix has an arbitrary constant.
 
-use super::check;
-use super::ewald::{CutOffs, cut_offs};
-use super::planar_grid::Grid;
+use super::ewald;
 use super::real_space::RealSpace;
+use super::suspension::dense_mobility;
+use super::wave_grid::Grid;
+use super::{Splitting, check, check_content, wave_space};
 use crate::error::Error;
+use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
 use crate::hydrodynamics::free_space::kernels::{self, FiniteSize};
-use crate::hydrodynamics::free_space::planar::{self, RadialChain, self_mobility};
-use crate::linalg::join::join;
+use crate::hydrodynamics::free_space::planar::RadialChain;
+use crate::hydrodynamics::free_space::spatial::{couplings, finite_size, self_mobility};
 use crate::linalg::simd::vectorised;
 use crate::space::cell::{Cell, Lattice};
-use crate::space::modes::Vec2;
+use crate::space::modes::{ModeBlock, Vec2};
 use crate::space::neighbours::NeighbourList;
+use crate::space::{Bulk, FixedArray, Layer, Space};
+use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// A near pair: its spheres, and the 6 × 6 block of velocity modes of i from force modes of j, by
-/// columns; modes are `(s1, s2, s3, F_x, F_y, T)`.
-#[derive(Debug, Clone, Copy)]
-struct NearPair {
-    /// Sphere that moves.
-    i: usize,
-    /// Sphere with the force.
-    j: usize,
-    block: [[f64; 6]; 6],
+/// The parts of the periodic mobility that differ between layers and suspensions.
+pub trait FarSpace: Space {
+    /// A value for each mode of a sphere.
+    type PerAnyMode<T: Copy>: FixedArray<T>;
+    /// A value for each component of a vector.
+    type PerComponent<T: Copy>: FixedArray<T>;
+    /// The short-ranged part of M.
+    type NearPart: NearPart<Self>;
+    /// Measured nanoseconds of a near pair, and of the wave vectors in one cell of the reciprocal
+    /// lattice with their share of the grid, in an application.
+    const COSTS: [f64; 2];
+    /// Smallest splitting parameter tried, over the inverse of the lattice's reach.
+    const LEAST_SPLITTING: f64;
+    /// Whether the estimates of remainders hold where several images of a pair are in range. Those
+    /// of a layer take terms as random, which such images are not.
+    const COUNTS_IMAGES: bool;
+
+    /// A value for each mode.
+    fn each_mode<T: Copy>(value: T) -> Self::PerAnyMode<T>;
+
+    /// A value for each component.
+    fn each_component<T: Copy>(value: T) -> Self::PerComponent<T>;
+
+    /// Modes `(U, Ω, e)` in three dimensions.
+    fn embedded(modes: &Self::PerAnyMode<f64>) -> [f64; MODES];
+
+    /// Those modes of a sphere in three dimensions that it has in this space.
+    fn restricted(modes: &[f64; MODES]) -> Self::PerAnyMode<f64>;
+
+    /// Cut-offs whose remainders stay below a tolerance of M, relative to its largest entry.
+    fn splitting(alpha: f64, content: f64, radii: &[f64], tolerance: f64) -> Splitting;
+
+    /// `[b0, b1, b2]` at a wave vector: `G^_ab = −δ_ab b1 + k_a k_b b0,  (∇²G)^_ab = δ_ab b2 − k_a
+    /// k_b b1`, over 8π.
+    fn transforms(k: &Self::Vector, alpha: f64) -> [f64; 3];
 }
 
-/// The periodic mobility, planned for a cell, radii and a tolerance; applied at the positions last
-/// given.
-pub struct FarOperator {
-    /// Radii, in a.
-    radii: Vec<f64>,
-    /// Finite-size coefficients of each sphere.
+/// The short-ranged part of M.
+pub trait NearPart<S: FarSpace>: Sized {
+    /// What a pair adds to M.
+    type Block: Copy;
+
+    /// The part for one splitting of the sums.
+    fn new(splitting: Splitting, radii: &[f64], tolerance: f64) -> Self;
+
+    /// The block of sphere i from sphere j; `x`: from j to i.
+    fn block(&self, x: &S::Vector, i: &FiniteSize, j: &FiniteSize) -> Self::Block;
+
+    /// Adds the product of a block, and of its transpose, with the modes of both spheres.
+    fn add(
+        block: &Self::Block,
+        of_i: &S::PerAnyMode<f64>,
+        of_j: &S::PerAnyMode<f64>,
+        to_i: &mut S::PerAnyMode<f64>,
+        to_j: &mut S::PerAnyMode<f64>,
+    );
+}
+
+/// The block of sphere i from sphere j.
+type NearPair<S> = (
+    usize,
+    usize,
+    <<S as FarSpace>::NearPart as NearPart<S>>::Block,
+);
+
+/// The periodic mobility, planned for a cell's area or volume, radii and a tolerance; applied at
+/// the positions last given.
+pub(crate) struct FarOperator<S: FarSpace> {
     sizes: Vec<FiniteSize>,
-    /// Area of the cell that was planned for, in a².
-    area: f64,
-    equal: bool,
-    /// Kernels of the short-ranged part.
-    real: RealSpace,
-    /// The long-ranged part.
-    grid: Grid,
-    list: NeighbourList,
-    /// Cut-off of the short-ranged part, in a.
+    /// Area or volume of the cell that was planned for, in a² or a³.
+    content: f64,
+    /// Range of the near pairs, in a.
     reach: f64,
+    near: S::NearPart,
+    grid: Grid<S>,
+    list: NeighbourList<S>,
     /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
-    pairs: Vec<NearPair>,
-    /// Self mobility minus the grid's part of a sphere's own image: a diagonal, modes as in
-    /// [`NearPair`].
-    own: Vec<[f64; 6]>,
+    pairs: Vec<NearPair<S>>,
+    /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
+    own: Vec<S::PerAnyMode<f64>>,
     /// Force modes of each sphere, for all current vectors.
-    sources: Vec<[f64; 6]>,
+    sources: Vec<S::PerAnyMode<f64>>,
     /// Velocity modes of each sphere, for all current vectors.
-    results: Vec<[f64; 6]>,
-    /// Contribution of the long-ranged part.
-    waves: Vec<[f64; 6]>,
+    results: Vec<S::PerAnyMode<f64>>,
 }
 
-impl FarOperator {
+impl<S: FarSpace> FarOperator<S> {
     /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
-    /// - `cell`: periodic; may differ in every call of [`FarOperator::update`], if its area stays
-    ///   the same.
+    /// - `cell`: periodic; may differ in every call of [`FarOperator::update`], if its area or
+    ///   volume stays the same.
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a
     ///   few 1e-9.
@@ -74,23 +123,28 @@ impl FarOperator {
     /// # Errors
     /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
     /// bounds.
-    pub(crate) fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
+    pub(crate) fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let lattice = periodic(cell)?;
-        let (n, area) = (radii.len() as f64, lattice.content());
-        let longest = longest(lattice);
+        let (n, content) = (radii.len() as f64, lattice.content());
+        let [pair_cost, wave_cost] = S::COSTS;
         let mut best = (f64::INFINITY, 0.0);
         for step in 0..80 {
-            let alpha = 3.0 / longest * 1.05_f64.powi(step);
-            let cut_offs = cut_offs(alpha, area, radii, tolerance);
-            if cut_offs.distance > longest {
+            let alpha = S::LEAST_SPLITTING / lattice.reach() * 1.05_f64.powi(step);
+            let cut = S::splitting(alpha, content, radii, tolerance);
+            if !S::COUNTS_IMAGES && !is_within_one_image(cut.distance, lattice) {
                 continue;
             }
-            // Measured nanoseconds for each near pair, and for each wave vector on its share of the
-            // grid.
-            let pairs = 0.5 * n * n * PI * cut_offs.distance.powi(2) / area;
-            let points = 1.12 * 2.5 * area * (cut_offs.wave / PI).powi(2);
-            let cost = 40.0 * pairs + 50.0 * points;
+            let ball = match S::DIMENSIONS {
+                2 => PI * cut.distance.powi(2),
+                _ => 4.0 / 3.0 * PI * cut.distance.powi(3),
+            };
+            let waves = content
+                * match S::DIMENSIONS {
+                    2 => (cut.wave / PI).powi(2),
+                    _ => (cut.wave / PI).powi(3),
+                };
+            let cost = pair_cost * 0.5 * n * n * ball / content + wave_cost * waves;
             if cost < best.0 {
                 best = (cost, alpha);
             }
@@ -101,206 +155,390 @@ impl FarOperator {
     /// As [`FarOperator::new`] with a given splitting parameter α, in 1/a: for tests of the sums.
     ///
     /// # Errors
-    /// As [`FarOperator::new`]; also where the near part would reach beyond half a side.
+    /// As [`FarOperator::new`].
     pub(crate) fn with_splitting(
-        cell: &Cell,
+        cell: &Cell<S>,
         radii: &[f64],
         tolerance: f64,
         alpha: f64,
     ) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
         let lattice = periodic(cell)?;
-        let longest = longest(lattice);
-        if !(alpha * longest >= 1.0 && alpha.is_finite()) {
-            return Err(narrow(longest));
-        }
-        let area = lattice.content();
-        let CutOffs { distance, wave } = cut_offs(alpha, area, radii, tolerance);
-        if distance > longest {
-            return Err(narrow(longest));
-        }
+        let content = lattice.content();
+        let splitting = S::splitting(alpha, content, radii, tolerance);
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
-        let equal = radii.iter().all(|a| a.to_bits() == radii[0].to_bits());
-        let factors = equal.then(|| sizes[0].factors(&sizes[0]));
-        let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
-        let own = RadialChain::own_image(alpha).radial_functions();
-        let own = [own.0, own.1]
-            .map(|radial| planar::lanes(&radial, Vec2::zeros()).map(|v| v / (8.0 * PI)));
-        let mut diagonal = vec![[0.0; 6]; radii.len()];
-        for ((size, &radius), diagonal) in sizes.iter().zip(radii).zip(&mut diagonal) {
-            let image = kernels::finite_size(&own[0], &own[1], &size.factors(size));
-            let image = kernels::blocks(&image, &image);
-            let single = self_mobility(radius);
-            for k in 0..3 {
-                diagonal[k] = single[3 + k] - image.strain_stresslet[k][k];
-                diagonal[3 + k] = single[k] - image.velocity_force[k][k];
-            }
-        }
+        let image = couplings(&RadialChain::own_image(alpha));
+        let own = sizes.iter().zip(radii).map(|(size, &radius)| {
+            let (alone, image) = (self_mobility(radius), finite_size(&image, size, size));
+            let numbers = [
+                alone.force_velocity[0] - image.force_velocity[0],
+                alone.torque_rotation[0] - image.torque_rotation[0],
+                alone.stress_strain[0] - image.stress_strain[0],
+            ];
+            S::restricted(&std::array::from_fn(|k| numbers[(k / 3).min(2)]))
+        });
         Ok(Self {
-            radii: radii.to_vec(),
-            area,
-            equal,
-            real: RealSpace::new(alpha, distance, 1.99 * smallest, 0.1 * tolerance, factors),
-            grid: Grid::new(lattice, &sizes, alpha, wave, tolerance),
-            sources: Vec::with_capacity(2 * radii.len()),
-            results: Vec::with_capacity(2 * radii.len()),
-            waves: Vec::with_capacity(2 * radii.len()),
-            sizes,
+            content,
+            reach: splitting.distance,
+            near: S::NearPart::new(splitting, radii, tolerance),
+            grid: Grid::new(lattice, &sizes, splitting, tolerance),
             list: NeighbourList::new(radii.len()),
-            reach: distance,
             units: vec![1.0; radii.len()],
             pairs: Vec::new(),
-            own: diagonal,
+            own: own.collect(),
+            sources: Vec::with_capacity(2 * radii.len()),
+            results: Vec::with_capacity(2 * radii.len()),
+            sizes,
         })
+    }
+
+    /// Whether no sphere has two images of another in range.
+    #[cfg(test)]
+    pub(super) fn is_within_one_image(&self, cell: &Cell<S>) -> bool {
+        is_within_one_image(self.reach, cell.lattice().unwrap())
     }
 
     /// Sets new positions. Allocates only when the number of near pairs exceeds its previous
     /// maximum.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area, or too narrow for the
-    /// near part.
-    pub(crate) fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
-        let n = self.radii.len();
-        if centres.len() != n {
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area or volume.
+    pub(crate) fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
+        if centres.len() != self.sizes.len() {
             return Err(Error::Length {
                 field: "centres",
                 found: centres.len(),
-                expected: n,
+                expected: self.sizes.len(),
             });
         }
-        super::check_content(cell, Some(self.area))?;
+        check_content(cell, Some(self.content))?;
         let lattice = periodic(cell)?;
-        if self.reach > longest(lattice) {
-            return Err(narrow(longest(lattice)));
-        }
         self.grid.update(lattice, centres);
-        self.real.update(lattice);
-        self.list.find(cell, centres, &self.units, self.reach);
+        let is_within_one_image = is_within_one_image(self.reach, lattice);
+        if is_within_one_image {
+            self.list.find(cell, centres, &self.units, self.reach);
+        }
         let Self {
             pairs,
             list,
-            real,
+            near,
             sizes,
-            equal,
+            reach,
             ..
         } = self;
         pairs.clear();
         vectorised(
             #[inline(always)]
             || {
-                for pair in list.pairs() {
-                    let (i, j) = (pair.i, pair.j);
-                    let [point, laplacian] = real.single(-pair.normal * pair.distance);
-                    let blocks = if *equal {
-                        kernels::blocks(&point, &point)
-                    } else {
-                        let (a, b) = (&sizes[i], &sizes[j]);
-                        let ij = kernels::finite_size(&point, &laplacian, &a.factors(b));
-                        let ji = kernels::finite_size(&point, &laplacian, &b.factors(a));
-                        kernels::blocks(&ij, &ji)
-                    };
-                    let mut block = [[0.0; 6]; 6];
-                    for c in 0..3 {
-                        for r in 0..3 {
-                            block[c][r] = blocks.strain_stresslet[r][c];
-                            block[c][3 + r] = blocks.velocity_stresslet[r][c];
-                            block[3 + c][r] = blocks.strain_force[r][c];
-                            block[3 + c][3 + r] = blocks.velocity_force[r][c];
+                if is_within_one_image {
+                    pairs.extend(list.pairs().iter().map(|pair| {
+                        let x = -(pair.normal * pair.distance);
+                        let (i, j) = (pair.i, pair.j);
+                        (i, j, near.block(&x, &sizes[i], &sizes[j]))
+                    }));
+                    return;
+                }
+                // In small or thin cells a sphere has several images of another, and of itself, in
+                // range. Of its own images, each pair of opposite ones counts once.
+                for i in 0..centres.len() {
+                    for j in i..centres.len() {
+                        let of_pair = images(centres[i] - centres[j], lattice, *reach);
+                        for x in of_pair.filter(|x| i != j || is_first(&components::<S>(x))) {
+                            pairs.push((i, j, near.block(&x, &sizes[i], &sizes[j])));
                         }
                     }
-                    pairs.push(NearPair { i, j, block });
                 }
             },
         );
         Ok(())
     }
 
-    /// `y ← M x`; both `[6N]`, stresslets or strains of all spheres first, then forces and torques
-    /// or velocities; or several such vectors in sequence, for which the near pairs are read once.
-    /// Two threads may share the work, with the same bits.
+    /// `y ← M x`: stresslets or strains of all spheres first, then forces and torques or
+    /// velocities; or several such vectors in sequence, for which the near pairs are read once.
     ///
     /// # Accuracy
-    /// The tolerance of the plan, relative to the largest entry of M; test
-    /// `operator_is_the_dense_mobility`.
+    /// The tolerance of the plan, relative to the largest entry of M; tests
+    /// `operator_is_the_dense_mobility` of layers and of suspensions.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        let n = self.radii.len();
-        self.sources.clear();
-        self.results.clear();
-        for x in x.chunks_exact(6 * n) {
-            let (strains, velocities) = x.split_at(3 * n);
-            let rows = strains.chunks_exact(3).zip(velocities.chunks_exact(3));
-            for ((s, f), own) in rows.zip(&self.own) {
-                let source = [s[0], s[1], s[2], f[0], f[1], f[2]];
-                self.sources.push(source);
-                self.results
-                    .push(std::array::from_fn(|k| own[k] * source[k]));
-            }
-        }
+        let n = self.sizes.len();
         let Self {
             grid,
             pairs,
+            own,
             sources,
             results,
-            waves,
             ..
         } = self;
-        waves.clear();
-        waves.resize(sources.len(), [0.0; 6]);
-        join(
-            true,
+        sources.clear();
+        results.clear();
+        for x in x.chunks_exact((S::STRAINS + S::MODES) * n) {
+            let (strains, velocities) = x.split_at(S::STRAINS * n);
+            let rows = strains
+                .chunks_exact(S::STRAINS)
+                .zip(S::by_sphere(velocities));
+            for ((strain, velocity), own) in rows.zip(&*own) {
+                let mut source = S::each_mode(0.0);
+                let (v, e) = source.as_mut().split_at_mut(S::MODES);
+                v.copy_from_slice(velocity.as_ref());
+                e.copy_from_slice(strain);
+                sources.push(source);
+                for (x, own) in source.as_mut().iter_mut().zip(own.as_ref()) {
+                    *x *= own;
+                }
+                results.push(source);
+            }
+        }
+        vectorised(
+            #[inline(always)]
             || {
-                vectorised(
-                    #[inline(always)]
-                    || add_pairs(n, pairs, sources, results),
-                );
-            },
-            || {
-                let vectors = sources.chunks_exact(n).zip(waves.chunks_exact_mut(n));
-                for (sources, waves) in vectors {
-                    grid.add(sources, waves);
+                for (i, j, block) in &*pairs {
+                    let motions = sources.chunks_exact(n).zip(results.chunks_exact_mut(n));
+                    for (sources, results) in motions {
+                        let (mut to_i, mut to_j) = (results[*i], S::each_mode(0.0));
+                        S::NearPart::add(block, &sources[*i], &sources[*j], &mut to_i, &mut to_j);
+                        results[*i] = to_i;
+                        for (result, to_j) in results[*j].as_mut().iter_mut().zip(to_j.as_ref()) {
+                            *result += to_j;
+                        }
+                    }
                 }
             },
         );
-        for (result, wave) in results.iter_mut().zip(waves) {
-            for (result, wave) in result.iter_mut().zip(wave) {
-                *result += *wave;
-            }
+        for (sources, results) in sources.chunks_exact(n).zip(results.chunks_exact_mut(n)) {
+            grid.add(sources, results);
         }
-        for (y, results) in y.chunks_exact_mut(6 * n).zip(self.results.chunks_exact(n)) {
-            let (strains, velocities) = y.split_at_mut(3 * n);
+        let motions = y.chunks_exact_mut((S::STRAINS + S::MODES) * n);
+        for (y, results) in motions.zip(results.chunks_exact(n)) {
+            let (strains, velocities) = y.split_at_mut(S::STRAINS * n);
             let rows = strains
-                .chunks_exact_mut(3)
-                .zip(velocities.chunks_exact_mut(3));
-            for ((e, u), result) in rows.zip(results) {
-                e.copy_from_slice(&result[..3]);
-                u.copy_from_slice(&result[3..]);
+                .chunks_exact_mut(S::STRAINS)
+                .zip(S::by_sphere_mut(velocities));
+            for ((strain, velocity), result) in rows.zip(results) {
+                let (v, e) = result.as_ref().split_at(S::MODES);
+                velocity.as_mut().copy_from_slice(v);
+                strain.copy_from_slice(e);
             }
         }
     }
 }
 
-/// Adds the contribution of near pairs, for vectors of n spheres in sequence.
-#[inline(always)]
-fn add_pairs(n: usize, pairs: &[NearPair], sources: &[[f64; 6]], results: &mut [[f64; 6]]) {
-    for NearPair { i, j, block } in pairs {
-        for (sources, results) in sources.chunks_exact(n).zip(results.chunks_exact_mut(n)) {
-            let (of_i, of_j) = (sources[*i], sources[*j]);
-            let (mut to_i, mut to_j) = (results[*i], [0.0; 6]);
-            for c in 0..6 {
-                for r in 0..6 {
-                    to_i[r] = block[c][r].mul_add(of_j[c], to_i[r]);
-                }
-                to_j[c] = (block[c][0] * of_i[0] + block[c][1] * of_i[1])
-                    + (block[c][2] * of_i[2] + block[c][3] * of_i[3])
-                    + (block[c][4] * of_i[4] + block[c][5] * of_i[5]);
+impl FarSpace for Layer {
+    type PerAnyMode<T: Copy> = [T; 6];
+    type PerComponent<T: Copy> = [T; 2];
+    type NearPart = RealSpace;
+    const COSTS: [f64; 2] = [40.0, 140.0];
+    const LEAST_SPLITTING: f64 = 3.01;
+    const COUNTS_IMAGES: bool = false;
+
+    #[inline(always)]
+    fn each_mode<T: Copy>(value: T) -> [T; 6] {
+        [value; 6]
+    }
+
+    #[inline(always)]
+    fn each_component<T: Copy>(value: T) -> [T; 2] {
+        [value; 2]
+    }
+
+    #[inline(always)]
+    fn embedded(&[x, y, spin, e1, e2, e3]: &[f64; 6]) -> Modes {
+        [x, y, 0.0, 0.0, 0.0, spin, e1, e2, e3, 0.0, 0.0]
+    }
+
+    #[inline(always)]
+    fn restricted(&[x, y, _, _, _, spin, e1, e2, e3, _, _]: &Modes) -> [f64; 6] {
+        [x, y, spin, e1, e2, e3]
+    }
+
+    fn splitting(alpha: f64, content: f64, radii: &[f64], tolerance: f64) -> Splitting {
+        ewald::cut_offs(alpha, content, radii, tolerance)
+    }
+
+    fn transforms(k: &Vec2, alpha: f64) -> [f64; 3] {
+        wave_space::transforms(*k, alpha)
+    }
+}
+
+impl NearPart<Layer> for RealSpace {
+    type Block = ModeBlock;
+
+    fn new(splitting: Splitting, radii: &[f64], tolerance: f64) -> Self {
+        let size = FiniteSize::new(radii[0]);
+        let equal = radii.iter().all(|a| a.to_bits() == radii[0].to_bits());
+        let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
+        Self::new(
+            splitting.alpha,
+            splitting.distance,
+            1.99 * smallest,
+            0.1 * tolerance,
+            equal.then(|| size.factors(&size)),
+        )
+    }
+
+    #[inline(always)]
+    fn block(&self, x: &Vec2, i: &FiniteSize, j: &FiniteSize) -> ModeBlock {
+        let [point, laplacian] = self.single(*x);
+        if self.is_of_equal_spheres() {
+            return kernels::blocks(&point, &point).to_modes();
+        }
+        let ij = kernels::finite_size(&point, &laplacian, &i.factors(j));
+        let ji = kernels::finite_size(&point, &laplacian, &j.factors(i));
+        kernels::blocks(&ij, &ji).to_modes()
+    }
+
+    #[inline(always)]
+    fn add(
+        block: &ModeBlock,
+        of_i: &[f64; 6],
+        of_j: &[f64; 6],
+        to_i: &mut [f64; 6],
+        to_j: &mut [f64; 6],
+    ) {
+        for (c, column) in block.data.0.iter().enumerate() {
+            for r in 0..6 {
+                to_i[r] = column[r].mul_add(of_j[c], to_i[r]);
             }
-            results[*i] = to_i;
-            for (result, value) in results[*j].iter_mut().zip(to_j) {
-                *result += value;
-            }
+            to_j[c] += (column[0] * of_i[0] + column[1] * of_i[1])
+                + (column[2] * of_i[2] + column[3] * of_i[3])
+                + (column[4] * of_i[4] + column[5] * of_i[5]);
         }
     }
+}
+
+impl FarSpace for Bulk {
+    type PerAnyMode<T: Copy> = [T; MODES];
+    type PerComponent<T: Copy> = [T; 3];
+    type NearPart = Screened;
+    const COSTS: [f64; 2] = [140.0, 480.0];
+    const LEAST_SPLITTING: f64 = 0.5;
+    const COUNTS_IMAGES: bool = true;
+
+    #[inline(always)]
+    fn each_mode<T: Copy>(value: T) -> [T; MODES] {
+        [value; MODES]
+    }
+
+    #[inline(always)]
+    fn each_component<T: Copy>(value: T) -> [T; 3] {
+        [value; 3]
+    }
+
+    #[inline(always)]
+    fn embedded(modes: &Modes) -> Modes {
+        *modes
+    }
+
+    #[inline(always)]
+    fn restricted(modes: &Modes) -> Modes {
+        *modes
+    }
+
+    fn splitting(alpha: f64, content: f64, radii: &[f64], tolerance: f64) -> Splitting {
+        dense_mobility::cut_offs(alpha, content, radii, tolerance)
+    }
+
+    fn transforms(k: &Vector3<f64>, alpha: f64) -> [f64; 3] {
+        let square = k.norm_squared();
+        let gamma = dense_mobility::transform(square, alpha);
+        [-gamma / square, -gamma, -gamma * square]
+    }
+}
+
+/// The screened Green's function of a suspension.
+pub struct Screened {
+    /// Splitting parameter α, in 1/a.
+    alpha: f64,
+}
+
+/// A coupling and its direction.
+#[derive(Clone, Copy)]
+pub struct Directed {
+    normal: Vector3<f64>,
+    coupling: Coupling,
+}
+
+impl NearPart<Bulk> for Screened {
+    type Block = Directed;
+
+    fn new(splitting: Splitting, _: &[f64], _: f64) -> Self {
+        Self {
+            alpha: splitting.alpha,
+        }
+    }
+
+    #[inline(always)]
+    fn block(&self, x: &Vector3<f64>, i: &FiniteSize, j: &FiniteSize) -> Directed {
+        let chain = RadialChain::screened(x.norm_squared(), self.alpha);
+        Directed {
+            normal: x.normalize(),
+            coupling: finite_size(&couplings(&chain), i, j),
+        }
+    }
+
+    #[inline(always)]
+    fn add(block: &Directed, of_i: &Modes, of_j: &Modes, to_i: &mut Modes, to_j: &mut Modes) {
+        let Directed { normal, coupling } = block;
+        coupling.add(normal, of_j, to_i);
+        coupling.transposed().add(normal, of_i, to_j);
+    }
+}
+
+/// Whether a range is less than half of every side, or half the shortest lattice vector, so that no
+/// sphere has two images of another in range.
+fn is_within_one_image<S: Space>(reach: f64, lattice: &Lattice<S>) -> bool {
+    reach < 0.998 * lattice.reach()
+}
+
+/// All images of a separation that are shorter than a distance.
+pub(super) fn images<S: FarSpace>(
+    separation: S::Vector,
+    lattice: &Lattice<S>,
+    reach: f64,
+) -> impl Iterator<Item = S::Vector> {
+    let range = |x: f64, side: f64, reach: f64| {
+        #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
+        let (first, last) = (
+            ((-reach - x) / side).ceil() as i32,
+            ((reach - x) / side).floor() as i32,
+        );
+        first..=last
+    };
+    let lattice = *lattice;
+    let [length, above, depth] = lattice.lengths_in_frame();
+    let [first, second, third] = lattice.in_frame(&separation);
+    let rows = range(second, above, reach);
+    let most = rows.start().abs().max(rows.end().abs());
+    let shifted = f64::from(most) * lattice.cross_offset().abs();
+    let planes = if S::DIMENSIONS < 3 {
+        0..=0
+    } else {
+        range(third, depth, reach + shifted)
+    };
+    planes.flat_map(move |l| {
+        rows.clone().flat_map(move |n| {
+            let (n, l) = (f64::from(n), f64::from(l));
+            let x = first + (n * lattice.offset() + l * lattice.tilt());
+            let y = second + n * above;
+            let z = third + (l * depth + n * lattice.cross_offset());
+            range(x, length, reach)
+                .map(move |m| lattice.out_of_frame([x + f64::from(m) * length, y, z]))
+                .filter(move |x| S::norm_squared(x) < reach * reach)
+        })
+    })
+}
+
+/// Components of a vector; none normal to a layer.
+pub(super) fn components<S: Space>(vector: &S::Vector) -> [f64; 3] {
+    let mut components = [0.0; 3];
+    for (k, component) in components.iter_mut().enumerate().take(S::DIMENSIONS) {
+        *component = vector[k];
+    }
+    components
+}
+
+/// Whether a vector is the first of itself and its opposite.
+fn is_first(&[x, y, z]: &[f64; 3]) -> bool {
+    (z, y, x) > (0.0, 0.0, 0.0)
 }
 
 /// Refuses radii out of range, and tolerances below the accuracy of the grid.
@@ -316,23 +554,8 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
     Ok(())
 }
 
-/// Maximum range of the near part: beyond half a side, or half the shortest lattice vector, a
-/// sphere would have two images of one neighbour in range.
-fn longest(lattice: &Lattice) -> f64 {
-    0.998 * lattice.reach()
-}
-
-/// The error of a cell that is too narrow for the near part.
-fn narrow(longest: f64) -> Error {
-    Error::OutOfRange {
-        field: "cell",
-        value: longest,
-        allowed: "wide enough for the near part of the mobility",
-    }
-}
-
 /// The lattice of a periodic cell.
-fn periodic(cell: &Cell) -> Result<&Lattice, Error> {
+fn periodic<S: Space>(cell: &Cell<S>) -> Result<&Lattice<S>, Error> {
     cell.lattice().ok_or(Error::OutOfRange {
         field: "cell",
         value: f64::INFINITY,

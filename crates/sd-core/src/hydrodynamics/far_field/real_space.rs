@@ -7,6 +7,7 @@
 
 use crate::hydrodynamics::free_space::kernels::{self, LANES, Lanes, RADIAL};
 use crate::hydrodynamics::free_space::planar::{self, RadialChain};
+use crate::linalg::polynomial::{chebyshev_points, interpolate};
 use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::PI;
@@ -75,14 +76,13 @@ impl RadialTable {
     /// octave.
     fn new(from: f64, to: f64, digits: u32, function: impl Fn(f64) -> [f64; RADIAL]) -> Self {
         let (first, last) = (index(from, digits), index(to, digits));
-        let nodes: [f64; DEGREE + 1] =
-            std::array::from_fn(|k| (PI * (k as f64 + 0.5) / (DEGREE + 1) as f64).cos());
+        let nodes = chebyshev_points();
         let intervals = (first..=last)
             .map(|i| {
                 let start = f64::from_bits((i as u64) << (52 - digits));
                 let end = f64::from_bits(((i + 1) as u64) << (52 - digits));
                 let values = nodes.map(|u| function(start + 0.5 * (1.0 + u) * (end - start)));
-                fit(&nodes, values)
+                Interval(interpolate(&nodes, values))
             })
             .collect();
         Self {
@@ -131,36 +131,9 @@ fn index(square: f64, digits: u32) -> usize {
     index
 }
 
-/// Monomial coefficients of the interpolating polynomials, through Newton's divided differences.
-fn fit(nodes: &[f64; DEGREE + 1], mut values: [[f64; RADIAL]; DEGREE + 1]) -> Interval {
-    for order in 1..=DEGREE {
-        for k in (order..=DEGREE).rev() {
-            let before = values[k - 1];
-            for (value, before) in values[k].iter_mut().zip(before) {
-                *value = (*value - before) / (nodes[k] - nodes[k - order]);
-            }
-        }
-    }
-    let mut coefficients = [[0.0; RADIAL]; DEGREE + 1];
-    for k in (0..=DEGREE).rev() {
-        // coefficients ← coefficients (u − node) + difference
-        for power in (0..=DEGREE).rev() {
-            for q in 0..RADIAL {
-                let lower = if power > 0 {
-                    coefficients[power - 1][q]
-                } else {
-                    values[k][q]
-                };
-                coefficients[power][q] = lower - nodes[k] * coefficients[power][q];
-            }
-        }
-    }
-    Interval(coefficients)
-}
-
 /// The real-space sum, planned for one splitting parameter.
 #[derive(Debug, Clone)]
-pub(crate) struct RealSpace {
+pub struct RealSpace {
     /// Splitting parameter α, in 1/a.
     alpha: f64,
     /// Square of the cut-off, in a².
@@ -206,6 +179,11 @@ impl RealSpace {
             images: Vec::new(),
             lattice: None,
         }
+    }
+
+    /// Whether the term of a separation includes the finite size of equal spheres.
+    pub(crate) fn is_of_equal_spheres(&self) -> bool {
+        self.equal.is_some()
     }
 
     /// Sets the lattice and returns the self terms: all images of a sphere but itself.

@@ -7,12 +7,9 @@
 //! In a periodic cell the wave vector k = 0 is left out: velocities are those in the frame in which
 //! the whole suspension has no mean flow, and E∞ is the mean rate of strain.
 
-mod bulk_grid;
-mod dense_mobility;
-mod mobility_operator;
+pub(super) mod dense_mobility;
 
 pub(crate) use dense_mobility::DenseMobility;
-pub(crate) use mobility_operator::MobilityOperator;
 
 #[cfg(test)]
 mod tests;

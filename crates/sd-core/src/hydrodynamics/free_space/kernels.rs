@@ -21,7 +21,7 @@ pub(crate) type Lanes = [f64; LANES];
 
 /// Finite-size coefficients `κ a²` of one sphere's modes; the torque's is 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FiniteSize {
+pub struct FiniteSize {
     /// Force and velocity: a²/6.
     pub(crate) force: f64,
     /// Stresslet and strain: a²/10.

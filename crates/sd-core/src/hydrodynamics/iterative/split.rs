@@ -14,7 +14,8 @@
 
 use super::local::LocalResistance;
 use super::uniform::{Uniform, translation};
-use crate::hydrodynamics::resistance::{FarProduct, Fluid};
+use crate::hydrodynamics::far_field::far_operator::FarOperator;
+use crate::hydrodynamics::resistance::Fluid;
 use crate::linalg::anderson::Anderson;
 use crate::space::Strains;
 use std::marker::PhantomData;
@@ -142,7 +143,7 @@ impl<S: Fluid> SplitMotion<S> {
     /// `forces`: on the spheres, `[3N]`.
     pub(super) fn take_flow(
         &mut self,
-        operator: &mut S::Operator,
+        operator: &mut FarOperator<S>,
         local: &LocalResistance<S>,
         forces: &[f64],
     ) {

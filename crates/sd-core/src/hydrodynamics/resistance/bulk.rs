@@ -3,10 +3,10 @@
 //! Modes are ordered `(U, Ω, e)` in couplings and in products with the mobility; vectors of all
 //! spheres have the strains first.
 
-use super::fluid::{Both, FarMatrix, FarProduct, Fluid, NearTerm};
-use super::pairwise::Reach;
+use super::fluid::{Both, FarMatrix, Fluid, NearTerm};
+use super::reach::Reach;
 use crate::error::Error;
-use crate::hydrodynamics::far_field::suspension::{DenseMobility, MobilityOperator};
+use crate::hydrodynamics::far_field::suspension::DenseMobility;
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
 use crate::hydrodynamics::free_space::spatial::self_mobility;
 use crate::hydrodynamics::two_sphere::PairTerm;
@@ -21,8 +21,6 @@ use nalgebra::Vector3;
 impl Fluid for Bulk {
     type Term = BulkTerm;
     type Far = BulkFarMatrix;
-    type Operator = BulkFarProduct;
-    type PerAnyMode<T: Copy> = [T; MODES];
     const TWISTS: bool = true;
     const ENDS_AT_CUTOFF: bool = true;
     /// The wave vector k = 0 is left out: there is no mean flow.
@@ -53,11 +51,6 @@ impl Fluid for Bulk {
             5..8 => velocity,
             _ => rotation,
         })
-    }
-
-    #[inline(always)]
-    fn each_mode<T: Copy>(value: T) -> [T; MODES] {
-        [value; MODES]
     }
 }
 
@@ -201,42 +194,5 @@ impl FarMatrix<Bulk> for BulkFarMatrix {
 
     fn apply_for_forces(&self, x: &mut [f64]) {
         self.factor.solve(x);
-    }
-}
-
-/// Products with the mobility.
-pub struct BulkFarProduct {
-    operator: MobilityOperator,
-    /// Modes grouped by sphere, before and after the product.
-    modes: [Vec<Modes>; 2],
-}
-
-impl FarProduct<Bulk> for BulkFarProduct {
-    fn new(cell: &Cell<Bulk>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
-        Ok(Self {
-            operator: MobilityOperator::new(cell, radii, tolerance)?,
-            modes: [(); 2].map(|()| vec![[0.0; MODES]; radii.len()]),
-        })
-    }
-
-    fn update(&mut self, cell: &Cell<Bulk>, centres: &[Vector3<f64>]) -> Result<(), Error> {
-        self.operator.update(cell, centres)
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        let [from, to] = &mut self.modes;
-        let n = from.len();
-        let motions = x.chunks_exact(MODES * n).zip(y.chunks_exact_mut(MODES * n));
-        for (x, y) in motions {
-            for (i, from) in from.iter_mut().enumerate() {
-                *from = std::array::from_fn(|k| x[DenseMobility::row(n, i, k)]);
-            }
-            self.operator.apply(from, to);
-            for (i, to) in to.iter().enumerate() {
-                for (k, to) in to.iter().enumerate() {
-                    y[DenseMobility::row(n, i, k)] = *to;
-                }
-            }
-        }
     }
 }

@@ -1,22 +1,19 @@
 //! The parts of the hydrodynamics that differ between layers and suspensions.
 
-use super::pairwise::Reach;
+use super::reach::Reach;
 use crate::error::Error;
+use crate::hydrodynamics::far_field::far_operator::FarSpace;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
+use crate::space::Space;
 use crate::space::cell::Cell;
-use crate::space::{FixedArray, Space};
 
 /// A space with its hydrodynamics.
-pub trait Fluid: Space {
+pub trait Fluid: FarSpace {
     /// The resistance of one pair.
     type Term: NearTerm<Self>;
     /// The far field of all spheres in full matrices.
     type Far: FarMatrix<Self>;
-    /// The far field as products with the mobility.
-    type Operator: FarProduct<Self>;
-    /// A value for each mode of a sphere, strains first.
-    type PerAnyMode<T: Copy>: FixedArray<T>;
     /// Whether spheres twist about their line of centres.
     const TWISTS: bool;
     /// Whether pairs beyond the cutoff of leading-order lubrication, of which a sphere has many in
@@ -36,15 +33,12 @@ pub trait Fluid: Space {
 
     /// Drag of an isolated sphere on each of its modes, strains first, in the far field.
     fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
-
-    /// A value for each mode.
-    fn each_mode<T: Copy>(value: T) -> Self::PerAnyMode<T>;
 }
 
 /// Forces and torques, or velocities, of two spheres.
 pub(crate) type Both<S> = [<S as Space>::PerMode<f64>; 2];
 /// Modes of one sphere from those of another, by columns; strains first.
-pub(crate) type ModeBlock<S> = <S as Fluid>::PerAnyMode<<S as Fluid>::PerAnyMode<f64>>;
+pub(crate) type ModeBlock<S> = <S as FarSpace>::PerAnyMode<<S as FarSpace>::PerAnyMode<f64>>;
 
 /// The resistance of one pair; n is the unit vector from i to j.
 pub trait NearTerm<S: Fluid>: Copy {
@@ -99,22 +93,4 @@ pub trait FarMatrix<S: Fluid>: Sized {
 
     /// The forces and torques of `R_far x` alone.
     fn apply_for_forces(&self, x: &mut [f64]);
-}
-
-/// The mobility of the far field by its products.
-pub trait FarProduct<S: Fluid>: Sized {
-    /// Plans for cells of the given area or volume.
-    ///
-    /// # Errors
-    /// A radius or tolerance out of range, or unbounded fluid.
-    fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error>;
-
-    /// Sets new positions.
-    ///
-    /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area or volume.
-    fn update(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error>;
-
-    /// `y ← M x` for one or several motions in sequence, each strains first.
-    fn apply(&mut self, x: &[f64], y: &mut [f64]);
 }

@@ -1,10 +1,9 @@
 //! The hydrodynamics of a layer.
 
-use super::fluid::{Both, FarMatrix, FarProduct, Fluid, NearTerm};
+use super::fluid::{Both, FarMatrix, Fluid, NearTerm};
 use super::isolated;
-use super::pairwise::Reach;
+use super::reach::Reach;
 use crate::error::Error;
-use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::free_space::planar::self_mobility;
 use crate::hydrodynamics::two_sphere::{PairTerm, PairVector};
@@ -23,8 +22,6 @@ const UNIFORM_DRAG: f64 = 1e-9;
 impl Fluid for Layer {
     type Term = PairTerm;
     type Far = FarResistance;
-    type Operator = FarOperator;
-    type PerAnyMode<T: Copy> = [T; 6];
     const TWISTS: bool = false;
     const ENDS_AT_CUTOFF: bool = false;
     const DRIFTS: usize = 2;
@@ -57,11 +54,6 @@ impl Fluid for Layer {
     fn far_drag(radius: f64) -> [f64; 6] {
         let single = self_mobility(radius);
         std::array::from_fn(|k| single[(k + 3) % 6].recip())
-    }
-
-    #[inline(always)]
-    fn each_mode<T: Copy>(value: T) -> [T; 6] {
-        [value; 6]
     }
 }
 
@@ -154,19 +146,5 @@ fn resist_uniform_motion(matrix: &mut Matrix) {
                 *entry += drag;
             }
         }
-    }
-}
-
-impl FarProduct<Layer> for FarOperator {
-    fn new(cell: &Cell, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
-        Self::new(cell, radii, tolerance)
-    }
-
-    fn update(&mut self, cell: &Cell, centres: &[Vec2]) -> Result<(), Error> {
-        Self::update(self, cell, centres)
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        Self::apply(self, x, y);
     }
 }

@@ -3,34 +3,11 @@
 
 use super::fluid::{Fluid, NearTerm as _};
 use super::near_matrix::{NearMatrix, NearPattern};
+use super::reach::Reach;
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Space};
-
-/// Range of pairs of the near part, in s'. Other pairs contribute only their diagonal blocks.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reach {
-    /// Pairs closer than this must be in the pattern.
-    pub(super) needed: f64,
-    /// A new pattern includes pairs up to this range, so that it stays valid for several steps.
-    pub(super) taken: f64,
-    /// Required gap, in s' − 2, beyond the height of contacts, since approaching contacts are
-    /// stiff.
-    pub(super) ahead: f64,
-}
-
-impl Reach {
-    /// This range with all contacts of asperities of a height, in the mean radius of a pair.
-    fn with_contacts(self, height: f64) -> Self {
-        let needed = self.needed.max(2.0 + height + self.ahead);
-        Self {
-            needed,
-            taken: self.taken + (needed - self.needed),
-            ..self
-        }
-    }
-}
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
 pub struct PairwiseResistance<S: Fluid = Layer> {

@@ -9,8 +9,8 @@ use super::pair_frame::{self, ENTRIES};
 use super::pair_term::PairTerm;
 use super::table::scaled;
 use crate::hydrodynamics::free_space::planar::self_mobility;
+use crate::linalg::polynomial::{chebyshev_points, horner, interpolate};
 use nalgebra::SVector;
-use std::f64::consts::PI;
 
 /// Nodes of the polynomials, which have one degree less: 1e-6 of the drag, test
 /// `polynomials_meet_the_inverse_mobility`.
@@ -28,33 +28,24 @@ pub(crate) struct FarPair {
     size_ratio: f64,
     /// Largest distance in s'.
     range: f64,
-    /// Coefficients by Chebyshev polynomial of the distance between [`LEAST`] and the range.
-    coefficients: [[f64; LANES]; NODES],
+    /// Coefficients of powers of the distance, between −1 at [`LEAST`] and 1 at the range.
+    powers: [[f64; LANES]; NODES],
 }
 
 impl FarPair {
     /// Tabulates the term up to a distance in s', above 2.
     pub(crate) fn new(radii: [f64; 2], range: f64) -> Self {
         let mean_radius = 0.5 * (radii[0] + radii[1]);
-        let angle = |node: usize| PI * (node as f64 + 0.5) / NODES as f64;
-        let mut coefficients = [[0.0; LANES]; NODES];
-        for node in 0..NODES {
-            let place = 0.5 * (1.0 + angle(node).cos());
-            let distance = mean_radius * (LEAST + (range - LEAST) * place);
-            let values = values(radii, distance);
-            for (degree, coefficients) in coefficients.iter_mut().enumerate() {
-                let share = if degree == 0 { 1.0 } else { 2.0 } / NODES as f64;
-                let weight = share * (degree as f64 * angle(node)).cos();
-                for (coefficient, value) in coefficients.iter_mut().zip(values) {
-                    *coefficient += weight * value;
-                }
-            }
-        }
+        let places = chebyshev_points();
+        let values = places.map(|x| {
+            let place = 0.5 * (1.0 + x);
+            values(radii, mean_radius * (LEAST + (range - LEAST) * place))
+        });
         Self {
             mean_radius,
             size_ratio: radii[1] / radii[0],
             range,
-            coefficients,
+            powers: interpolate(&places, values),
         }
     }
 
@@ -91,16 +82,7 @@ impl FarPair {
     #[inline(always)]
     fn sums(&self, distance: f64) -> [f64; LANES] {
         let place = (distance / self.mean_radius - LEAST) / (self.range - LEAST);
-        let x = 2.0 * place.clamp(0.0, 1.0) - 1.0;
-        let (mut before, mut polynomial) = (x, 1.0_f64);
-        let mut sums = [0.0; LANES];
-        for coefficients in &self.coefficients {
-            for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
-                *sum = polynomial.mul_add(*coefficient, *sum);
-            }
-            (before, polynomial) = (polynomial, 2.0 * x * polynomial - before);
-        }
-        sums
+        horner(&self.powers, 2.0 * place.clamp(0.0, 1.0) - 1.0)
     }
 }
 

@@ -18,6 +18,7 @@ use super::pair_frame::{self, ENTRIES, EXCHANGED, LENGTH_POWER};
 use super::pair_term::PairTerm;
 use super::{Scalars, check_size_ratio, equal_spheres, series};
 use crate::error::Error;
+use crate::linalg::polynomial::{chebyshev_points, horner, interpolate};
 use serde::{Deserialize, Serialize};
 
 /// Version of the stored form; others are refused.
@@ -116,7 +117,7 @@ fn node_position(node: usize) -> f64 {
 
 /// Chebyshev nodes of [−1, 1], ascending.
 fn positions<const N: usize>() -> [f64; N] {
-    std::array::from_fn(|node| -((node as f64 + 0.5) / N as f64 * std::f64::consts::PI).cos())
+    chebyshev_points().map(|point: f64| -point)
 }
 
 /// All nodes with solved values, at a size ratio ≥ 1.
@@ -140,6 +141,17 @@ pub(super) fn locate(logarithm: f64) -> (usize, f64) {
     (interval, 2.0 * (position - interval as f64) - 1.0)
 }
 
+/// Coefficients of powers on each interval of the polynomials with these values at its nodes.
+pub(super) fn fit_intervals<const L: usize>(
+    mut values: impl FnMut(usize, usize) -> [f64; L],
+) -> Vec<[[f64; L]; NODES]> {
+    let fit = |interval| {
+        let values = std::array::from_fn(|node| values(interval, node));
+        interpolate(&positions(), values)
+    };
+    (0..INTERVALS).map(fit).collect()
+}
+
 /// The matrix from values at the nodes to coefficients of powers.
 pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
     powers_from_values(&positions())
@@ -147,21 +159,10 @@ pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
 
 /// The matrix from values at these points to coefficients of powers.
 fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
-    // Lagrange polynomials, multiplied out: well conditioned at this degree.
-    std::array::from_fn(|node| {
-        let mut coefficients = [0.0; N];
-        coefficients[0] = 1.0;
-        for (degree, other) in (0..N).filter(|&other| other != node).enumerate() {
-            let (x, root) = (positions[node], positions[other]);
-            let mut product = [0.0; N];
-            for k in 0..=degree {
-                product[k + 1] += coefficients[k] / (x - root);
-                product[k] -= coefficients[k] * root / (x - root);
-            }
-            coefficients = product;
-        }
-        coefficients
-    })
+    let units: [[f64; N]; N] =
+        std::array::from_fn(|node| std::array::from_fn(|other| f64::from(u8::from(node == other))));
+    let powers = interpolate(positions, units);
+    std::array::from_fn(|node| powers.map(|power| power[node]))
 }
 
 /// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these
@@ -269,42 +270,37 @@ impl NearField {
                 singular[lane / BLOCK][k][lane % BLOCK] = entry;
             }
         }
-        let to_powers = powers_from_nodes();
         let mut beyond = solved.nodes.iter();
         let least = near_contact::switch(size_ratio);
-        let regular = (0..INTERVALS)
-            .map(|interval| {
-                let mut powers = [[[0.0; BLOCK]; NODES]; BLOCKS];
-                for (node, weights) in to_powers.iter().enumerate() {
-                    let xi = node_xi(interval, node);
-                    let distance = mean * (2.0 + xi);
-                    let scalars = if xi < least {
-                        solved.near_contact.evaluate(xi)
-                    } else {
-                        *beyond.next().expect("one value for every node beyond")
-                    };
-                    let resistance = pair_frame::resistance_entries(&scalars, radii);
-                    let far = pair_frame::far_field_entries(radii, distance);
-                    let functions = singular_functions(xi);
-                    for lane in 0..=SLIP {
-                        let value = if lane == SLIP {
-                            pair_frame::slip_resistance(&resistance, radii, mean * xi)
-                        } else if interval < SPLIT {
-                            let g = &singular[lane / BLOCK];
-                            let known: f64 =
-                                (0..3).map(|k| g[k][lane % BLOCK] * functions[k]).sum();
-                            resistance[lane] - known - far[lane]
-                        } else {
-                            resistance[lane] - far[lane]
-                        };
-                        for (power, weight) in powers[lane / BLOCK].iter_mut().zip(weights) {
-                            power[lane % BLOCK] += weight * value;
-                        }
-                    }
-                }
-                powers
+        let fitted = fit_intervals::<LANES>(|interval, node| {
+            let xi = node_xi(interval, node);
+            let scalars = if xi < least {
+                solved.near_contact.evaluate(xi)
+            } else {
+                *beyond.next().expect("one value for every node beyond")
+            };
+            let resistance = pair_frame::resistance_entries(&scalars, radii);
+            let far = pair_frame::far_field_entries(radii, mean * (2.0 + xi));
+            let functions = if interval < SPLIT {
+                singular_functions(xi)
+            } else {
+                [0.0; 3]
+            };
+            let mut values = [0.0; LANES];
+            for lane in 0..ENTRIES {
+                let g = &singular[lane / BLOCK];
+                let known: f64 = (0..3).map(|k| g[k][lane % BLOCK] * functions[k]).sum();
+                values[lane] = resistance[lane] - known - far[lane];
+            }
+            values[SLIP] = pair_frame::slip_resistance(&resistance, radii, mean * xi);
+            values
+        });
+        let in_blocks = |powers: [[f64; LANES]; NODES]| {
+            std::array::from_fn(|block| {
+                powers.map(|power| std::array::from_fn(|lane| power[block * BLOCK + lane]))
             })
-            .collect();
+        };
+        let regular = fitted.into_iter().map(in_blocks).collect();
         Self {
             size_ratio,
             solved,
@@ -340,12 +336,7 @@ impl NearField {
         };
         let mut sums = [0.0_f64; LANES];
         for block in 0..BLOCKS {
-            let mut sum = [0.0_f64; BLOCK];
-            for power in powers[block].iter().rev() {
-                for lane in 0..BLOCK {
-                    sum[lane] = sum[lane].mul_add(x, power[lane]);
-                }
-            }
+            let mut sum = horner(&powers[block], x);
             for (g, f) in self.singular[block].iter().zip(singular) {
                 for lane in 0..BLOCK {
                     sum[lane] = g[lane].mul_add(f, sum[lane]);

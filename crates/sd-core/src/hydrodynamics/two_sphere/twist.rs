@@ -17,8 +17,11 @@
 //! Jeffery, Proc. London Math. Soc. 14, 327 (1915), in the normalisation of [`super::Scalars`].
 
 use super::check_size_ratio;
-use super::table::{Cells, INTERVALS, LAST, NODES, locate, node_xi, powers_from_nodes};
+use super::table::{
+    Cells, INTERVALS, LAST, NODES, fit_intervals, locate, node_xi, powers_from_nodes,
+};
 use crate::error::Error;
+use crate::linalg::polynomial::horner;
 use std::f64::consts::PI;
 
 /// Terms summed one by one; the rest is an integral with its end corrections, whose error is 1e-15.
@@ -118,23 +121,8 @@ fn entries([a, b]: [f64; 2], xi: f64) -> [f64; 3] {
 impl TwistTable {
     /// The table of spheres with these radii, in a; takes a millisecond.
     pub(crate) fn new(radii: [f64; 2]) -> Self {
-        let to_powers = powers_from_nodes();
-        let powers = (0..INTERVALS)
-            .map(|interval| {
-                let mut powers = [[0.0; 3]; NODES];
-                for (node, weights) in to_powers.iter().enumerate() {
-                    let values = entries(radii, node_xi(interval, node));
-                    for (power, weight) in powers.iter_mut().zip(weights) {
-                        for (power, value) in power.iter_mut().zip(values) {
-                            *power += weight * value;
-                        }
-                    }
-                }
-                powers
-            })
-            .collect();
         Self {
-            powers,
+            powers: fit_intervals(|interval, node| entries(radii, node_xi(interval, node))),
             per_mean: 2.0 / (radii[0] + radii[1]),
         }
     }
@@ -149,18 +137,6 @@ impl TwistTable {
         let (interval, x) = locate(logarithm);
         horner(&self.powers[interval], x)
     }
-}
-
-/// Polynomials of one variable, entry by entry.
-#[inline(always)]
-fn horner<const N: usize>(powers: &[[f64; 3]; N], x: f64) -> [f64; 3] {
-    let mut sums = [0.0_f64; 3];
-    for power in powers.iter().rev() {
-        for (sum, power) in sums.iter_mut().zip(power) {
-            *sum = sum.mul_add(x, *power);
-        }
-    }
-    sums
 }
 
 /// Nodes of a cell of [`TwistRange`] in ln λ.

@@ -9,8 +9,9 @@
 //! forces.
 
 use crate::error::Error;
-use crate::hydrodynamics::far_field::check;
-use crate::hydrodynamics::far_field::planar_grid::axis::highest;
+use crate::hydrodynamics::far_field::far_operator::images;
+use crate::hydrodynamics::far_field::wave_grid::axis::highest;
+use crate::hydrodynamics::far_field::{Splitting, check};
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES};
 use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::hydrodynamics::free_space::planar::{RadialChain, self_mobility as planar_self};
@@ -38,68 +39,60 @@ pub(crate) struct DenseMobility {
     waves: [Matrix; 2],
 }
 
-/// Splitting of the periodic sums.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Splitting {
-    /// α, in 1/a.
-    pub(super) alpha: f64,
-    /// Largest separation of the real sum, in a.
-    pub(super) distance: f64,
-    /// Largest wave number, in 1/a.
-    pub(super) wave: f64,
-}
-
-impl Splitting {
-    /// Cut-offs whose remainders stay below a tolerance of M, relative to its largest entry.
-    pub(super) fn new(alpha: f64, volume: f64, radii: &[f64], tolerance: f64) -> Self {
-        let largest = radii.iter().copied().fold(0.0, f64::max);
-        let size = FiniteSize::new(largest);
-        // Terms of opposite signs cancel, so remainders stay well below the sum of magnitudes; test
-        // `operator_is_the_dense_mobility`.
-        let limit = 2.0 * tolerance * planar_self(largest)[0];
-        let magnitude = |c: &Coupling| {
-            let numbers = [
-                c.force_velocity[0],
-                c.force_velocity[1],
-                c.force_strain[0],
-                c.force_strain[1],
-                c.stress_strain[0],
-                c.stress_strain[1],
-                c.torque_rotation[1],
-                c.force_rotation,
-            ];
-            numbers.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()))
-        };
-        // All images of a shell where the summand falls by e count as one sum without signs.
-        let mut distance = 1.0 / alpha;
-        loop {
-            let shell = (4.0 * PI * distance * distance / (alpha * volume)).max(1.0);
-            let coupling = couplings(&RadialChain::screened(distance * distance, alpha));
-            if shell * magnitude(&finite_size(&coupling, &size, &size)) < limit {
-                break;
-            }
-            distance += 0.02 / alpha;
+/// Cut-offs whose remainders stay below a tolerance of M, relative to its largest entry.
+pub(in crate::hydrodynamics::far_field) fn cut_offs(
+    alpha: f64,
+    volume: f64,
+    radii: &[f64],
+    tolerance: f64,
+) -> Splitting {
+    let largest = radii.iter().copied().fold(0.0, f64::max);
+    let size = FiniteSize::new(largest);
+    // Terms of opposite signs cancel, so remainders stay well below the sum of magnitudes; test
+    // `operator_is_the_dense_mobility`.
+    let limit = 2.0 * tolerance * planar_self(largest)[0];
+    let magnitude = |c: &Coupling| {
+        let numbers = [
+            c.force_velocity[0],
+            c.force_velocity[1],
+            c.force_strain[0],
+            c.force_strain[1],
+            c.stress_strain[0],
+            c.stress_strain[1],
+            c.torque_rotation[1],
+            c.force_rotation,
+        ];
+        numbers.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+    };
+    // All images of a shell where the summand falls by e count as one sum without signs.
+    let mut distance = 1.0 / alpha;
+    loop {
+        let shell = (4.0 * PI * distance * distance / (alpha * volume)).max(1.0);
+        let coupling = couplings(&RadialChain::screened(distance * distance, alpha));
+        if shell * magnitude(&finite_size(&coupling, &size, &size)) < limit {
+            break;
         }
-        let mut wave = 2.0 * alpha;
-        loop {
-            let square = wave * wave;
-            let modes = (1.0 + square) * (1.0 + square * size.force);
-            let shell = (square * alpha / (PI * PI)).max(1.0 / volume);
-            if shell * transform(square, alpha) * modes < limit {
-                break;
-            }
-            wave += 0.02 * alpha;
+        distance += 0.02 / alpha;
+    }
+    let mut wave = 2.0 * alpha;
+    loop {
+        let square = wave * wave;
+        let modes = (1.0 + square) * (1.0 + square * size.force);
+        let shell = (square * alpha / (PI * PI)).max(1.0 / volume);
+        if shell * transform(square, alpha) * modes < limit {
+            break;
         }
-        Self {
-            alpha,
-            distance,
-            wave,
-        }
+        wave += 0.02 * alpha;
+    }
+    Splitting {
+        alpha,
+        distance,
+        wave,
     }
 }
 
 /// `(1 + w + 2w²) exp(−w)/k²`, w = k²/4α².
-pub(super) fn transform(square: f64, alpha: f64) -> f64 {
+pub(in crate::hydrodynamics::far_field) fn transform(square: f64, alpha: f64) -> f64 {
     let w = square / (4.0 * alpha * alpha);
     (1.0 + w * (1.0 + 2.0 * w)) * (-w).exp() / square
 }
@@ -118,7 +111,7 @@ impl DenseMobility {
             let mut best = (f64::INFINITY, 0.0);
             for step in 0..60 {
                 let alpha = volume.cbrt().recip() * 1.05_f64.powi(step);
-                let cut = Splitting::new(alpha, volume, radii, tolerance);
+                let cut = cut_offs(alpha, volume, radii, tolerance);
                 let images = 4.0 / 3.0 * PI * cut.distance.powi(3) / volume;
                 let waves = volume * cut.wave.powi(3) / (12.0 * PI * PI);
                 let cost = 2.0 * images + waves;
@@ -144,7 +137,7 @@ impl DenseMobility {
             sizes: radii.iter().map(|&a| FiniteSize::new(a)).collect(),
             splitting: cell
                 .content()
-                .map(|volume| Splitting::new(alpha, volume, radii, tolerance)),
+                .map(|volume| cut_offs(alpha, volume, radii, tolerance)),
             waves: Default::default(),
         })
     }
@@ -294,39 +287,6 @@ fn unbounded_less(alone: &Coupling, image: &Coupling) -> Coupling {
         alone.torque_rotation[0] - image.torque_rotation[0],
         alone.stress_strain[0] - image.stress_strain[0],
     )
-}
-
-/// All images of a separation that are shorter than a distance.
-pub(super) fn images(
-    separation: Vector3<f64>,
-    lattice: &Lattice<Bulk>,
-    reach: f64,
-) -> impl Iterator<Item = Vector3<f64>> {
-    let range = |x: f64, side: f64, reach: f64| {
-        #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
-        let (first, last) = (
-            ((-reach - x) / side).ceil() as i32,
-            ((reach - x) / side).floor() as i32,
-        );
-        first..=last
-    };
-    let lattice = *lattice;
-    let [length, above, depth] = lattice.lengths_in_frame();
-    let [first, second, third] = lattice.in_frame(&separation);
-    let rows = range(second, above, reach);
-    let most = rows.start().abs().max(rows.end().abs());
-    let shifted = f64::from(most) * lattice.cross_offset().abs();
-    range(third, depth, reach + shifted).flat_map(move |l| {
-        rows.clone().flat_map(move |n| {
-            let (n, l) = (f64::from(n), f64::from(l));
-            let x = first + (n * lattice.offset() + l * lattice.tilt());
-            let y = second + n * above;
-            let z = third + (l * depth + n * lattice.cross_offset());
-            range(x, length, reach)
-                .map(move |m| lattice.out_of_frame([x + f64::from(m) * length, y, z]))
-                .filter(move |x| x.norm_squared() < reach * reach)
-        })
-    })
 }
 
 /// One of each pair of wave vectors k, −k up to a wave number, without 0.

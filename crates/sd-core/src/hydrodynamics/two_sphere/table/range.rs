@@ -16,6 +16,7 @@ use crate::hydrodynamics::two_sphere::near_contact::{self, singular, singular_pa
 use crate::hydrodynamics::two_sphere::pair_frame::{self, ENTRIES};
 use crate::hydrodynamics::two_sphere::pair_term::PairTerm;
 use crate::hydrodynamics::two_sphere::{Scalars, check_size_ratio};
+use crate::linalg::polynomial::horner;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -232,13 +233,8 @@ impl NearFieldRange {
         let powers = &self.regular[cell * INTERVALS + interval];
         let mut sums = [0.0_f64; LANES];
         for block in 0..BLOCKS {
-            let mut sum = [0.0_f64; BLOCK];
-            for powers in powers[block].iter().rev() {
-                let coefficient = horner(powers, y);
-                for lane in 0..BLOCK {
-                    sum[lane] = sum[lane].mul_add(x, coefficient[lane]);
-                }
-            }
+            let coefficients = powers[block].each_ref().map(|powers| horner(powers, y));
+            let mut sum = horner(&coefficients, x);
             if interval < SPLIT {
                 let functions = [1.0 / xi, -logarithm, -xi * logarithm];
                 for (powers, f) in self.singular[cell][block].iter().zip(functions) {
@@ -349,16 +345,4 @@ fn singular_powers(cells: Cells) -> Vec<[[[[f64; BLOCK]; FINE]; 3]; BLOCKS]> {
         }
     }
     all
-}
-
-/// Polynomials of one variable, lane by lane.
-#[inline(always)]
-fn horner<const N: usize>(powers: &[[f64; BLOCK]; N], y: f64) -> [f64; BLOCK] {
-    let mut sum = powers[N - 1];
-    for power in powers[..N - 1].iter().rev() {
-        for lane in 0..BLOCK {
-            sum[lane] = sum[lane].mul_add(y, power[lane]);
-        }
-    }
-    sum
 }

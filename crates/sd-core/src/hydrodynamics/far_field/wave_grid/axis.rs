@@ -5,6 +5,7 @@
 //! ```
 //! Between two grid points every value of the window is a fitted polynomial of the position.
 
+use crate::linalg::polynomial::{chebyshev_points, interpolate};
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -25,7 +26,6 @@ pub(in crate::hydrodynamics::far_field) struct Window {
 }
 
 /// One lattice direction of the grid.
-#[derive(Clone)]
 pub(in crate::hydrodynamics::far_field) struct Axis {
     /// Grid points.
     pub(in crate::hydrodynamics::far_field) points: usize,
@@ -43,14 +43,16 @@ pub(in crate::hydrodynamics::far_field) struct Axis {
 /// transforms need.
 ///
 /// `lengths`: of each direction, in a: a wave vector k has at most k·length/2π waves along it.
-pub(in crate::hydrodynamics::far_field) fn plan_axes<const DIMENSIONS: usize>(
-    lengths: [f64; DIMENSIONS],
+pub(in crate::hydrodynamics::far_field) fn plan_axes(
+    lengths: &[f64],
     cut_off: f64,
     oversampling: f64,
-) -> ([Axis; DIMENSIONS], usize) {
+) -> (Vec<Axis>, usize) {
     let mut planner = FftPlanner::new();
-    let axes =
-        lengths.map(|length| Axis::new(highest(length, cut_off), oversampling, &mut planner));
+    let axes: Vec<_> = lengths
+        .iter()
+        .map(|&length| Axis::new(highest(length, cut_off), oversampling, &mut planner))
+        .collect();
     let scratch = axes
         .iter()
         .flat_map(|axis| axis.plans.iter().map(|plan| plan.get_inplace_scratch_len()))
@@ -145,39 +147,17 @@ impl Axis {
     }
 }
 
-/// Polynomials through the window's values at Chebyshev points, by Newton's divided differences.
+/// Polynomials through the window's values at Chebyshev points.
 fn fit_window(shape: f64) -> [[f64; WIDTH]; DEGREE + 1] {
-    let nodes: [f64; DEGREE + 1] =
-        std::array::from_fn(|k| (PI * (k as f64 + 0.5) / (DEGREE + 1) as f64).cos());
+    let nodes: [f64; DEGREE + 1] = chebyshev_points();
     let scale = bessel(shape).recip();
-    let mut differences = nodes.map(|u| {
+    let values = nodes.map(|u| {
         std::array::from_fn(|k| {
             let z = (0.5 * (u + 1.0) + k as f64) / (0.5 * WIDTH as f64) - 1.0;
             scale * bessel(shape * (1.0 - z * z).max(0.0).sqrt())
         })
     });
-    for order in 1..=DEGREE {
-        for k in (order..=DEGREE).rev() {
-            let before: [f64; WIDTH] = differences[k - 1];
-            for (value, before) in differences[k].iter_mut().zip(before) {
-                *value = (*value - before) / (nodes[k] - nodes[k - order]);
-            }
-        }
-    }
-    let mut coefficients = [[0.0_f64; WIDTH]; DEGREE + 1];
-    for k in (0..=DEGREE).rev() {
-        // coefficients ← coefficients (u − node) + difference
-        for power in (0..=DEGREE).rev() {
-            for q in 0..WIDTH {
-                let lower = match power {
-                    0 => differences[k][q],
-                    _ => coefficients[power - 1][q],
-                };
-                coefficients[power][q] = lower - nodes[k] * coefficients[power][q];
-            }
-        }
-    }
-    coefficients
+    interpolate(&nodes, values)
 }
 
 /// `I₀(x)` by its power series.
