@@ -413,10 +413,10 @@ impl<S: FarSpace> Grid<S> {
             // point.
             let gradient = |field: usize| {
                 let mut gradient = [[0.0; 3]; 3];
-                for b in 0..S::DIMENSIONS {
-                    for c in 0..S::DIMENSIONS {
-                        for (axis, by) in by.iter().enumerate().take(S::DIMENSIONS) {
-                            gradient[b][c] -= by[b][field] * self.slopes[c][axis];
+                for (b, row) in gradient.iter_mut().enumerate().take(S::DIMENSIONS) {
+                    for (entry, slopes) in row.iter_mut().zip(&self.slopes).take(S::DIMENSIONS) {
+                        for (by, slope) in by.iter().zip(slopes).take(S::DIMENSIONS) {
+                            *entry -= by[b][field] * slope;
                         }
                     }
                 }
