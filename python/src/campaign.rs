@@ -75,7 +75,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         protocol.insert("discard".into(), 0.0.into());
     }
     let seed = i64::try_from(seed)
-        .map_err(|_| PyValueError::new_err(format!("seed: {seed} is out of range: below 2^63")))?;
+        .map_err(|_| PyValueError::new_err(format!("seed must be below 2^63, got {seed}")))?;
     grid.insert("seeds".into(), vec![seed].into());
     let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
     let campaign = sweep::campaign::parse("params", text).map_err(raise_without_place)?;

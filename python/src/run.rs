@@ -176,6 +176,15 @@ impl Run {
         Ok(())
     }
 
+    /// Velocities and angular velocities, and numbers of components.
+    fn motion(&self, py: Python<'_>) -> PyResult<([Vec<f64>; 2], [usize; 4])> {
+        let (motion, widths) = py.detach(|| {
+            let mut run = self.run();
+            (run.motion(&self.params, &self.tables), run.widths())
+        });
+        Ok((motion.map_err(raise)?, widths))
+    }
+
     fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
         let (sample, place, took) = py.detach(|| {
             let mut run = self.run();
@@ -398,6 +407,46 @@ impl Run {
             (run.stresslets(&self.params, &self.tables), run.widths())
         });
         of_rows(py, flat.map_err(raise)?, of_stresslet)
+    }
+
+    /// Present velocities at the centres, background flow included: array [N, 2], of a suspension
+    /// [N, 3].
+    #[getter]
+    fn velocities(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let ([flat, _], [dimensions, ..]) = self.motion(py)?;
+        of_rows(py, flat, dimensions)
+    }
+
+    /// Present angular velocities, background flow included: array [N], of a suspension [N, 3].
+    #[getter]
+    fn angular_velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let ([_, flat], [dimensions, ..]) = self.motion(py)?;
+        Ok(if dimensions == 2 {
+            of_numbers(py, flat).into_bound(py).into_any()
+        } else {
+            of_rows(py, flat, dimensions)?.into_bound(py).into_any()
+        })
+    }
+
+    /// Centres followed from the start of the run over the edges of the cell: array [N, 2], of a
+    /// suspension [N, 3]. Differences in time are displacements, those of the flow included.
+    #[getter]
+    fn unwrapped_positions(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let (flat, [dimensions, ..]) = py.detach(|| {
+            let run = self.run();
+            (run.unwrapped(), run.widths())
+        });
+        of_rows(py, flat, dimensions)
+    }
+
+    /// Lattice vectors of the periodic cell, one a row: array [2, 2], of a suspension [3, 3].
+    #[getter]
+    fn lattice(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let (flat, [dimensions, ..]) = py.detach(|| {
+            let run = self.run();
+            (run.lattice(), run.widths())
+        });
+        of_rows(py, flat.map_err(raise)?, dimensions)
     }
 
     /// The state of the run, as bytes with a checksum, for `from_snapshot`.

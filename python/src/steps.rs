@@ -23,6 +23,15 @@ pub(crate) trait Steps: Send {
     /// Stresslets, one after the other.
     fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error>;
 
+    /// Velocities and angular velocities, each one after the other.
+    fn motion(&mut self, params: &Params, tables: &NearFields) -> Result<[Vec<f64>; 2], Error>;
+
+    /// Centres that are not moved back into the cell, one after the other.
+    fn unwrapped(&self) -> Vec<f64>;
+
+    /// Lattice vectors of the cell, one after the other.
+    fn lattice(&self) -> Result<Vec<f64>, Error>;
+
     fn place(&self) -> Place;
     fn side(&self) -> f64;
     fn radii(&self) -> &[f64];
@@ -148,6 +157,31 @@ where
     fn stresslets(&mut self, params: &Params, tables: &NearFields) -> Result<Vec<f64>, Error> {
         let stresslets = self.look(params, tables)?.frame.stresslets.iter();
         Ok(stresslets.flat_map(|s| s.as_ref().to_vec()).collect())
+    }
+
+    fn motion(&mut self, params: &Params, tables: &NearFields) -> Result<[Vec<f64>; 2], Error> {
+        let frame = &self.look(params, tables)?.frame;
+        let velocities = frame.velocities.iter().flat_map(|u| u.as_ref().to_vec());
+        let spins = frame.angular_velocities.iter().flat_map(S::spin);
+        Ok([velocities.collect(), spins.copied().collect()])
+    }
+
+    fn unwrapped(&self) -> Vec<f64> {
+        let centres = self.run.unwrapped();
+        let centres = centres.flat_map(|x| S::point(&x).as_ref().to_vec());
+        centres.collect()
+    }
+
+    fn lattice(&self) -> Result<Vec<f64>, Error> {
+        let cell = self.run.cell_at(self.run.time())?;
+        let frame = Frame::<S> {
+            side: self.run.side(),
+            offset: cell.offset(),
+            cross_offset: cell.cross_offset(),
+            ..Frame::default()
+        };
+        let vectors = frame.lattice();
+        Ok(vectors.iter().flat_map(|v| v.as_ref().to_vec()).collect())
     }
 
     fn place(&self) -> Place {

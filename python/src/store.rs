@@ -18,6 +18,7 @@ use sweep::report::{
     draw_spheres, outline, point_table, traces,
 };
 use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
+use sweep::system::files::{reason_to_stay, write_output};
 use sweep::trajectory::{contact_table, sphere_table};
 
 /// The store of a campaign.
@@ -338,14 +339,26 @@ impl Store {
         colour: Option<&Bound<'_, PyAny>>,
         slab: Option<(f64, f64)>,
     ) -> PyResult<()> {
-        let refused = |name, message: String| PyValueError::new_err(format!("{name}: {message}"));
+        let refused = |message: String| PyValueError::new_err(message);
         let (case, path) = (name_of(case)?, values::file("path", path)?);
         if path.extension().is_none_or(|ending| ending != "svg") {
-            let message = format!("a name that ends with .svg, not {}", path.display());
-            return Err(refused("path", message));
+            let path = path.display();
+            let message = format!("path must be a name that ends with .svg, got {path}");
+            return Err(refused(message));
         }
-        if slab.is_some_and(|(from, to)| !(from < to && from.is_finite() && to.is_finite())) {
-            return Err(refused("slab", "two numbers, the lower one first".into()));
+        if let Some(reason) = reason_to_stay(&path) {
+            let message = format!(
+                "{} is not written: {reason}; name another file",
+                path.display()
+            );
+            return Err(refused(message));
+        }
+        if let Some((from, to)) = slab
+            && !(from < to && from.is_finite() && to.is_finite())
+        {
+            let message =
+                format!("slab must be two finite numbers, the lower one first, got ({from}, {to})");
+            return Err(refused(message));
         }
         let view = SphereView {
             strain: strain
@@ -355,7 +368,7 @@ impl Store {
             slab: slab.map(|(from, to)| [from, to]),
         };
         let picture = self.read(py, |store| Ok(draw_spheres(store, &case, view)?))?;
-        Ok(std::fs::write(path, picture.file)?)
+        Ok(write_output(&path, picture.file.as_ref())?)
     }
 
     /// Draw the results with matplotlib, in the style of `sweep report --figure`.
@@ -512,7 +525,7 @@ fn word<T: Words + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyR
             .map(|word| format!("{:?}", word.word))
             .collect();
         PyValueError::new_err(format!(
-            "{name}: {given:?} is not one of {}",
+            "{name} must be one of {}, got {given:?}",
             known.join(", ")
         ))
     })
@@ -526,7 +539,7 @@ fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
         let known = AXES.iter().filter(|axis| axis.is_numeric());
         let known: Vec<&str> = known.map(|axis| axis.key).collect();
         PyValueError::new_err(format!(
-            "along: {given:?} is not one of {}",
+            "along must be one of {}, got {given:?}",
             known.join(", ")
         ))
     })

@@ -144,7 +144,7 @@ pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Val
 fn whole(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
     given.extract::<i64>().map(Value::Integer).map_err(|_| {
         PyValueError::new_err(format!(
-            "{name}: {} is out of range: below 2^63",
+            "{name} must be a whole number below 2^63, got {}",
             shown(given)
         ))
     })

@@ -196,3 +196,30 @@ def test_other_threads_go_on_while_a_step_is_computed(params):
     # A step takes tens of milliseconds: this thread would not run at all if the lock of the
     # interpreter were held.
     assert counted > 1000
+
+
+def test_velocities_move_the_spheres_and_unwrapped_positions_follow_them(params):
+    layer = sl.Layer(params | {"contact": "linear-spring", "stiffness": 1e4}, seed=3)
+    layer.shear(1.0)
+    before, velocities = layer.unwrapped_positions, layer.velocities
+    assert velocities.shape == (40, 2) and layer.angular_velocities.shape == (40,)
+    step = layer.params["time_step"]
+    layer.step()
+    moved = (layer.unwrapped_positions - before) / step
+    # Of second order in the step; the spheres move by up to the side of the cell in a unit of strain.
+    assert np.abs(moved - velocities).max() < 0.2 * np.abs(velocities).max()
+    assert np.abs(np.median(moved - velocities)) < 0.02
+    lattice = layer.lattice
+    assert lattice.shape == (2, 2) and lattice[0] == pytest.approx([layer.side, 0]) and lattice[1, 1] == layer.side
+    # Wrapped and unwrapped positions differ by lattice vectors.
+    cells = (layer.unwrapped_positions - layer.positions) @ np.linalg.inv(lattice)
+    assert cells == pytest.approx(np.round(cells), abs=1e-9) and np.abs(cells).max() >= 1
+
+
+def test_a_picture_replaces_no_store(store):
+    with pytest.raises(ValueError, match="is a store"):
+        linked = store.path.with_name("linked.svg")
+        linked.symlink_to(store.path)
+        store.draw(1, linked)
+    with pytest.raises(ValueError, match="slab must be two finite numbers"):
+        store.draw(1, "picture.svg", slab=(2.0, 1.0))

@@ -91,6 +91,9 @@ pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
         cross_offset: 0.0,
         radii: vec![1.0, 1.0],
         centres: vec![place, [3.5, 2.0, 0.5]],
+        unwrapped: vec![[place[0] + 8.0, place[1], place[2]], [3.5, 2.0, -7.5]],
+        velocities: vec![[2.5, 0.25, 1.0], [2.0, -0.25, 0.0]],
+        angular_velocities: vec![[0.5, 0.0, -0.25].into(), [0.0, 0.0, -0.5].into()],
         orientations: vec![[0.8, 0.0, 0.6, 0.0], [1.0, 0.0, 0.0, 0.0]],
         stresslets: vec![[1.0, -1.0, 20.5, 0.25, -0.5], [0.0, 0.5, 19.0, 0.0, 2.0]],
         contacts: vec![FrameContact {
@@ -103,7 +106,6 @@ pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
             rolling_force: [0.0; 3].into(),
             state: sd_core::contact::ContactState::Sticking,
         }],
-        ..Frame::default()
     })
 }
 
@@ -116,6 +118,9 @@ pub(crate) fn frame() -> AnyFrame {
         cross_offset: 0.0,
         radii: vec![1.0, 1.5],
         centres: vec![[1.0, 2.0], [3.5, 2.0]],
+        unwrapped: vec![[9.0, 2.0], [1.5, -6.0]],
+        velocities: vec![[2.5, 0.25], [2.0, -0.25]],
+        angular_velocities: vec![-0.5, -0.75],
         orientations: vec![0.0, -0.25],
         stresslets: vec![[1.0, -1.0, 20.5], [0.0, 0.5, 19.0]],
         contacts: vec![FrameContact {
@@ -128,6 +133,5 @@ pub(crate) fn frame() -> AnyFrame {
             rolling_force: 0.5,
             state: sd_core::contact::ContactState::Slipping,
         }],
-        ..Frame::default()
     })
 }

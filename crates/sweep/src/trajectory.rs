@@ -18,11 +18,22 @@ use sd_core::{Bulk, Layer, Space};
 use serde::{Deserialize, Serialize};
 
 /// First byte of a stored frame of a layer.
-const LAYER: u8 = 2;
+const LAYER: u8 = 5;
 /// First byte of a stored frame of a suspension.
-const SUSPENSION: u8 = 3;
-/// First byte of a suspension with an offset along the vorticity, which precedes the frame.
-const CROSSED: u8 = 4;
+const SUSPENSION: u8 = 6;
+
+/// Why bytes are not a usable frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// A format without velocities, of an earlier version.
+    #[error(
+        "it was written by an earlier version of this program, without velocities; compute the run again in a new store"
+    )]
+    Earlier,
+    /// Torn, or something else.
+    #[error("its content is torn, or it is not a frame")]
+    Unreadable,
+}
 
 /// A stored frame.
 #[derive(Serialize, Deserialize)]
@@ -31,10 +42,16 @@ struct Stored {
     side: f32,
     /// Offset of the upper image cell.
     offset: f32,
+    /// Its offset along the vorticity.
+    cross_offset: f32,
     /// Radii; a single one if all are equal.
     radii: Vec<f32>,
     /// For each sphere: centre, orientation, stresslet.
     spheres: Vec<f32>,
+    /// For each sphere: velocity, angular velocity.
+    motion: Vec<f32>,
+    /// Positions that are not wrapped grow with the strain, so they keep their precision.
+    unwrapped: Vec<f64>,
     /// i, j, state of each contact.
     contacts: Vec<(u32, u32, u8)>,
     /// For each contact: normal, gap, normal force, tangential force.
@@ -49,6 +66,8 @@ pub trait Kept: Space {
     const VERSION: u8;
     /// Number of components of an orientation.
     const ORIENTATION: usize;
+    /// Number of components of an angular velocity.
+    const SPIN: usize;
     /// Number of components of a vector perpendicular to a line of centres.
     const TANGENT: usize;
 
@@ -57,6 +76,12 @@ pub trait Kept: Space {
 
     /// The orientation with these components.
     fn orientation_of(numbers: &[f64]) -> Self::Orientation;
+
+    /// The components of an angular velocity.
+    fn spin(spin: &Self::Spin) -> &[f64];
+
+    /// The angular velocity with these components.
+    fn spin_of(numbers: &[f64]) -> Self::Spin;
 
     /// The components of a vector perpendicular to a line of centres.
     fn across(tangent: &Self::Tangent) -> &[f64];
@@ -79,6 +104,7 @@ pub trait Kept: Space {
 impl Kept for Layer {
     const VERSION: u8 = LAYER;
     const ORIENTATION: usize = 1;
+    const SPIN: usize = 1;
     const TANGENT: usize = 1;
 
     fn orientation(orientation: &f64) -> &[f64] {
@@ -86,6 +112,14 @@ impl Kept for Layer {
     }
 
     fn orientation_of(numbers: &[f64]) -> f64 {
+        numbers[0]
+    }
+
+    fn spin(spin: &f64) -> &[f64] {
+        std::slice::from_ref(spin)
+    }
+
+    fn spin_of(numbers: &[f64]) -> f64 {
         numbers[0]
     }
 
@@ -113,6 +147,7 @@ impl Kept for Layer {
 impl Kept for Bulk {
     const VERSION: u8 = SUSPENSION;
     const ORIENTATION: usize = 4;
+    const SPIN: usize = 3;
     const TANGENT: usize = 3;
 
     fn orientation(orientation: &Self::Orientation) -> &[f64] {
@@ -121,6 +156,14 @@ impl Kept for Bulk {
 
     fn orientation_of(numbers: &[f64]) -> Self::Orientation {
         std::array::from_fn(|k| numbers[k])
+    }
+
+    fn spin(spin: &Self::Spin) -> &[f64] {
+        spin.as_slice()
+    }
+
+    fn spin_of(numbers: &[f64]) -> Self::Spin {
+        Self::Spin::from_iterator(numbers.iter().copied())
     }
 
     fn across(tangent: &Self::Tangent) -> &[f64] {
@@ -212,6 +255,7 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
         strain: frame.strain,
         side: single(frame.side),
         offset: single(frame.offset),
+        cross_offset: single(frame.cross_offset),
         radii: radii.iter().copied().map(single).collect(),
         spheres: spheres
             .flat_map(|((x, orientation), stresslet)| {
@@ -220,6 +264,21 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
             .flatten()
             .copied()
             .map(single)
+            .collect(),
+        motion: frame
+            .velocities
+            .iter()
+            .zip(&frame.angular_velocities)
+            .flat_map(|(velocity, spin)| [velocity.as_ref(), S::spin(spin)])
+            .flatten()
+            .copied()
+            .map(single)
+            .collect(),
+        unwrapped: frame
+            .unwrapped
+            .iter()
+            .flat_map(|x| x.as_ref())
+            .copied()
             .collect(),
         contacts: contacts
             .iter()
@@ -242,30 +301,23 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
             .map(single)
             .collect(),
     };
-    if frame.cross_offset == 0.0 {
-        postcard::to_extend(&stored, vec![S::VERSION])
-    } else {
-        postcard::to_extend(&(single(frame.cross_offset), stored), vec![CROSSED])
-    }
+    postcard::to_extend(&stored, vec![S::VERSION])
 }
 
-/// A frame from bytes; `None` if they are not a frame of this version.
-pub fn decode(bytes: &[u8]) -> Option<AnyFrame> {
-    let (version, content) = bytes.split_first()?;
+/// A frame from bytes.
+///
+/// # Errors
+/// [`FrameError`] if they are not a whole frame of this version.
+pub fn decode(bytes: &[u8]) -> Result<AnyFrame, FrameError> {
+    let (version, content) = bytes.split_first().ok_or(FrameError::Unreadable)?;
     let stored = || postcard::from_bytes::<Stored>(content).ok();
-    match *version {
-        LAYER => decode_in(&stored()?).map(InSpace::Layer),
-        SUSPENSION => decode_in(&stored()?).map(InSpace::Suspension),
-        CROSSED => {
-            let (cross_offset, stored): (f32, Stored) = postcard::from_bytes(content).ok()?;
-            let frame = Frame {
-                cross_offset: f64::from(cross_offset),
-                ..decode_in(&stored)?
-            };
-            Some(InSpace::Suspension(frame))
-        }
+    let frame = match *version {
+        LAYER => stored().and_then(|stored| decode_in(&stored).map(InSpace::Layer)),
+        SUSPENSION => stored().and_then(|stored| decode_in(&stored).map(InSpace::Suspension)),
+        1..LAYER => return Err(FrameError::Earlier),
         _ => None,
-    }
+    };
+    frame.ok_or(FrameError::Unreadable)
 }
 
 /// Frames with their steps.
@@ -286,9 +338,9 @@ pub(crate) fn by_space<'f>(
 }
 
 /// Numbers in rows of that length; `None` if the number of rows does not match.
-fn rows(numbers: &[f32], length: usize, count: usize) -> Option<Vec<Vec<f64>>> {
+fn rows<T: Copy + Into<f64>>(numbers: &[T], length: usize, count: usize) -> Option<Vec<Vec<f64>>> {
     let is_whole = Some(numbers.len()) == length.checked_mul(count);
-    let row = |row: &[f32]| row.iter().copied().map(f64::from).collect();
+    let row = |row: &[T]| row.iter().copied().map(T::into).collect();
     is_whole.then(|| numbers.chunks_exact(length).map(row).collect())
 }
 
@@ -304,6 +356,9 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
     let of_sphere = oriented + S::STRAINS;
     let n = stored.spheres.len() / of_sphere;
     let spheres = rows(&stored.spheres, of_sphere, n)?;
+    let of_motion = S::DIMENSIONS + S::SPIN;
+    let motion = rows(&stored.motion, of_motion, n)?;
+    let unwrapped = rows(&stored.unwrapped, S::DIMENSIONS, n)?;
     let radii: Vec<f64> = match stored.radii.as_slice() {
         [one] => vec![f64::from(*one); n],
         all => all.iter().copied().map(f64::from).collect(),
@@ -345,7 +400,13 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
         strain: stored.strain,
         side: f64::from(stored.side),
         offset: f64::from(stored.offset),
-        cross_offset: 0.0,
+        cross_offset: f64::from(stored.cross_offset),
+        unwrapped: unwrapped.iter().map(|x| few(x)).collect(),
+        velocities: motion.iter().map(|m| few(&m[..S::DIMENSIONS])).collect(),
+        angular_velocities: motion
+            .iter()
+            .map(|m| S::spin_of(&m[S::DIMENSIONS..]))
+            .collect(),
         centres: spheres.iter().map(|s| few(&s[..S::DIMENSIONS])).collect(),
         orientations: spheres
             .iter()
@@ -354,7 +415,6 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
         stresslets: spheres.iter().map(|s| few(&s[oriented..])).collect(),
         contacts: contacts?,
         radii,
-        ..Frame::default()
     };
     (frame.radii.len() == n).then_some(frame)
 }
@@ -368,11 +428,33 @@ mod tests {
     #[test]
     fn frame_comes_back() {
         let bytes = encode(&frame()).unwrap();
-        assert_eq!(decode(&bytes), Some(frame()));
-        assert!(bytes.len() < 120);
+        assert_eq!(decode(&bytes), Ok(frame()));
+        assert!(bytes.len() < 180);
         for length in 0..bytes.len() {
-            assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
+            let torn = decode(&bytes[..length]);
+            assert_eq!(torn, Err(FrameError::Unreadable), "torn at {length}");
         }
+    }
+
+    #[test]
+    fn a_frame_of_an_earlier_version_is_refused_by_a_sentence() {
+        let mut bytes = encode(&frame()).unwrap();
+        for version in [2, 3, 4] {
+            bytes[0] = version;
+            assert_eq!(decode(&bytes), Err(FrameError::Earlier));
+        }
+        bytes[0] = 99;
+        assert_eq!(decode(&bytes), Err(FrameError::Unreadable));
+    }
+
+    #[test]
+    fn positions_that_are_not_wrapped_keep_their_precision_at_a_large_strain() {
+        let InSpace::Layer(mut far) = frame() else {
+            panic!("no layer");
+        };
+        far.unwrapped[0] = [123_456.789_012_345, -1_000.1];
+        let far = InSpace::Layer(far);
+        assert_eq!(decode(&encode(&far).unwrap()), Ok(far));
     }
 
     #[test]
@@ -387,21 +469,29 @@ mod tests {
             (&back.centres, &back.stresslets),
             (&frame.centres, &frame.stresslets)
         );
+        assert_eq!(
+            (&back.velocities, &back.angular_velocities, &back.unwrapped),
+            (
+                &frame.velocities,
+                &frame.angular_velocities,
+                &frame.unwrapped
+            )
+        );
         let crossed = Frame {
             cross_offset: 1.5,
             ..back.clone()
         };
         let crossed = InSpace::Suspension(crossed);
         let all = encode(&crossed).unwrap();
-        assert_eq!(decode(&all), Some(crossed));
-        assert_eq!(decode(&all[..all.len() - 1]), None);
+        assert_eq!(decode(&all), Ok(crossed));
         let contact = &back.contacts[0];
         assert_eq!(contact.tangential_force, frame.contacts[0].tangential_force);
         for (a, b) in back.orientations[0].iter().zip(frame.orientations[0]) {
             assert!((a - b).abs() < 1e-7);
         }
         for length in 0..bytes.len() {
-            assert_eq!(decode(&bytes[..length]), None, "torn at {length}");
+            let torn = decode(&bytes[..length]);
+            assert_eq!(torn, Err(FrameError::Unreadable), "torn at {length}");
         }
     }
 
@@ -421,8 +511,11 @@ mod tests {
         let spheres = String::from_utf8(spheres).unwrap();
         assert!(
             spheres.starts_with(
-                "step,strain,sphere,x,y,z,radius,orientation_w,orientation_x,orientation_y,orientation_z,\
-                 stresslet_xx,stresslet_yy,stresslet_xy,stresslet_xz,stresslet_yz\n25,0.5,0,1,2,7.5,1,0.8,0,0.6,0,1,-1,20.5,0.25,-0.5\n"
+                "step,strain,cell_side,cell_offset,cell_cross_offset,sphere,x,y,z,unwrapped_x,unwrapped_y,unwrapped_z,radius,\
+                 orientation_w,orientation_x,orientation_y,orientation_z,velocity_x,velocity_y,velocity_z,\
+                 angular_velocity_x,angular_velocity_y,angular_velocity_z,\
+                 stresslet_xx,stresslet_yy,stresslet_xy,stresslet_xz,stresslet_yz\n\
+                 25,0.5,8,-2,0,0,1,2,7.5,9,2,7.5,1,0.8,0,0.6,0,2.5,0.25,1,0.5,0,-0.25,1,-1,20.5,0.25,-0.5\n"
             ),
             "{spheres}"
         );
@@ -435,11 +528,12 @@ mod tests {
         write_csv(&sphere_table(&[(25, &frame), (50, &frame)]), &mut spheres).unwrap();
         assert_eq!(
             String::from_utf8(spheres).unwrap(),
-            "step,strain,sphere,x,y,radius,orientation,stresslet_xx,stresslet_yy,stresslet_xy\n\
-             25,0.5,0,1,2,1,0,1,-1,20.5\n\
-             25,0.5,1,3.5,2,1.5,-0.25,0,0.5,19\n\
-             50,0.5,0,1,2,1,0,1,-1,20.5\n\
-             50,0.5,1,3.5,2,1.5,-0.25,0,0.5,19\n"
+            "step,strain,cell_side,cell_offset,sphere,x,y,unwrapped_x,unwrapped_y,radius,orientation,velocity_x,velocity_y,\
+             angular_velocity,stresslet_xx,stresslet_yy,stresslet_xy\n\
+             25,0.5,8,-2,0,1,2,9,2,1,0,2.5,0.25,-0.5,1,-1,20.5\n\
+             25,0.5,8,-2,1,3.5,2,1.5,-6,1.5,-0.25,2,-0.25,-0.75,0,0.5,19\n\
+             50,0.5,8,-2,0,1,2,9,2,1,0,2.5,0.25,-0.5,1,-1,20.5\n\
+             50,0.5,8,-2,1,3.5,2,1.5,-6,1.5,-0.25,2,-0.25,-0.75,0,0.5,19\n"
         );
         let mut contacts = Vec::new();
         write_csv(&contact_table(&[(25, &frame)]), &mut contacts).unwrap();

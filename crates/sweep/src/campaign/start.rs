@@ -218,6 +218,9 @@ mod tests {
             offset: -2.0,
             radii: vec![1.0, 1.5],
             centres: vec![[1.0 + shift, 2.0], [3.5, 2.0]],
+            unwrapped: vec![[1.0 + shift, 2.0], [3.5, 2.0]],
+            velocities: vec![[2.0, 0.0], [2.0, 0.0]],
+            angular_velocities: vec![-0.5, -0.5],
             orientations: vec![0.0, -0.25],
             stresslets: vec![[1.0, -1.0, 20.5], [0.0, 0.5, 19.0]],
             ..Kept::default()

@@ -16,8 +16,8 @@ use std::path::PathBuf;
 ///
 /// `sweep run --trajectory` keeps the frames. Extended XYZ has one frame per sampled strain with
 /// the sheared cell, the run, species by size, numbers, radii, orientations (quaternions),
-/// stresslets, contact counts and velocities; contacts go to a table and to a file of bonds that
-/// OVITO loads.
+/// stresslets, contact counts, velocities, angular velocities and unwrapped positions; contacts go
+/// to a table and to a file of bonds that OVITO loads.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"

@@ -5,15 +5,10 @@ use super::Output;
 use crate::data::{self, DataColumn, write_parquet};
 use crate::error::Error;
 use crate::report::ReportError;
-use crate::system::files::write_whole;
-use std::io::{self, BufWriter, Read as _, Write};
+use crate::system::files::{reason_to_stay, write_whole};
+use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-
-/// First bytes of every SQLite file.
-const SQLITE: &[u8] = b"SQLite format 3\0";
-/// Endings of the files that SQLite keeps beside a store.
-const LOGS: [&str; 3] = ["-wal", "-shm", "-journal"];
 
 /// Checks the files of a command that reads `inputs`, each with the option that names it.
 ///
@@ -73,31 +68,6 @@ pub(crate) fn check_picture(argument: &'static str, path: Option<&PathBuf>) -> R
 fn is_same_file(a: &Path, b: &Path) -> bool {
     let identity = |path| std::fs::metadata(path).map(|file| (file.dev(), file.ino()));
     identity(a).is_ok_and(|a| identity(b).is_ok_and(|b| a == b))
-}
-
-/// Why an existing file must not be replaced by an output, if so.
-fn reason_to_stay(path: &Path) -> Option<String> {
-    let followed = std::fs::canonicalize(path);
-    let path = followed.as_deref().unwrap_or(path);
-    if is_sqlite(path) {
-        return Some("it is a store, or another SQLite file".into());
-    }
-    let name = path.to_string_lossy();
-    let mut stores = LOGS.iter().filter_map(|ending| name.strip_suffix(ending));
-    if let Some(store) = stores.find(|store| is_sqlite(Path::new(store))) {
-        return Some(format!("it belongs to the store {store}"));
-    }
-    let is_campaign = super::place::is_campaign_file(path) && path.is_file();
-    is_campaign.then(|| "it is a campaign file".into())
-}
-
-/// Whether a file is an SQLite file.
-fn is_sqlite(path: &Path) -> bool {
-    let mut start = [0; SQLITE.len()];
-    // A pipe would block.
-    path.is_file()
-        && std::fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
-        && start == SQLITE
 }
 
 /// Writes a file by a function, under a temporary name until it is complete.

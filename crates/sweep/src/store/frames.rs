@@ -225,9 +225,10 @@ impl Store {
         rows.into_iter()
             .step_by(stride.max(1))
             .map(|(step, data)| {
-                let why = format!("the frame of step {step} of case {key}");
-                let frame = trajectory::decode(&data)
-                    .ok_or_else(|| StoreError::unreadable(&self.path, &why))?;
+                let frame = trajectory::decode(&data).map_err(|error| {
+                    let why = format!("the frame of step {step} of case {key}: {error}");
+                    StoreError::unreadable(&self.path, &why)
+                })?;
                 Ok(StoredFrame { step, frame })
             })
             .collect()

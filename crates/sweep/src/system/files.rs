@@ -9,6 +9,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
+/// First bytes of every SQLite file.
+const SQLITE: &[u8] = b"SQLite format 3\0";
+/// Endings of the files that SQLite keeps beside a store.
+const LOGS: [&str; 3] = ["-wal", "-shm", "-journal"];
+
 /// First letters of the names of all temporary files.
 const TEMPORARY: &str = ".sweep-part-";
 /// Age at which a temporary file of another machine is taken for left behind.
@@ -178,6 +183,43 @@ fn machine(process: &Identity) -> String {
     let parts = [&process.host, &process.boot, &process.namespace];
     let all = parts.map(String::as_str).join("\n");
     blake3::hash(all.as_bytes()).to_hex()[..8].to_owned()
+}
+
+/// Why an existing file must not be replaced by an output, if so: it is a store, a file of one, or
+/// a campaign file.
+pub fn reason_to_stay(path: &Path) -> Option<String> {
+    let followed = std::fs::canonicalize(path);
+    let path = followed.as_deref().unwrap_or(path);
+    if is_sqlite(path) {
+        return Some("it is a store, or another SQLite file".into());
+    }
+    let name = path.to_string_lossy();
+    let mut stores = LOGS.iter().filter_map(|ending| name.strip_suffix(ending));
+    if let Some(store) = stores.find(|store| is_sqlite(Path::new(store))) {
+        return Some(format!("it belongs to the store {store}"));
+    }
+    let is_campaign = path.extension().is_some_and(|ending| ending == "toml") && path.is_file();
+    is_campaign.then(|| "it is a campaign file".into())
+}
+
+/// Whether a file is an SQLite file.
+fn is_sqlite(path: &Path) -> bool {
+    let mut start = [0; SQLITE.len()];
+    // A pipe would block.
+    path.is_file()
+        && std::fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
+        && start == SQLITE
+}
+
+/// Writes a whole file, under a temporary name until it is complete.
+///
+/// # Errors
+/// An I/O error, also for a file that must not be replaced: see [`reason_to_stay`].
+pub fn write_output(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    match reason_to_stay(path) {
+        Some(reason) => Err(io::Error::other(reason)),
+        None => write_whole(path, |file| file.write_all(bytes)),
+    }
 }
 
 #[cfg(test)]

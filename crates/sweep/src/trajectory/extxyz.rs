@@ -4,7 +4,6 @@ use super::{Kept, by_space};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
 use crate::model::spaces::AnyFrame;
-use crate::text::format::count;
 use sd_core::Params;
 use sd_core::simulation::Frame;
 use std::fmt::Write as _;
@@ -26,9 +25,9 @@ pub(crate) struct FrameSource {
 ///
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
 /// quaternions about z. Spheres of the smallest radius are of the species S, larger ones of the
-/// species L. A suspension fills a cell that is periodic along z too. Velocities are means over the
-/// strain to the next frame, for the last frame over that from the one before; a single frame has
-/// none.
+/// species L. A suspension fills a cell that is periodic along z too. Velocities (`velo`) and angular
+/// velocities include the background flow; `unwrapped` are positions followed from the start of the
+/// run over the edges of the cell.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
     filmed: &FrameSource,
@@ -45,25 +44,8 @@ fn write_frames<S: Kept>(
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let about = about(filmed);
-    for (place, (step, frame)) in frames.iter().enumerate() {
-        let pair = match (frames.get(place + 1), place.checked_sub(1)) {
-            (Some((_, next)), _) => Some([*frame, *next]),
-            (None, Some(before)) => Some([frames[before].1, *frame]),
-            (None, None) => None,
-        };
-        let velocities = pair.map(|[from, to]| {
-            let net = |frame: &Frame<S>| {
-                let params = &filmed.params;
-                params.net_strain(count(frame.strain / params.time_step) as u64)
-            };
-            let sheared = if filmed.params.segments.is_empty() {
-                to.strain - from.strain
-            } else {
-                net(to) - net(from)
-            };
-            move |sphere| velocity(from, to, sheared, sphere)
-        });
-        write_frame(frame, *step, velocities.as_ref(), &about, out)?;
+    for (step, frame) in frames {
+        write_frame(frame, *step, &about, out)?;
     }
     Ok(())
 }
@@ -86,7 +68,6 @@ fn about(filmed: &FrameSource) -> String {
 fn write_frame<S: Kept>(
     frame: &Frame<S>,
     step: u64,
-    velocity_of: Option<&impl Fn(usize) -> [f64; 3]>,
     about: &str,
     out: &mut dyn Write,
 ) -> io::Result<()> {
@@ -105,17 +86,12 @@ fn write_frame<S: Kept>(
     };
     let angle = if is_layer { ":angle:R:1" } else { "" };
     let smallest = frame.radii.iter().copied().fold(f64::INFINITY, f64::min);
-    let velocities = if velocity_of.is_some() {
-        ":velo:R:3"
-    } else {
-        ""
-    };
     writeln!(out, "{}", frame.centres.len())?;
     writeln!(
         out,
         "Lattice=\"{side} 0 0 {offset} {side} {cross_offset} 0 0 {height}\" Origin=\"0 0 {bottom}\" \
-         Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4{angle}:stresslet:R:{}:contacts:I:1{velocities} \
-         pbc=\"T T {}\" strain={} step={step}{about}",
+         Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4{angle}:stresslet:R:{}:contacts:I:1\
+         :velo:R:3:angular_velocity:R:3:unwrapped:R:3 pbc=\"T T {}\" strain={} step={step}{about}",
         S::STRAINS,
         if is_layer { "F" } else { "T" },
         frame.strain,
@@ -137,9 +113,12 @@ fn write_frame<S: Kept>(
         }
         write_all(frame.stresslets[number].as_ref(), out)?;
         write!(out, " {}", touching[number])?;
-        if let Some(velocity_of) = velocity_of {
-            write_all(&velocity_of(number), out)?;
+        write_all(&in_space(frame.velocities[number].as_ref()), out)?;
+        match S::spin(&frame.angular_velocities[number]) {
+            [about_z] => write_all(&[0.0, 0.0, *about_z], out)?,
+            spin => write_all(spin, out)?,
         }
+        write_all(&in_space(frame.unwrapped[number].as_ref()), out)?;
         writeln!(out)?;
     }
     Ok(())
@@ -155,30 +134,6 @@ fn write_all(numbers: &[f64], out: &mut dyn Write) -> io::Result<()> {
 /// A point of a layer is at z = 0.
 fn in_space(point: &[f64]) -> [f64; 3] {
     [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
-}
-
-/// The mean velocity of a sphere between two frames, in a·rate, while the cell was sheared by a
-/// strain.
-///
-/// A sphere that left the cell re-entered as one of its images; the images in the later frame
-/// determine its path, since they move with the flow.
-fn velocity<S: Kept>(from: &Frame<S>, to: &Frame<S>, sheared: f64, sphere: usize) -> [f64; 3] {
-    let time = to.strain - from.strain;
-    let [x, y, z] = in_space(from.centres[sphere].as_ref());
-    let [end_x, end_y, end_z] = in_space(to.centres[sphere].as_ref());
-    let side = to.side;
-    // The position after advection by the flow.
-    let carried = sheared * y;
-    let rows = ((end_y - y) / side).round();
-    let rise = end_y - y - rows * side;
-    let along = end_x - x - carried - rows * to.offset;
-    let along = along - (along / side).round() * side + carried;
-    // Cross strains are known up to whole cells.
-    let crossed = (to.cross_offset - from.cross_offset) / side;
-    let carried = (crossed - crossed.round()) * y;
-    let across = end_z - z - carried - rows * to.cross_offset;
-    let across = across - (across / side).round() * side + carried;
-    [along / time, rise / time, across / time]
 }
 
 #[cfg(test)]
@@ -214,53 +169,23 @@ mod tests {
         ] {
             assert!(lines[1].contains(part), "{part} is not in {}", lines[1]);
         }
-        assert_eq!(lines[2], "S 1 2 0 1 1 0 0 0 1 0 1 -1 20.5 1");
-        assert!(lines[3].starts_with("L 3.5 2 0 2 1.5 "), "{}", lines[3]);
-    }
-
-    /// A sphere that moves with the flow has its velocity, over the edges of the cell too.
-    #[test]
-    fn velocities_go_over_the_edges_of_the_cell() {
-        let (side, time) = (8.0, 0.5);
-        let at = |strain: f64, centres: Vec<[f64; 2]>| -> Frame {
-            Frame {
-                strain,
-                side,
-                offset: 0.25 + side * strain,
-                orientations: vec![0.0; centres.len()],
-                radii: vec![1.0; centres.len()],
-                stresslets: vec![[0.0; 3]; centres.len()],
-                centres,
-                ..Frame::default()
-            }
-        };
-        let from = at(0.0, vec![[7.0, 6.0], [3.0, 7.9], [1.0, 0.05]]);
-        let offset = 0.25 + side * time;
-        // The second goes up through the edge, the third down, both with a quarter beyond the flow.
-        let to = at(
-            time,
-            vec![
-                [7.0 + 6.0 * time - side, 6.0],
-                [3.0 + 7.9 * time + 0.25 * time - offset, 0.1],
-                [1.0 + 0.05 * time + offset, 7.85],
-            ],
+        assert!(
+            lines[1].contains(
+                ":contacts:I:1:velo:R:3:angular_velocity:R:3:unwrapped:R:3 pbc=\"T T F\""
+            ),
+            "{}",
+            lines[1]
         );
-        let wanted = [[6.0, 0.0], [8.15, 0.4], [0.05, -0.4]];
-        for (sphere, wanted) in wanted.into_iter().enumerate() {
-            let found = velocity(&from, &to, time, sphere);
-            for (a, b) in found.into_iter().zip(wanted) {
-                assert!((a - b).abs() < 1e-12, "{sphere}: {found:?}");
-            }
-        }
+        assert_eq!(
+            lines[2],
+            "S 1 2 0 1 1 0 0 0 1 0 1 -1 20.5 1 2.5 0.25 0 0 0 -0.5 9 2 0"
+        );
+        assert!(lines[3].starts_with("L 3.5 2 0 2 1.5 "), "{}", lines[3]);
     }
 
     #[test]
     fn suspensions_have_three_coordinates_and_quaternions_in_a_cell_periodic_along_z() {
-        let (first, second) = (
-            suspension(0.5, [1.0, 2.0, 7.9]),
-            suspension(1.0, [2.25, 2.5, 0.4]),
-        );
-        let lines = lines(&[(25, &first), (50, &second)]);
+        let lines = lines(&[(25, &suspension(0.5, [1.0, 2.0, 7.9]))]);
         assert!(
             lines[1].starts_with("Lattice=\"8 0 0 -2 8 0 0 0 8\" Origin=\"0 0 0\""),
             "{}",
@@ -272,10 +197,10 @@ mod tests {
             lines[1]
         );
         assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);
-        // Half a strain at y = 2 carries it by 1; OVITO's order of a quaternion is x y z w.
+        // OVITO's order of a quaternion is x y z w.
         let wanted = [
             1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5,
-            1.0, 1.0,
+            0.25, 1.0, 0.5, 0.0, -0.25, 9.0, 2.0, 7.9,
         ];
         let found: Vec<f64> = lines[2]
             .split(' ')

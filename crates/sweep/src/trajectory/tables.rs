@@ -65,12 +65,24 @@ impl<'f, S: Kept> FrameTable<'f, S> {
     }
 }
 
-/// The spheres of frames; orientations as angles, or as quaternions.
+/// The spheres of frames and their cell, whose lattice vectors are `(cell_side, 0)` and
+/// `(cell_offset, cell_side)`, in a suspension `(cell_offset, cell_side, cell_cross_offset)`;
+/// orientations as angles, or as quaternions.
 fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     let mut table = FrameTable::of(frames, |frame| frame.centres.len());
+    table.numbers(&["cell_side"], "a", |f, _| from_ref(&f.side));
+    table.numbers(&["cell_offset"], "a", |f, _| from_ref(&f.offset));
+    if S::DIMENSIONS > 2 {
+        table.numbers(&["cell_cross_offset"], "a", |f, _| {
+            from_ref(&f.cross_offset)
+        });
+    }
     table.add("sphere", "1", Kind::Count, |_, _, i| Value::Count(i as u64));
     let centre = ["x", "y", "z"];
     table.numbers(&centre[..S::DIMENSIONS], "a", |f, i| f.centres[i].as_ref());
+    let unwrapped = ["unwrapped_x", "unwrapped_y", "unwrapped_z"];
+    let unwrapped = &unwrapped[..S::DIMENSIONS];
+    table.numbers(unwrapped, "a", |f, i| f.unwrapped[i].as_ref());
     table.numbers(&["radius"], "a", |f, i| from_ref(&f.radii[i]));
     let (orientation, unit): (&[&str], &str) = match S::ORIENTATION {
         1 => (&["orientation"], "rad"),
@@ -85,6 +97,18 @@ fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
         ),
     };
     table.numbers(orientation, unit, |f, i| S::orientation(&f.orientations[i]));
+    let velocity = ["velocity_x", "velocity_y", "velocity_z"];
+    let velocity = &velocity[..S::DIMENSIONS];
+    table.numbers(velocity, "a rate", |f, i| f.velocities[i].as_ref());
+    let spin: &[&str] = match S::SPIN {
+        1 => &["angular_velocity"],
+        _ => &[
+            "angular_velocity_x",
+            "angular_velocity_y",
+            "angular_velocity_z",
+        ],
+    };
+    table.numbers(spin, "rate", |f, i| S::spin(&f.angular_velocities[i]));
     let stresslet = [
         "stresslet_xx",
         "stresslet_yy",

@@ -120,8 +120,9 @@ fn interrupted_suspensions_end_with_the_bits_of_undisturbed_ones() {
         .skip(1)
         .map(|cell| cell.parse().unwrap())
         .collect();
-    // Place, number, radius, quaternion, stresslet, contacts, velocity.
-    assert_eq!(last.len(), 3 + 1 + 1 + 4 + 5 + 1 + 3);
+    // Position, number, radius, quaternion, stresslet, contacts, velocity, angular velocity,
+    // unwrapped position.
+    assert_eq!(last.len(), 3 + 1 + 1 + 4 + 5 + 1 + 3 + 3 + 3);
     let quaternion: f64 = last[5..9].iter().map(|x| x * x).sum();
     assert!((quaternion - 1.0).abs() < 1e-6, "{quaternion}");
 }

@@ -24,12 +24,11 @@ pub struct Frame<S: Space = Layer> {
     pub radii: Vec<f64>,
     /// Centres, in a.
     pub centres: Vec<S::Point>,
-    /// Centres followed from the start of the run, in a: see [`Simulation::unwrapped`]. Empty in a
-    /// stored frame.
+    /// Centres followed from the start of the run, in a: see [`Simulation::unwrapped`].
     pub unwrapped: Vec<S::Point>,
-    /// Velocities U at the centres, in a·rate, background included. Empty in a stored frame.
+    /// Velocities U at the centres, in a·rate, background included.
     pub velocities: Vec<S::Point>,
-    /// Angular velocities Ω, in rate, background included. Empty in a stored frame.
+    /// Angular velocities Ω, in rate, background included.
     pub angular_velocities: Vec<S::Spin>,
     /// Orientations: in radians, or unit quaternions.
     pub orientations: Vec<S::Orientation>,
