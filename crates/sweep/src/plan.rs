@@ -328,7 +328,7 @@ fn kinds<'p>(open: impl Iterator<Item = &'p PlannedPoint<'p>>, costs: &Costs) ->
 
 /// Bytes of a stored frame with one contact for every sphere.
 fn frame_bytes(params: &Params) -> f64 {
-    let of_space = params.volume_fraction.map_or(48.0, |_| 84.0);
+    let of_space = params.volume_fraction.map_or(76.0, |_| 132.0);
     let radius = f64::from(u8::from(params.is_mixed()) * 4);
     params.spheres as f64 * (of_space + radius)
 }

@@ -305,9 +305,9 @@ fn read(
 fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
     match result {
         Ok(text) => (OK, kind, text),
-        Err(ServeError::Report(ReportError::Store(error @ StoreError::NoFrames { .. }))) => {
-            (NOT_FOUND, TEXT, format!("{error}\n"))
-        }
+        Err(ServeError::Report(ReportError::Store(
+            error @ (StoreError::NoFrames { .. } | StoreError::EarlierFrames { .. }),
+        ))) => (NOT_FOUND, TEXT, format!("{error}\n")),
         // The reason may name files of this machine, so it is not sent to the client.
         Err(_) => {
             let text = "the store cannot be read; `sweep check STORE` shows why\n";

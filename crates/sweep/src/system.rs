@@ -3,7 +3,7 @@
 pub(crate) mod clock;
 pub mod disk;
 pub mod exit;
-pub(crate) mod files;
+pub mod files;
 pub(crate) mod process;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

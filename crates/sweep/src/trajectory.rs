@@ -23,15 +23,11 @@ const LAYER: u8 = 5;
 const SUSPENSION: u8 = 6;
 
 /// Why bytes are not a usable frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameError {
-    /// A format without velocities, of an earlier version.
-    #[error(
-        "it was written by an earlier version of this program, without velocities; compute the run again in a new store"
-    )]
+    /// A format of an earlier version, without velocities.
     Earlier,
     /// Torn, or something else.
-    #[error("its content is torn, or it is not a frame")]
     Unreadable,
 }
 

@@ -147,6 +147,13 @@ pub enum StoreError {
         "`sweep run CAMPAIGN.toml --trajectory` computes runs without frames again, with the same digits"
     ))]
     NoFrames { key: String },
+    /// A case whose frames an earlier version of this program wrote, without velocities.
+    #[error("the frames of case {key} have no velocities: an earlier version of this program wrote them")]
+    #[diagnostic(help(
+        "its numbers are valid; for its frames compute it in a new store: \
+         `sweep run CAMPAIGN.toml --trajectory --store NEW.sqlite`"
+    ))]
+    EarlierFrames { key: String },
     /// An I/O or `SQLite` error.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]

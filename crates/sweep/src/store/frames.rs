@@ -7,7 +7,7 @@ use super::database::Statements;
 use super::digest::{DigestMismatch, Sealed, whole};
 use super::{Store, StoreError};
 use crate::model::spaces::AnyFrame;
-use crate::trajectory;
+use crate::trajectory::{self, FrameError};
 use rusqlite::{Connection, Row, params};
 use std::ops::Range;
 
@@ -33,7 +33,7 @@ const EXPECTED: &str = "((c.frames_until + c.sample_stride - 1) / c.sample_strid
      - (c.frames_from + c.sample_stride - 1) / c.sample_stride)";
 
 /// Stores a frame of a case, by its number and its key, replacing any other of its step.
-fn put(
+pub(super) fn put(
     connection: &Connection,
     (case, key): (i64, &str),
     step: u64,
@@ -225,9 +225,12 @@ impl Store {
         rows.into_iter()
             .step_by(stride.max(1))
             .map(|(step, data)| {
-                let frame = trajectory::decode(&data).map_err(|error| {
-                    let why = format!("the frame of step {step} of case {key}: {error}");
-                    StoreError::unreadable(&self.path, &why)
+                let frame = trajectory::decode(&data).map_err(|error| match error {
+                    FrameError::Earlier => StoreError::EarlierFrames { key: key.into() },
+                    FrameError::Unreadable => {
+                        let what = format!("the frame of step {step} of case {key}");
+                        StoreError::unreadable(&self.path, &what)
+                    }
                 })?;
                 Ok(StoredFrame { step, frame })
             })

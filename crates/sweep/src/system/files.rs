@@ -3,7 +3,7 @@
 use super::process::Identity;
 use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
-use std::io::{self, Read as _};
+use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -225,7 +225,6 @@ pub fn write_output(path: &Path, bytes: &[u8]) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write as _;
 
     #[test]
     fn temporary_files_of_dead_processes_are_deleted_and_those_of_others_stay() {

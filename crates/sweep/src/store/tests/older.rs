@@ -70,6 +70,29 @@ fn an_older_store_is_read_with_empty_numbers_and_not_changed() {
 }
 
 #[test]
+fn frames_of_an_earlier_version_are_refused_by_what_they_lack() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let claim = store.next().unwrap();
+    let run = finished_as(&claim, State::Done).filmed();
+    store.end(&claim, &run).unwrap();
+    let case = "SELECT id FROM cases WHERE key = ?1";
+    let case = store.connection.query_row(case, [&claim.key], |row| row.get(0));
+    let mut data = crate::trajectory::encode(&frame()).unwrap();
+    data[0] = 2;
+    let at = (case.unwrap(), claim.key.as_str());
+    super::super::frames::put(&store.connection, at, 40, 0.2, data).unwrap();
+    let refused = store.frames(&claim.key, 1).unwrap_err();
+    assert!(matches!(&refused, StoreError::EarlierFrames { key } if *key == claim.key));
+    // The frame is whole, and so is the run.
+    let path = store.path().to_owned();
+    drop(store);
+    assert!(check(&path).unwrap().findings.is_empty());
+    assert_eq!(results(&Store::open_read_only(&path).unwrap()), 1);
+}
+
+#[test]
 fn an_older_store_is_continued() {
     let directory = tempfile::tempdir().unwrap();
     let path = older(directory.path());
