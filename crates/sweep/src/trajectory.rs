@@ -273,7 +273,7 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
         unwrapped: frame
             .unwrapped
             .iter()
-            .flat_map(|x| x.as_ref())
+            .flat_map(AsRef::as_ref)
             .copied()
             .collect(),
         contacts: contacts
