@@ -1,36 +1,31 @@
 //! The campaign file: read, validated with spans in its errors, and laid out as cases.
 
-mod elsewhere;
-mod ends_of_runs;
+mod axis_values;
 mod error;
 mod grid;
 mod protocol;
 mod reader;
 mod seeds;
 mod segments;
-mod shared;
-mod sizes;
 mod start;
-mod start_names;
 
-pub use elsewhere::text_elsewhere;
 pub use error::{CampaignError, Fault};
 pub(crate) use reader::nearest;
 
-use crate::model::axes::identity;
+use crate::model::axes::{Identity, identity};
 use crate::model::campaign::{self, CASE_LIMIT, Campaign, PointRule};
 use crate::model::case::{Case, CaseKey};
+use crate::model::precision::Precision;
 use crate::model::protocol::Protocol;
 use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
 use protocol::Written;
-use reader::{Table, wrong_type};
+use reader::{Faults, Reader, wrong_type};
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Largest campaign file, in bytes.
@@ -66,94 +61,225 @@ pub fn read(path: &Path) -> Result<Campaign, CampaignError> {
 /// # Errors
 /// All its faults, the first in front.
 pub fn parse(file: &str, text: String) -> Result<Campaign, CampaignError> {
-    let mut problems = Vec::new();
-    let folder = Path::new(file).parent().unwrap_or(Path::new(""));
-    let (name, protocol, laid_out) = parts(&text, folder, &mut problems);
-    let LaidOut {
-        cases,
-        rules,
-        folded,
-        shared,
-    } = laid_out;
-    match error::in_file(problems, file, &text) {
+    let faults = Faults::default();
+    let campaign = read_text(file, &text, &faults);
+    match error::in_file(faults.all(), file, &text) {
         Some(fault) => Err(fault.into()),
-        None => Ok(Campaign {
-            name,
-            file: PathBuf::from(file),
-            written: campaign::Written {
-                shared,
-                starts: start_names::names(&text, cases.iter().map(|(_, case)| &case.params)),
-            },
-            text,
-            protocol,
-            cases,
-            rules,
-            folded,
-        }),
+        None => Ok(Campaign { text, ..campaign }),
     }
 }
 
-/// The cases of a file and their definitions.
-#[derive(Default)]
-struct LaidOut {
-    cases: Vec<(CaseKey, Case)>,
-    rules: Vec<PointRule>,
-    /// Runs that several points share.
-    folded: usize,
-    shared: Vec<(u64, Params)>,
-}
-
 /// Reads the parts of a campaign and records their faults.
-fn parts(text: &str, folder: &Path, problems: &mut Vec<Problem>) -> (String, Protocol, LaidOut) {
-    let nothing = || (String::new(), Protocol::default(), LaidOut::default());
+fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
+    let mut campaign = Campaign {
+        name: String::new(),
+        file: PathBuf::from(file),
+        text: String::new(),
+        protocol: Protocol::default(),
+        cases: Vec::new(),
+        rules: Vec::new(),
+        folded: 0,
+        written: campaign::Written::default(),
+        start_files: Vec::new(),
+    };
     let document = match DeTable::parse(text) {
         Ok(document) => document,
         Err(error) => {
             let at = error.span().unwrap_or(0..0);
-            problems.push(
-                Problem::at(&at, error.message(), instead_of(text, &at, error.message()))
-                    .labelled("not TOML"),
-            );
-            return nothing();
+            let allowed = instead_of(text, &at, error.message());
+            let problem = Problem::at(&at, error.message(), allowed);
+            faults.push(problem.labelled("not TOML"));
+            return campaign;
         }
     };
     let first_line = 0..text.find('\n').unwrap_or(text.len());
-    let top = Table::new(
-        document.get_ref(),
-        first_line.clone(),
-        "the campaign",
-        &["name", "protocol", "grid"],
-        problems,
+    let known = ["name", "protocol", "grid"];
+    let document = document.get_ref();
+    let top = Reader::new(document, first_line, "the campaign", &known, faults);
+    campaign.name = read_name(&top).unwrap_or_default();
+    let (name, keys) = (protocol::NAME, protocol::KEYS);
+    let protocol = top.table("protocol", name, &keys, name);
+    let protocol = Written::read(
+        protocol.unwrap_or_else(|| Reader::empty(top.place("protocol"), name, &keys, faults)),
     );
-    let name = if let Some(written) = top.get("name") {
-        read_name(written).unwrap_or_else(|problem| {
-            problems.push(problem);
-            String::new()
-        })
-    } else {
-        problems.extend(top.missing("name", "\"my-campaign\""));
-        String::new()
-    };
-    let protocol = protocol_of(&top, first_line, problems);
-    let grids = grids(&top, problems);
-    let laid_out = lay_out(&grids, &protocol, folder, problems);
-    (name, protocol.protocol, laid_out)
+    campaign.protocol = protocol.protocol.clone();
+    top.need("grid", "[{ … }]` or a table `[[grid]]");
+    let folder = Path::new(file).parent().unwrap_or(Path::new(""));
+    let tables = top.tables("grid", "[[grid]]");
+    if let Some(grids) = grids(tables, &protocol, folder, faults) {
+        let starts = || grids.iter().filter_map(|grid| grid.start.as_ref());
+        campaign.start_files = starts().map(|start| start.file.clone()).collect();
+        campaign.written.starts = start::names(starts());
+        lay_out(&grids, &protocol, &mut campaign, faults);
+    }
+    campaign
 }
 
-/// The protocol; the default where there is none, placed at the first line.
-fn protocol_of(top: &Table<'_>, first_line: Range<usize>, problems: &mut Vec<Problem>) -> Written {
-    match top
-        .get("protocol")
-        .map(|written| (written, written.get_ref()))
-    {
-        None => Written::default_at(first_line),
-        Some((written, DeValue::Table(entries))) => {
-            Written::read(entries, written.span(), problems)
+/// The grids that could be read as a whole; `None` if there are too many faults or cases.
+fn grids<'t>(
+    tables: Vec<(Range<usize>, &'t DeTable<'t>)>,
+    protocol: &Written<'t>,
+    folder: &Path,
+    faults: &'t Faults,
+) -> Option<Vec<Grid<'t>>> {
+    let mut total = 0_u64;
+    let mut grids = Vec::with_capacity(tables.len());
+    for table in tables {
+        // Many faults are one mistake, and only the first are shown.
+        if faults.count() > 2 * error::MAX_SHOWN {
+            return None;
         }
-        Some((written, _)) => {
-            problems.push(wrong_type(written, "protocol", "write a table: [protocol]"));
-            Written::default_at(written.span())
+        let grid = Grid::read(table, protocol, folder, faults);
+        total = total.saturating_add(grid.len());
+        // Checked before the next grid is read: a short count of seeds in the file can take much
+        // memory.
+        if total > CASE_LIMIT {
+            let problem = format!("the campaign has at least {total} cases");
+            let allowed =
+                format!("at most {CASE_LIMIT} cases; use fewer values or several campaigns");
+            let problem = Problem::at(grid.span(), problem, allowed);
+            faults.push(problem.labelled("with this grid"));
+            return None;
         }
+        if grid.is_whole {
+            grids.push(grid);
+        } else {
+            grid.note_missing();
+        }
+    }
+    Some(grids)
+}
+
+/// Lays out the cases of all grids, each once.
+fn lay_out(grids: &[Grid<'_>], protocol: &Written<'_>, campaign: &mut Campaign, faults: &Faults) {
+    let mut laid_out = LaidOut {
+        campaign,
+        grid_of: HashMap::new(),
+        ruled: HashSet::new(),
+        is_plain: Vec::new(),
+        again: Vec::new(),
+        sharing: HashSet::new(),
+    };
+    for (number, grid) in grids.iter().enumerate() {
+        let mut twice = Vec::new();
+        grid.lay_out(protocol, |case, given| {
+            let label = case.label();
+            if let Some(other) = laid_out.add(case, given, number, grid.seeds.rule()) {
+                let message = format!("the case {label} is in two grids");
+                let allowed =
+                    "each case may occur once: remove the shared values from one of the grids";
+                let problem = Problem::at(grid.span(), message, allowed)
+                    .labelled("again in this grid")
+                    .also(grids[other].span(), "first in this grid");
+                grid::note(problem, grid.span(), &mut twice);
+            }
+        });
+        for problem in twice {
+            faults.push(problem);
+        }
+    }
+    laid_out.note_shared();
+}
+
+/// The cases so far.
+///
+/// Points that share their runs are one case, by [`Params::settle`]: friction has no effect at
+/// Γ = 0, nor has the shear rate without friction. A file may name several of them, and a user who
+/// requested three shear rates expects three points, so they are kept as they are written.
+struct LaidOut<'c> {
+    campaign: &'c mut Campaign,
+    /// Of each case, the last grid that has it, and whether its parameters there were others.
+    grid_of: HashMap<CaseKey, (usize, bool)>,
+    /// Points with a requested precision.
+    ruled: HashSet<Identity>,
+    /// Of each case, whether its parameters are those of the file.
+    is_plain: Vec<bool>,
+    /// Points as written whose case has other parameters, or is there already for such a point;
+    /// each with the number of cases before it.
+    again: Vec<(u64, Params)>,
+    /// The points of those cases.
+    sharing: HashSet<Identity>,
+}
+
+impl LaidOut<'_> {
+    /// Adds a case with the parameters that were given, if they are others. Returns the grid that
+    /// has it too, where this is not allowed.
+    fn add(
+        &mut self,
+        case: Case,
+        given: Option<&Params>,
+        number: usize,
+        rule: Option<Precision>,
+    ) -> Option<usize> {
+        let (place, key) = (self.campaign.cases.len(), case.key());
+        let last = self.again.last().map(|(_, last)| last);
+        if let Some(given) = given.filter(|given| last != Some(*given)) {
+            self.sharing.insert(identity(&without_start(&case.params)));
+            self.again.push((place as u64, given.clone()));
+        }
+        let is_folded = given.is_some();
+        let Some((other, was_folded)) = self.grid_of.insert(key, (number, is_folded)) else {
+            if let Some(precision) = rule {
+                let cases = &self.campaign.cases;
+                match self.campaign.rules.last_mut() {
+                    Some(rule)
+                        if rule.cases.end == place
+                            && cases[rule.cases.start].1.params == case.params =>
+                    {
+                        rule.cases.end += 1;
+                    }
+                    // Its seeds are those of the first grid.
+                    _ if !self.ruled.insert(identity(&case.params)) => return None,
+                    _ => self.campaign.rules.push(PointRule {
+                        precision,
+                        cases: place..place + 1,
+                    }),
+                }
+            }
+            self.is_plain.push(!is_folded);
+            self.campaign.cases.push((key, case));
+            return None;
+        };
+        if was_folded && !is_folded {
+            self.again.push((place as u64, without_start(&case.params)));
+        }
+        // Values without effect under one of the choices of a grid repeat the same case, as do
+        // points that share their runs.
+        if other == number {
+            self.campaign.folded += usize::from(is_folded);
+        } else if is_folded || was_folded {
+            self.campaign.folded += 1;
+        } else {
+            return Some(other);
+        }
+        None
+    }
+
+    /// Keeps the points that share their runs as the file has them, each with the position of the
+    /// case that follows it.
+    fn note_shared(self) {
+        if self.sharing.is_empty() {
+            return;
+        }
+        let mut all = self.again;
+        for (place, (_, case)) in self.campaign.cases.iter().enumerate() {
+            let point = without_start(&case.params);
+            if self.is_plain[place] && self.sharing.contains(&identity(&point)) {
+                all.push((place as u64, point));
+            }
+        }
+        all.sort_by_key(|(follows, _)| *follows);
+        let mut seen = HashSet::new();
+        all.retain(|(_, point)| seen.insert(identity(point)));
+        self.campaign.written.shared = all;
+    }
+}
+
+/// The parameters before start layers are read.
+fn without_start(params: &Params) -> Params {
+    Params {
+        start: None,
+        ..params.clone()
     }
 }
 
@@ -178,145 +304,23 @@ fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
     }
 }
 
-/// The tables of the grids, each with its place.
-fn grids<'t>(top: &Table<'t>, problems: &mut Vec<Problem>) -> Vec<(Range<usize>, &'t DeTable<'t>)> {
-    let Some(written) = top.get("grid") else {
-        problems.extend(top.missing("grid", "[{ … }]` or a table `[[grid]]"));
-        return Vec::new();
-    };
-    let list = match written.get_ref() {
-        DeValue::Array(list) => list.iter().collect(),
-        _ => vec![written],
-    };
-    if list.is_empty() {
-        problems.push(Problem::at(
-            &written.span(),
-            "`grid` is empty",
-            "give at least one table [[grid]]",
-        ));
-    }
-    let mut grids = Vec::with_capacity(list.len());
-    for grid in list {
-        match grid.get_ref() {
-            DeValue::Table(entries) => grids.push((grid.span(), entries)),
-            _ => problems.push(wrong_type(grid, "grid", "write tables: [[grid]]")),
-        }
-    }
-    grids
-}
-
-/// All cases of all grids, each once.
-fn lay_out(
-    tables: &[(Range<usize>, &DeTable<'_>)],
-    protocol: &Written,
-    folder: &Path,
-    problems: &mut Vec<Problem>,
-) -> LaidOut {
-    let mut total = 0_u64;
-    let mut grids = Vec::with_capacity(tables.len());
-    for (span, entries) in tables {
-        // Many faults are one mistake, and only the first are shown.
-        if problems.len() > 2 * error::MAX_SHOWN {
-            return LaidOut::default();
-        }
-        let grid = Grid::read(entries, span.clone(), protocol, Some(folder), problems);
-        total = total.saturating_add(grid.len());
-        // Checked before the next grid is read: a short count of seeds in the file can take much
-        // memory.
-        if total > CASE_LIMIT {
-            problems.push(
-                Problem::at(
-                    &grid.span,
-                    format!("the campaign has at least {total} cases"),
-                    format!("at most {CASE_LIMIT} cases; use fewer values or several campaigns"),
-                )
-                .labelled("with this grid"),
-            );
-            return LaidOut::default();
-        }
-        if grid.is_whole {
-            grids.push(grid);
-        } else {
-            grid.note_missing(entries, problems);
-        }
-    }
-    let LaidOut {
-        mut cases,
-        mut rules,
-        mut folded,
-        ..
-    } = LaidOut::default();
-    let mut ruled = HashSet::new();
-    let mut grid_of = HashMap::new();
-    for (number, grid) in grids.iter().enumerate() {
-        grid.lay_out(protocol, problems, |case, is_folded, problems| {
-            let key = case.key();
-            match grid_of.insert(key, (number, is_folded)) {
-                None => {
-                    if let Some(precision) = grid.seeds.rule() {
-                        let place = cases.len();
-                        match rules.last_mut() {
-                            Some(rule)
-                                if rule.cases.end == place
-                                    && cases[rule.cases.start].1.params == case.params =>
-                            {
-                                rule.cases.end += 1;
-                            }
-                            // Its seeds are those of the first grid.
-                            _ if !ruled.insert(identity(&case.params)) => return,
-                            _ => rules.push(PointRule {
-                                precision,
-                                cases: place..place + 1,
-                            }),
-                        }
-                    }
-                    cases.push((key, case));
-                }
-                // Values without effect under one of the choices of the grid repeat the same case.
-                Some((other, _)) if other == number => folded += usize::from(is_folded),
-                // The same holds where friction or shear rate have no effect.
-                Some((_, was_folded)) if is_folded || was_folded => folded += 1,
-                Some((other, _)) => {
-                    let message = format!("the case {} is in two grids", case.label());
-                    let allowed =
-                        "each case may occur once: remove the shared values from one of the grids";
-                    let again = Problem::at(&grid.span, message, allowed)
-                        .labelled("again in this grid")
-                        .also(&grids[other].span, "first in this grid");
-                    grid.note(again, problems);
-                }
-            }
-        });
-    }
-    LaidOut {
-        shared: shared::shared(&grids, protocol, &cases),
-        cases,
-        rules,
-        folded,
-    }
-}
-
 /// The name is also that of the store's file, so its characters are restricted.
-fn read_name(written: &Spanned<DeValue<'_>>) -> Result<String, Problem> {
+fn read_name(top: &Reader<'_>) -> Option<String> {
     let allowed = "`name` is 1 to 64 of a-z, 0-9 and -, and does not begin with -";
+    let written = top.need("name", "\"my-campaign\"")?;
     let DeValue::String(name) = written.get_ref() else {
-        return Err(wrong_type(written, "name", allowed));
+        top.faults.push(wrong_type(written, "name", allowed));
+        return None;
     };
-    let fits = (1..=64).contains(&name.len())
-        && !name.starts_with('-')
-        && name
-            .bytes()
-            .all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
-    if fits {
-        Ok(name.to_string())
-    } else {
-        let name: String = name.chars().take(70).collect();
-        Err(Problem::at(
-            &written.span(),
-            format!("`name` cannot be {name:?}"),
-            allowed,
-        ))
+    let is_allowed = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+    if (1..=64).contains(&name.len()) && !name.starts_with('-') && name.bytes().all(is_allowed) {
+        return Some(name.to_string());
     }
+    let name: String = name.chars().take(70).collect();
+    let problem = format!("`name` cannot be {name:?}");
+    top.faults
+        .push(Problem::at(&written.span(), problem, allowed));
+    None
 }
 
 #[cfg(test)]

@@ -1,17 +1,43 @@
-//! Values of a TOML document with their places.
+//! Tables and values of a TOML document with their places.
 //!
 //! A fault does not end the reading: it is recorded and the next value is read, so that all faults
 //! are shown at once.
 
 use super::error::Problem;
-use super::sizes;
 use crate::data::Value;
 use crate::model::axes::Axis;
-use sd_core::model::{Form, Range};
+use sd_core::model::Range;
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// A value of the document.
+pub(super) type Entry<'t> = &'t Spanned<DeValue<'t>>;
+
+/// The faults found so far.
+#[derive(Debug, Default)]
+pub(super) struct Faults(RefCell<Vec<Problem>>);
+
+impl Faults {
+    pub(super) fn push(&self, problem: Problem) {
+        self.0.borrow_mut().push(problem);
+    }
+
+    /// The value that was read; a fault is recorded.
+    pub(super) fn ok<T>(&self, read: Result<T, Problem>) -> Option<T> {
+        read.map_err(|problem| self.push(problem)).ok()
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.0.borrow().len()
+    }
+
+    pub(super) fn all(self) -> Vec<Problem> {
+        self.0.into_inner()
+    }
+}
 
 /// A value and its place in the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,63 +54,166 @@ pub(super) struct Values {
     pub(super) span: ops::Range<usize>,
 }
 
-/// A table of the document.
-pub(super) struct Table<'t> {
-    entries: &'t DeTable<'t>,
+/// Reads a table of the document. Missing and invalid values are recorded as faults.
+#[derive(Debug, Clone)]
+pub(super) struct Reader<'t> {
+    /// `None` for a table that is not in the document.
+    entries: Option<&'t DeTable<'t>>,
     /// Its place: the header.
     pub(super) span: ops::Range<usize>,
     /// Its name, for errors.
     name: &'static str,
     known: Vec<&'static str>,
-    /// Whether all its keys are known.
-    pub(super) is_known: bool,
+    pub(super) faults: &'t Faults,
+    /// Number of faults before this table was read.
+    before: usize,
 }
 
-impl<'t> Table<'t> {
-    /// A table; its unknown keys are recorded as faults.
+impl<'t> Reader<'t> {
+    /// A reader of a table; its unknown keys are recorded as faults.
     pub(super) fn new(
         entries: &'t DeTable<'t>,
         span: ops::Range<usize>,
         name: &'static str,
         known: &[&'static str],
-        problems: &mut Vec<Problem>,
+        faults: &'t Faults,
     ) -> Self {
-        let before = problems.len();
+        let before = faults.count();
         for key in entries.keys() {
             let written = key.get_ref().as_ref();
             if !known.contains(&written) {
-                problems.push(unknown_key(written, &key.span(), name, known));
+                faults.push(unknown_key(written, &key.span(), name, known));
             }
         }
         Self {
-            entries,
-            span,
-            name,
-            known: known.to_vec(),
-            is_known: problems.len() == before,
+            entries: Some(entries),
+            before,
+            ..Self::empty(span, name, known, faults)
         }
     }
 
-    /// The value of a key, if present.
-    pub(super) fn get(&self, key: &str) -> Option<&'t Spanned<DeValue<'t>>> {
-        self.entries.get(key)
+    /// A reader of a table that is not in the document; its faults are shown at `span`.
+    pub(super) fn empty(
+        span: ops::Range<usize>,
+        name: &'static str,
+        known: &[&'static str],
+        faults: &'t Faults,
+    ) -> Self {
+        Self {
+            entries: None,
+            span,
+            name,
+            known: known.to_vec(),
+            faults,
+            before: faults.count(),
+        }
     }
 
-    /// The fault of a missing key; none where an unknown key looks like a misspelling of it.
-    pub(super) fn missing(&self, key: &str, example: &str) -> Option<Problem> {
+    /// Whether no fault was found since it began.
+    pub(super) fn is_whole(&self) -> bool {
+        self.faults.count() == self.before
+    }
+
+    /// The value of a key, if present.
+    pub(super) fn get(&self, key: &str) -> Option<Entry<'t>> {
+        self.entries?.get(key)
+    }
+
+    /// The value of a key that must be present.
+    pub(super) fn need(&self, key: &str, example: &str) -> Option<Entry<'t>> {
+        let found = self.get(key);
+        if found.is_none() {
+            self.note_missing(key, &format!("add for example `{key} = {example}`"));
+        }
+        found
+    }
+
+    /// Place of a value, or of the table.
+    pub(super) fn place(&self, key: &str) -> ops::Range<usize> {
+        self.get(key)
+            .map_or_else(|| self.span.clone(), Spanned::span)
+    }
+
+    /// A number, if present; `note` explains its range.
+    pub(super) fn number(&self, key: &str, range: &Range, note: &str) -> Option<f64> {
+        let read = number(self.get(key)?, key, range, &format!("{range}{note}"));
+        self.faults.ok(read)
+    }
+
+    /// A whole number, if present; `note` explains its range.
+    pub(super) fn whole(&self, key: &str, range: &Range, note: &str) -> Option<u64> {
+        let read = whole(self.get(key)?, key, range, &format!("{range}{note}"));
+        self.faults.ok(read)
+    }
+
+    /// One of several words, if present.
+    pub(super) fn word(&self, key: &str, words: &[&'static str]) -> Option<&'static str> {
+        self.faults.ok(word(self.get(key)?, key, words))
+    }
+
+    /// A table, if present.
+    pub(super) fn table(
+        &self,
+        key: &'static str,
+        name: &'static str,
+        known: &[&'static str],
+        example: &str,
+    ) -> Option<Self> {
+        let written = self.get(key)?;
+        let DeValue::Table(entries) = written.get_ref() else {
+            let allowed = format!("write a table: {example}");
+            self.faults.push(wrong_type(written, key, allowed));
+            return None;
+        };
+        Some(Self::new(entries, written.span(), name, known, self.faults))
+    }
+
+    /// Tables of one key, each with its place.
+    pub(super) fn tables(
+        &self,
+        key: &str,
+        name: &str,
+    ) -> Vec<(ops::Range<usize>, &'t DeTable<'t>)> {
+        let Some(written) = self.get(key) else {
+            return Vec::new();
+        };
+        let list = listed(written);
+        if list.is_empty() {
+            let allowed = format!("give at least one table {name}");
+            let empty = Problem::at(&written.span(), format!("`{key}` is empty"), allowed);
+            self.faults.push(empty);
+        }
+        let table = |one: Entry<'t>| match one.get_ref() {
+            DeValue::Table(entries) => Some((one.span(), entries)),
+            _ => {
+                let allowed = format!("write tables: {name}");
+                self.faults.push(wrong_type(one, key, allowed));
+                None
+            }
+        };
+        list.into_iter().filter_map(table).collect()
+    }
+
+    /// Records the fault of a missing key, unless an unknown key looks like a misspelling of it.
+    pub(super) fn note_missing(&self, key: &str, allowed: &str) {
+        if !self.is_misspelt(key) {
+            self.faults.push(self.missing(key, allowed));
+        }
+    }
+
+    /// The fault of a missing key.
+    pub(super) fn missing(&self, key: &str, allowed: &str) -> Problem {
+        Problem::at(&self.span, format!("{} has no `{key}`", self.name), allowed)
+            .labelled(format!("needs `{key}`"))
+            .of_key(key)
+    }
+
+    fn is_misspelt(&self, key: &str) -> bool {
         let known = || self.known.iter().copied();
-        let unknown = self.entries.keys().map(|key| key.get_ref().as_ref());
-        let meant = unknown
+        let keys = self.entries.into_iter().flat_map(|entries| entries.keys());
+        keys.map(|key| key.get_ref().as_ref())
             .filter(|written| !known().any(|known| known == *written))
-            .any(|written| nearest(written, known()) == Some(key));
-        let problem = Problem::at(
-            &self.span,
-            format!("{} has no `{key}`", self.name),
-            format!("add for example `{key} = {example}`"),
-        )
-        .labelled(format!("needs `{key}`"))
-        .of_key(key);
-        (!meant).then_some(problem)
+            .any(|written| nearest(written, known()) == Some(key))
     }
 }
 
@@ -129,79 +258,53 @@ pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
         .map(|(_, name)| name)
 }
 
-/// All valid values of a key; invalid ones are recorded. `None` if none is valid.
-pub(super) fn values(
-    written: &Spanned<DeValue<'_>>,
-    key: &str,
-    problems: &mut Vec<Problem>,
-    read: impl Fn(&Spanned<DeValue<'_>>) -> Result<Value, Problem>,
-) -> Option<Values> {
-    let span = written.span();
-    let single = std::slice::from_ref(written);
-    let list: Vec<&Spanned<DeValue<'_>>> = match written.get_ref() {
-        list @ DeValue::Array(_) if sizes::is_list_of_species(list) => single.iter().collect(),
+/// The values of a list, or a single value.
+pub(super) fn listed<'t>(written: Entry<'t>) -> Vec<Entry<'t>> {
+    match written.get_ref() {
         DeValue::Array(list) => list.iter().collect(),
-        _ => single.iter().collect(),
-    };
+        _ => vec![written],
+    }
+}
+
+/// All valid values of a key, given as a list; invalid ones are recorded. `None` if none is valid.
+pub(super) fn values<'t>(
+    list: &[Entry<'t>],
+    span: ops::Range<usize>,
+    key: &str,
+    faults: &Faults,
+    read: impl Fn(Entry<'t>) -> Result<Value, Problem>,
+) -> Option<Values> {
     if list.is_empty() {
-        problems.push(
-            Problem::at(
-                &span,
-                format!("`{key}` is empty"),
-                "give at least one value",
-            )
-            .labelled("no value"),
-        );
+        let empty = format!("`{key}` is empty");
+        let problem = Problem::at(&span, empty, "give at least one value");
+        faults.push(problem.labelled("no value"));
     }
     let mut seen = HashMap::with_capacity(list.len());
     let mut all: Vec<Located<Value>> = Vec::with_capacity(list.len());
     for written in list {
         let span = written.span();
-        match read(written) {
-            Err(problem) => problems.push(problem),
-            Ok(value) => {
-                if let Some(first) = seen.insert(value.tag(), span.clone()) {
-                    problems.push(
-                        Problem::at(
-                            &span,
-                            format!("`{key}` has the value {value} twice"),
-                            "each value may occur once: a case is never run twice",
-                        )
-                        .labelled("again here")
-                        .also(&first, "first here"),
-                    );
-                } else {
-                    all.push(Located { value, span });
-                }
-            }
+        let Some(value) = faults.ok(read(written)) else {
+            continue;
+        };
+        match seen.insert(value.tag(), span.clone()) {
+            Some(first) => faults.push(
+                Problem::at(
+                    &span,
+                    format!("`{key}` has the value {value} twice"),
+                    "each value may occur once: a case is never run twice",
+                )
+                .labelled("again here")
+                .also(&first, "first here"),
+            ),
+            None => all.push(Located { value, span }),
         }
     }
     (!all.is_empty()).then_some(Values { all, span })
 }
 
-/// A value of an axis.
-pub(super) fn of_axis(written: &Spanned<DeValue<'_>>, axis: &Axis) -> Result<Value, Problem> {
-    match &axis.form {
-        Form::Choice(_) if axis.key == sizes::SIZES => sizes::read(written),
-        Form::Choice(choice) => {
-            let words: Vec<&str> = (choice.words)().iter().map(|word| word.word).collect();
-            word(written, axis.key, &words).map(Value::Word)
-        }
-        Form::Number(of) => {
-            let allowed = of.quantity.allowed();
-            let range = &of.quantity.range;
-            if of.whole {
-                whole(written, axis.key, range, &allowed).map(Value::Count)
-            } else {
-                number(written, axis.key, range, &allowed).map(Value::Number)
-            }
-        }
-    }
-}
-
 /// One of several words.
 pub(super) fn word(
-    written: &Spanned<DeValue<'_>>,
+    written: Entry<'_>,
     key: &str,
     words: &[&'static str],
 ) -> Result<&'static str, Problem> {
@@ -232,7 +335,7 @@ pub(super) fn word(
 
 /// A number in a range; `allowed` describes the range.
 pub(super) fn number(
-    written: &Spanned<DeValue<'_>>,
+    written: Entry<'_>,
     key: &str,
     range: &Range,
     allowed: &str,
@@ -267,7 +370,7 @@ pub(super) fn number(
 
 /// A whole number in a range; `allowed` describes the range.
 pub(super) fn whole(
-    written: &Spanned<DeValue<'_>>,
+    written: Entry<'_>,
     key: &str,
     range: &Range,
     allowed: &str,
@@ -282,12 +385,7 @@ pub(super) fn whole(
         .ok_or_else(|| out_of_range(written, key, digits.as_str(), allowed))
 }
 
-fn out_of_range(
-    written: &Spanned<DeValue<'_>>,
-    key: &str,
-    digits: &str,
-    allowed: String,
-) -> Problem {
+fn out_of_range(written: Entry<'_>, key: &str, digits: &str, allowed: String) -> Problem {
     Problem::at(
         &written.span(),
         format!("`{key}` = {} is out of range", shortened(digits)),
@@ -297,11 +395,7 @@ fn out_of_range(
 }
 
 /// A value of the wrong type.
-pub(super) fn wrong_type(
-    written: &Spanned<DeValue<'_>>,
-    key: &str,
-    allowed: impl Into<String>,
-) -> Problem {
+pub(super) fn wrong_type(written: Entry<'_>, key: &str, allowed: impl Into<String>) -> Problem {
     Problem::at(
         &written.span(),
         format!("`{key}` cannot be of type {}", written.get_ref().type_str()),

@@ -1,13 +1,11 @@
 //! The seeds of a grid: a count, a list, or as many as a precision needs.
 
 use super::CASE_LIMIT;
-use super::error::Problem;
-use super::reader::{Table, number, values, whole, word, wrong_type};
+use super::reader::{Reader, listed, values, whole, wrong_type};
 use crate::data::Value;
 use crate::model::precision::{Precision, Quantity};
 use sd_core::model::Range;
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 
 /// The key of the seeds.
 pub(super) const SEEDS: &str = "seeds";
@@ -30,106 +28,46 @@ pub(super) enum Seeds {
 }
 
 impl Seeds {
-    /// Reads a count n (seeds 1, 2, … n), a list of seeds, or a table with a precision.
-    pub(super) fn read(written: &Spanned<DeValue<'_>>, problems: &mut Vec<Problem>) -> Self {
-        let count = |written: &Spanned<DeValue<'_>>, low, high| {
-            let range = Range::from_to(low, high);
-            whole(written, SEEDS, &range, &format!("from {low} to {high}"))
+    /// Reads a count n (seeds 1, 2, … n), a list of seeds, or a table with a precision. Empty on a
+    /// fault.
+    pub(super) fn read(grid: &Reader<'_>) -> Self {
+        let Some(written) = grid.need(SEEDS, "8") else {
+            return Self::List(Vec::new());
         };
-        match written.get_ref() {
-            DeValue::Table(entries) => Self::until(entries, written, problems),
+        let range = |low: u64, high: u64| {
+            let words = range_words(low, high);
+            (Range::from_to(low as f64, high as f64), words)
+        };
+        let seeds = match written.get_ref() {
+            DeValue::Table(entries) => {
+                let known = ["precision", "quantity", "at_least", "at_most"];
+                let table = Reader::new(entries, written.span(), "`seeds`", &known, grid.faults);
+                return Self::Until(precision(&table));
+            }
             DeValue::Array(_) => {
-                let read = |written: &Spanned<DeValue<'_>>| {
-                    count(written, 0.0, f64::from(u32::MAX)).map(Value::Count)
+                let (range, allowed) = range(0, u32::MAX.into());
+                let read = |one| whole(one, SEEDS, &range, &allowed).map(Value::Count);
+                let list = listed(written);
+                let list = values(&list, written.span(), SEEDS, grid.faults, read);
+                let list = list.into_iter().flat_map(|values| values.all);
+                let count = |value| match value {
+                    Value::Count(seed) => Some(seed),
+                    Value::Word(_) | Value::Number(_) => None,
                 };
-                let list = values(written, SEEDS, problems, read);
-                let counts = list.into_iter().flat_map(|values| values.all);
-                Self::List(
-                    counts
-                        .filter_map(|seed| match seed.value {
-                            Value::Count(seed) => Some(seed),
-                            Value::Word(_) | Value::Number(_) => None,
-                        })
-                        .collect(),
-                )
+                list.filter_map(|seed| count(seed.value)).collect()
             }
-            DeValue::Integer(_) => match count(written, 1.0, CASE_LIMIT as f64) {
-                Ok(number) => Self::List((1..=number).collect()),
-                Err(problem) => {
-                    problems.push(problem);
-                    Self::List(Vec::new())
-                }
-            },
+            DeValue::Integer(_) => {
+                let (range, allowed) = range(1, CASE_LIMIT);
+                let count = grid.faults.ok(whole(written, SEEDS, &range, &allowed));
+                (1..=count.unwrap_or(0)).collect()
+            }
             _ => {
-                problems.push(wrong_type(
-                    written,
-                    SEEDS,
-                    "`seeds` is a count, a list, or { precision = 0.05, at_least = 4, at_most = 64 }",
-                ));
-                Self::List(Vec::new())
-            }
-        }
-    }
-
-    /// Reads a precision.
-    fn until(
-        entries: &DeTable<'_>,
-        written: &Spanned<DeValue<'_>>,
-        problems: &mut Vec<Problem>,
-    ) -> Self {
-        let known = ["precision", "quantity", "at_least", "at_most"];
-        let table = Table::new(entries, written.span(), "`seeds`", &known, problems);
-        let mut note = |problem: Problem| problems.push(problem);
-        let precision = if let Some(written) = table.get("precision") {
-            let allowed = format!("{PRECISION}: half the 95 % interval over the mean");
-            number(written, "precision", &PRECISION, &allowed).unwrap_or_else(|problem| {
-                note(problem);
-                1.0
-            })
-        } else {
-            if let Some(problem) = table.missing("precision", "0.05") {
-                note(problem);
-            }
-            1.0
-        };
-        let quantity = match table.get("quantity") {
-            None => Quantity::Viscosity,
-            Some(written) => {
-                let names = Quantity::ALL.map(Quantity::name);
-                match word(written, "quantity", &names) {
-                    Ok(name) => Quantity::of_name(name).unwrap_or(Quantity::Viscosity),
-                    Err(problem) => {
-                        note(problem);
-                        Quantity::Viscosity
-                    }
-                }
+                let allowed = "`seeds` is a count, a list, or { precision = 0.05, at_least = 4, at_most = 64 }";
+                grid.faults.push(wrong_type(written, SEEDS, allowed));
+                Vec::new()
             }
         };
-        let mut seeds = |key: &str, least: u64, usual: u64| {
-            let Some(written) = table.get(key) else {
-                return usual.max(least);
-            };
-            let range = Range::from_to(least as f64, CASE_LIMIT as f64);
-            whole(
-                written,
-                key,
-                &range,
-                &format!("from {least} to {CASE_LIMIT}"),
-            )
-            .unwrap_or_else(|problem| {
-                note(problem);
-                least
-            })
-        };
-        let at_least = seeds("at_least", LEAST, DEFAULT_AT_LEAST);
-        let at_most = seeds("at_most", at_least, DEFAULT_AT_MOST);
-        let places = |seeds: u64| usize::try_from(seeds).unwrap_or(usize::MAX);
-        Self::Until(Precision {
-            precision,
-            quantity,
-            at_least: places(at_least),
-            at_most: places(at_most),
-        })
+        Self::List(seeds)
     }
 
     /// The maximum number of seeds of a point.
@@ -155,4 +93,34 @@ impl Seeds {
             Self::Until(rule) => Some(*rule),
         }
     }
+}
+
+/// Reads a precision.
+fn precision(table: &Reader<'_>) -> Precision {
+    table.need("precision", "0.05");
+    let note = ": half the 95 % interval over the mean";
+    let seeds = |key: &str, least: u64, usual: u64| match table.get(key) {
+        None => usual.max(least),
+        Some(written) => {
+            let range = Range::from_to(least as f64, CASE_LIMIT as f64);
+            let read = whole(written, key, &range, &range_words(least, CASE_LIMIT));
+            table.faults.ok(read).unwrap_or(least)
+        }
+    };
+    let at_least = seeds("at_least", LEAST, DEFAULT_AT_LEAST);
+    let at_most = seeds("at_most", at_least, DEFAULT_AT_MOST);
+    let count = |seeds: u64| usize::try_from(seeds).unwrap_or(usize::MAX);
+    let quantity = table.word("quantity", &Quantity::ALL.map(Quantity::name));
+    Precision {
+        precision: table.number("precision", &PRECISION, note).unwrap_or(1.0),
+        quantity: quantity
+            .and_then(Quantity::of_name)
+            .unwrap_or(Quantity::Viscosity),
+        at_least: count(at_least),
+        at_most: count(at_most),
+    }
+}
+
+fn range_words(low: u64, high: u64) -> String {
+    format!("from {low} to {high}")
 }

@@ -1,59 +1,123 @@
 //! Reads and checks the segments of a protocol, `[[protocol.segment]]`.
 
 use super::error::Problem;
-use super::protocol::{DISCARDED, LENGTH};
-use super::reader::{Located, Table, Values, number, whole, wrong_type};
+use super::reader::{Located, Reader, Values};
 use crate::data::Value;
 use crate::model::axes::Axis;
 use crate::model::protocol::PlannedSegment;
 use sd_core::model::{CrossShear, Form, Range, Segment};
 use std::ops;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
 
 /// The key of the segments.
 pub(super) const SEGMENT: &str = "segment";
+/// Their name in the file.
+const NAME: &str = "[[protocol.segment]]";
 /// Allowed numbers of segments.
 const SEGMENT_LIMIT: usize = 1000;
+/// Allowed lengths, as strains.
+pub(super) const LENGTH: Range = Range::above_to(0.0, 1e7);
+/// Strains that may be discarded.
+pub(super) const DISCARDED: Range = Range::from_to(0.0, 1e7);
 /// Angular frequencies of a cross shear, over the rate of the primary shear.
 const RATIO: Range = Range::above_to(0.0, 1e7);
 /// Allowed numbers of cycles.
 const CYCLES: Range = Range::from_to(1.0, 1e6);
+/// The meaning of a length.
+const STRAIN: &str = " (a strain)";
 
-/// A segment and the places of its values.
-pub(super) struct WrittenSegment {
+/// A segment and the tables of its values.
+pub(super) struct WrittenSegment<'t> {
     pub(super) segment: PlannedSegment,
-    pub(super) place: ops::Range<usize>,
-    places: Vec<(&'static str, ops::Range<usize>)>,
+    pub(super) table: Reader<'t>,
+    oscillation: Option<Reader<'t>>,
+    cross_shear: Option<Reader<'t>>,
 }
 
-impl WrittenSegment {
-    /// Place of a value, or of its table.
-    fn place_of(&self, key: &str) -> &ops::Range<usize> {
-        let found = self.places.iter().find(|(name, _)| *name == key);
-        found.map_or(&self.place, |(_, place)| place)
+impl<'t> WrittenSegment<'t> {
+    /// Reads a segment, which begins at a strain.
+    fn read(table: Reader<'t>, start: f64) -> Self {
+        let strain = table.number("strain", &LENGTH, STRAIN);
+        let discard = table.number("discard", &DISCARDED, STRAIN);
+        let [direction, shear_rate, shear_stress] =
+            ["direction", "shear_rate", "shear_stress"].map(|key| imposed(&table, key));
+        let known = ["amplitude", "cycles", "average_last"];
+        let example = "{ amplitude = 0.5, cycles = 6 }";
+        let oscillation = table.table("oscillation", "oscillation", &known, example);
+        let example = "{ amplitude = 0.05, ratio = 20 }";
+        let cross = table.table(
+            "cross_shear",
+            "cross_shear",
+            &["amplitude", "ratio"],
+            example,
+        );
+        if shear_rate.is_some() && shear_stress.is_some() {
+            table.faults.push(
+                Problem::at(
+                    &table.place("shear_stress"),
+                    "`shear_rate` and `shear_stress` are both imposed in a segment",
+                    "give one of them: the other follows from the viscosity",
+                )
+                .of_key("shear_stress")
+                .also(&table.place("shear_rate"), "and here"),
+            );
+        }
+        let mut written = Self {
+            segment: PlannedSegment {
+                imposed: Segment {
+                    start,
+                    direction,
+                    shear_rate,
+                    shear_stress,
+                    amplitude: None,
+                    cross_shear: cross.as_ref().and_then(cross_shear),
+                },
+                strain: strain.unwrap_or(1.0),
+                discard: discard.unwrap_or(0.0),
+            },
+            table,
+            oscillation,
+            cross_shear: cross,
+        };
+        if written.oscillation.is_some() {
+            written.oscillate();
+        } else if written.table.get("oscillation").is_none() {
+            let example = "2.0` or `oscillation = { amplitude = 0.5, cycles = 6 }";
+            if written.table.need("strain", example).is_some() {
+                written.check_averages();
+            }
+        }
+        written
+    }
+
+    /// Place of a value of the segment, if it has one.
+    fn place_of(&self, key: &str) -> Option<ops::Range<usize>> {
+        let (table, key) = match key.strip_prefix("cross_shear.") {
+            Some(key) => (self.cross_shear.as_ref()?, key),
+            None if key == "amplitude" => (self.oscillation.as_ref()?, key),
+            None => (&self.table, key),
+        };
+        table.get(key).map(Spanned::span)
     }
 
     /// The rate or stress that it imposes, if any, with its axis.
     fn shear(&self) -> Option<(&'static str, Values)> {
         let imposed = &self.segment.imposed;
-        let named = [
-            ("shear_rate", imposed.shear_rate),
-            ("shear_stress", imposed.shear_stress),
-        ];
-        let (key, value) = named
-            .into_iter()
-            .find_map(|(key, value)| Some((key, value?)))?;
-        let span = self.place_of(key).clone();
+        let rate = imposed.shear_rate.map(|value| ("shear_rate", value));
+        let stress = imposed.shear_stress.map(|value| ("shear_stress", value));
+        let (key, value) = rate.or(stress)?;
+        let span = self.table.place(key);
+        let value = Value::Number(value);
         let all = vec![Located {
-            value: Value::Number(value),
+            value,
             span: span.clone(),
         }];
         Some((key, Values { all, span }))
     }
 
-    /// Sets the oscillation of the table.
-    fn oscillate(&mut self, oscillation: Oscillation, problems: &mut Vec<Problem>) {
+    /// Sets the length and the averages of an oscillation.
+    fn oscillate(&mut self) {
+        let faults = self.table.faults;
         for (key, instead) in [
             (
                 "strain",
@@ -61,140 +125,82 @@ impl WrittenSegment {
             ),
             ("discard", "`average_last`, a number of cycles"),
         ] {
-            if self.places.iter().any(|(name, _)| *name == key) {
-                problems.push(
-                    Problem::at(
-                        self.place_of(key),
-                        format!("`{key}` has no meaning in an oscillation"),
-                        format!("in `oscillation`: {instead}"),
-                    )
-                    .of_key(key),
-                );
+            if let Some(place) = self.place_of(key) {
+                let problem = format!("`{key}` has no meaning in an oscillation");
+                let allowed = format!("in `oscillation`: {instead}");
+                faults.push(Problem::at(&place, problem, allowed).of_key(key));
             }
         }
-        let cycle = 4.0 * oscillation.amplitude;
-        self.segment.imposed.amplitude = Some(oscillation.amplitude);
-        self.segment.strain = cycle * oscillation.cycles;
-        self.segment.discard = cycle * (oscillation.cycles - oscillation.averaged);
-        self.places.push(("amplitude", oscillation.place));
+        let Some(table) = &self.oscillation else {
+            return;
+        };
+        table.need("amplitude", "0.5");
+        table.need("cycles", "6");
+        let count = |key| {
+            let count = table.whole(key, &CYCLES, " (cycles)");
+            count.map(|cycles| cycles as f64)
+        };
+        let amplitude = table.number("amplitude", &LENGTH, STRAIN);
+        let (cycles, averaged) = (count("cycles"), count("average_last"));
+        let (Some(amplitude), Some(cycles)) = (amplitude, cycles) else {
+            return;
+        };
+        // The first cycle differs from those that follow.
+        let averaged = averaged.unwrap_or((cycles - 1.0).max(1.0));
+        if averaged > cycles {
+            let problem = format!("`average_last` = {averaged} of {cycles} cycles");
+            let allowed = format!("`average_last` is a whole number from 1 to {cycles}");
+            let place = table.place("average_last");
+            faults.push(Problem::at(&place, problem, allowed).of_key("average_last"));
+        }
+        let cycle = 4.0 * amplitude;
+        self.segment.imposed.amplitude = Some(amplitude);
+        self.segment.strain = cycle * cycles;
+        self.segment.discard = cycle * (cycles - averaged);
     }
 
-    /// The problem of a segment without averages.
-    fn keeps_nothing(&self) -> Option<Problem> {
+    /// Refuses a segment without averages.
+    fn check_averages(&self) {
         let PlannedSegment {
             strain, discard, ..
         } = self.segment;
-        (discard >= strain).then(|| {
-            Problem::at(
-                self.place_of("discard"),
-                format!("`discard` = {discard} leaves nothing to average of a segment of strain {strain}"),
-                format!("`discard` is from 0 to below {strain}"),
-            )
-            .of_key("discard")
-            .also(self.place_of("strain"), "the length of the segment")
-        })
+        if discard >= strain && self.table.is_whole() {
+            let problem = format!(
+                "`discard` = {discard} leaves nothing to average of a segment of strain {strain}"
+            );
+            let allowed = format!("`discard` is from 0 to below {strain}");
+            self.table.faults.push(
+                Problem::at(&self.table.place("discard"), problem, allowed)
+                    .of_key("discard")
+                    .also(&self.table.place("strain"), "the length of the segment"),
+            );
+        }
     }
 
     /// Strains that must be multiples of the step, each with its key and its place.
-    pub(super) fn lengths(&self) -> impl Iterator<Item = (&'static str, f64, &ops::Range<usize>)> {
-        self.places.iter().filter_map(|(key, place)| match *key {
-            "strain" => Some((*key, self.segment.strain, place)),
-            "amplitude" => Some((*key, self.segment.imposed.amplitude?, place)),
-            _ => None,
-        })
+    pub(super) fn lengths(&self) -> impl Iterator<Item = (&'static str, f64, ops::Range<usize>)> {
+        let amplitude = self.segment.imposed.amplitude;
+        let strain = amplitude.is_none().then_some(self.segment.strain);
+        let all = [("strain", strain), ("amplitude", amplitude)].into_iter();
+        all.filter_map(|(key, length)| Some((key, length?, self.place_of(key)?)))
     }
 
-    /// A problem of parameters in this segment, at its value.
+    /// A problem of parameters in this segment, at its value; else the fault is in a value of the
+    /// grid.
     pub(super) fn problem(&self, mut problem: Problem) -> Problem {
-        let key = problem.about.key.clone().unwrap_or_default();
-        match self.places.iter().find(|(name, _)| *name == key) {
-            Some((_, place)) => {
+        let key = problem.about.key.as_deref();
+        match key.and_then(|key| self.place_of(key)) {
+            Some(place) => {
                 problem.labels.clear();
-                problem.also(place, "here")
+                problem.also(&place, "here")
             }
-            // The fault is in a value of the grid.
             None => problem,
         }
     }
 }
 
-/// State of reading a segment.
-struct Reader<'t, 'p> {
-    table: Table<'t>,
-    places: Vec<(&'static str, ops::Range<usize>)>,
-    problems: &'p mut Vec<Problem>,
-}
-
-impl<'t> Reader<'t, '_> {
-    fn get(&mut self, key: &'static str) -> Option<&'t Spanned<DeValue<'t>>> {
-        let written = self.table.get(key)?;
-        self.places.push((key, written.span()));
-        Some(written)
-    }
-
-    fn strain(&mut self, key: &'static str, range: &Range) -> Option<f64> {
-        let written = self.get(key)?;
-        let read = number(written, key, range, &format!("{range} (a strain)"));
-        read.map_err(|problem| self.problems.push(problem)).ok()
-    }
-
-    /// A value of an axis in a segment.
-    fn imposed(&mut self, key: &'static str) -> Option<f64> {
-        let written = self.get(key)?;
-        let Form::Number(of) = &Axis::of_key(key)?.form else {
-            return None;
-        };
-        let read = number(written, key, &of.quantity.range, &of.quantity.allowed());
-        read.map_err(|problem| self.problems.push(problem)).ok()
-    }
-}
-
-/// The rate or stress of the first segment, for grids where each segment names its own.
-pub(super) fn shear(segments: &[WrittenSegment]) -> Option<(&'static str, Values)> {
-    let each = segments.iter().map(WrittenSegment::shear);
-    each.collect::<Option<Vec<_>>>()?.into_iter().next()
-}
-
 /// Reads the segments of a protocol.
-pub(super) fn read(
-    written: &Spanned<DeValue<'_>>,
-    problems: &mut Vec<Problem>,
-) -> Vec<WrittenSegment> {
-    let DeValue::Array(tables) = written.get_ref() else {
-        let allowed = "write tables: [[protocol.segment]]";
-        problems.push(wrong_type(written, SEGMENT, allowed));
-        return Vec::new();
-    };
-    if tables.is_empty() || tables.len() > SEGMENT_LIMIT {
-        problems.push(Problem::at(
-            &written.span(),
-            format!("a protocol of {} segments", tables.len()),
-            format!("1 to {SEGMENT_LIMIT} tables [[protocol.segment]], or none of the key"),
-        ));
-        return Vec::new();
-    }
-    let mut segments = Vec::with_capacity(tables.len());
-    let mut start = 0.0;
-    for table in tables {
-        let DeValue::Table(entries) = table.get_ref() else {
-            let allowed = "write tables: [[protocol.segment]]";
-            problems.push(wrong_type(table, SEGMENT, allowed));
-            continue;
-        };
-        let segment = read_segment(entries, table.span(), start, problems);
-        start = segment.segment.end();
-        segments.push(segment);
-    }
-    segments
-}
-
-/// Reads one segment, which begins at a strain.
-fn read_segment(
-    entries: &DeTable<'_>,
-    place: ops::Range<usize>,
-    start: f64,
-    problems: &mut Vec<Problem>,
-) -> WrittenSegment {
+pub(super) fn read<'t>(protocol: &Reader<'t>) -> Vec<WrittenSegment<'t>> {
     let known = [
         "strain",
         "direction",
@@ -204,184 +210,50 @@ fn read_segment(
         "oscillation",
         "cross_shear",
     ];
-    let name = "[[protocol.segment]]";
-    let table = Table::new(entries, place.clone(), name, &known, problems);
-    let before = problems.len();
-    let mut reader = Reader {
-        table,
-        places: Vec::new(),
-        problems,
-    };
-    let strain = reader.strain("strain", &LENGTH);
-    let discard = reader.strain("discard", &DISCARDED);
-    let direction = reader.imposed("direction");
-    let shear_rate = reader.imposed("shear_rate");
-    let shear_stress = reader.imposed("shear_stress");
-    let oscillation = reader.get("oscillation").map(oscillation);
-    let cross_shear = reader.get("cross_shear").map(cross_shear);
-    let Reader {
-        table,
-        mut places,
-        problems,
-    } = reader;
-    let cross_shear = match cross_shear {
-        None => None,
-        Some(Ok((cross_shear, at))) => {
-            places.extend(at);
-            Some(cross_shear)
-        }
-        Some(Err(mut wrong)) => {
-            problems.append(&mut wrong);
-            None
-        }
-    };
-    let mut written = WrittenSegment {
-        segment: PlannedSegment {
-            imposed: Segment {
-                start,
-                direction,
-                shear_rate,
-                shear_stress,
-                amplitude: None,
-                cross_shear,
-            },
-            strain: strain.unwrap_or(1.0),
-            discard: discard.unwrap_or(0.0),
-        },
-        place,
-        places,
-    };
-    if shear_rate.is_some() && shear_stress.is_some() {
-        problems.push(
-            Problem::at(
-                written.place_of("shear_stress"),
-                "`shear_rate` and `shear_stress` are both imposed in a segment",
-                "give one of them: the other follows from the viscosity",
-            )
-            .of_key("shear_stress")
-            .also(written.place_of("shear_rate"), "and here"),
-        );
+    let tables = protocol.tables(SEGMENT, NAME);
+    if tables.len() > SEGMENT_LIMIT {
+        let problem = format!("a protocol of {} segments", tables.len());
+        let allowed = format!("1 to {SEGMENT_LIMIT} tables {NAME}, or none of the key");
+        let place = protocol.place(SEGMENT);
+        protocol.faults.push(Problem::at(&place, problem, allowed));
+        return Vec::new();
     }
-    match oscillation {
-        Some(Ok(oscillation)) => written.oscillate(oscillation, problems),
-        Some(Err(mut wrong)) => problems.append(&mut wrong),
-        None if strain.is_none() && problems.len() == before => problems.extend(table.missing(
-            "strain",
-            "2.0` or `oscillation = { amplitude = 0.5, cycles = 6 }",
-        )),
-        None => problems.extend(written.keeps_nothing()),
-    }
-    written
+    let mut start = 0.0;
+    let segment = |(span, entries)| {
+        let table = Reader::new(entries, span, NAME, &known, protocol.faults);
+        let segment = WrittenSegment::read(table, start);
+        start = segment.segment.end();
+        segment
+    };
+    tables.into_iter().map(segment).collect()
 }
 
-/// A cross shear and the places of its values.
-type WrittenCrossShear = (CrossShear, [(&'static str, ops::Range<usize>); 2]);
+/// The rate or stress of the first segment, for grids where each segment names its own.
+pub(super) fn shear(segments: &[WrittenSegment<'_>]) -> Option<(&'static str, Values)> {
+    let each = segments.iter().map(WrittenSegment::shear);
+    each.collect::<Option<Vec<_>>>()?.into_iter().next()
+}
 
-/// Reads the table of a cross shear.
-fn cross_shear(written: &Spanned<DeValue<'_>>) -> Result<WrittenCrossShear, Vec<Problem>> {
-    let DeValue::Table(entries) = written.get_ref() else {
-        let allowed = "write a table: { amplitude = 0.05, ratio = 20 }";
-        return Err(vec![wrong_type(written, "cross_shear", allowed)]);
-    };
-    let mut problems = Vec::new();
-    let known = ["amplitude", "ratio"];
-    let table = Table::new(
-        entries,
-        written.span(),
-        "cross_shear",
-        &known,
-        &mut problems,
-    );
-    let mut read = |key: &'static str, range: &Range, unit: &str, example: &str| {
-        let Some(written) = table.get(key) else {
-            problems.extend(table.missing(key, example));
-            return None;
-        };
-        let read = number(written, key, range, &format!("{range} ({unit})"));
-        let value = read.map_err(|problem| problems.push(problem)).ok()?;
-        Some((value, written.span()))
-    };
-    let amplitude = read("amplitude", &LENGTH, "a strain", "0.05");
-    let unit = "angular frequency over the rate of the primary shear";
-    let ratio = read("ratio", &RATIO, unit, "20");
-    match (amplitude, ratio) {
-        (Some((amplitude, at)), Some((ratio, at_ratio))) if problems.is_empty() => Ok((
-            CrossShear { amplitude, ratio },
-            [
-                ("cross_shear.amplitude", at),
-                ("cross_shear.ratio", at_ratio),
-            ],
-        )),
-        _ => Err(problems),
+/// A value of an axis in a segment.
+fn imposed(table: &Reader<'_>, key: &str) -> Option<f64> {
+    match &Axis::of_key(key)?.form {
+        Form::Number(of) => {
+            let note = of.quantity.allowed();
+            let range = &of.quantity.range;
+            let read = super::reader::number(table.get(key)?, key, range, &note);
+            table.faults.ok(read)
+        }
+        Form::Choice(_) => None,
     }
 }
 
-/// An oscillation in the file.
-struct Oscillation {
-    amplitude: f64,
-    cycles: f64,
-    /// Number of last cycles that are averaged.
-    averaged: f64,
-    place: ops::Range<usize>,
-}
-
-/// Reads the table of an oscillation.
-fn oscillation(written: &Spanned<DeValue<'_>>) -> Result<Oscillation, Vec<Problem>> {
-    let DeValue::Table(entries) = written.get_ref() else {
-        let allowed = "write a table: { amplitude = 0.5, cycles = 6 }";
-        return Err(vec![wrong_type(written, "oscillation", allowed)]);
-    };
-    let mut problems = Vec::new();
-    let known = ["amplitude", "cycles", "average_last"];
-    let table = Table::new(
-        entries,
-        written.span(),
-        "oscillation",
-        &known,
-        &mut problems,
-    );
-    let mut read = |key: &'static str, example: &str| {
-        let Some(written) = table.get(key) else {
-            problems.extend(table.missing(key, example));
-            return None;
-        };
-        let read = if key == "amplitude" {
-            number(written, key, &LENGTH, &format!("{LENGTH} (a strain)"))
-        } else {
-            let allowed = format!("{CYCLES} (cycles)");
-            whole(written, key, &CYCLES, &allowed).map(|cycles| cycles as f64)
-        };
-        read.map_err(|problem| problems.push(problem)).ok()
-    };
-    let amplitude = read("amplitude", "0.5");
-    let cycles = read("cycles", "6");
-    let averaged = match table.get("average_last") {
-        Some(_) => read("average_last", "3"),
-        // The first cycle differs from those that follow.
-        None => cycles.map(|cycles| (cycles - 1.0).max(1.0)),
-    };
-    if let (Some(cycles), Some(averaged), Some(written)) =
-        (cycles, averaged, table.get("average_last"))
-        && averaged > cycles
-    {
-        problems.push(
-            Problem::at(
-                &written.span(),
-                format!("`average_last` = {averaged} of {cycles} cycles"),
-                format!("`average_last` is a whole number from 1 to {cycles}"),
-            )
-            .of_key("average_last"),
-        );
-    }
-    match (amplitude, cycles, averaged, table.get("amplitude")) {
-        (Some(amplitude), Some(cycles), Some(averaged), Some(written)) if problems.is_empty() => {
-            Ok(Oscillation {
-                amplitude,
-                cycles,
-                averaged,
-                place: written.span(),
-            })
-        }
-        _ => Err(problems),
-    }
+/// Reads a cross shear.
+fn cross_shear(table: &Reader<'_>) -> Option<CrossShear> {
+    table.need("amplitude", "0.05");
+    table.need("ratio", "20");
+    let unit = " (angular frequency over the rate of the primary shear)";
+    let amplitude = table.number("amplitude", &LENGTH, STRAIN);
+    let ratio = table.number("ratio", &RATIO, unit);
+    let (amplitude, ratio) = (amplitude?, ratio?);
+    Some(CrossShear { amplitude, ratio })
 }

@@ -129,6 +129,31 @@ fn same_case_in_two_files_has_the_same_key() {
 }
 
 #[test]
+fn points_that_share_their_runs_stand_where_the_file_has_them() {
+    let text = "name = \"n\"\n[[grid]]\narea_fraction = 0.5\nfriction = [0, 0.3]\nroughness = 0.01\n\
+                shear_rate = [0, 1.0, inf]\nspheres = 20\nseeds = 2\n";
+    let shared = |text: String| {
+        let campaign = crate::campaign::parse("n.toml", text).unwrap();
+        let shared = campaign.written.shared.iter();
+        let shared: Vec<_> = shared
+            .map(|(follows, point)| (*follows, point.friction, point.shear_rate))
+            .collect();
+        (campaign.cases.len(), campaign.folded, shared)
+    };
+    let inf = f64::INFINITY;
+    // Without friction one case for three rates, and with it at the rate 0 the same.
+    let all = vec![(0, 0.0, 0.0), (2, 0.0, 1.0), (2, 0.0, inf), (2, 0.3, 0.0)];
+    assert_eq!(shared(text.into()), (3 * 2, 3 * 2, all));
+    let (_, _, last) = shared(
+        text.replace("[0, 0.3]", "0")
+            .replace("[0, 1.0, inf]", "[1.0, 0]"),
+    );
+    assert_eq!(last, [(0, 0.0, 1.0), (2, 0.0, 0.0)]);
+    let plain = text.replace("[0, 0.3]", "0.3").replace("[0, 1.0", "[1.0");
+    assert!(shared(plain).2.is_empty());
+}
+
+#[test]
 fn seeds_in_several_grids_are_one_campaign() {
     let text = format!(
         "{GOOD}{}",
@@ -531,6 +556,44 @@ fn faults_of_start_layers_have_their_line() {
     ] {
         assert_fault(directory.path(), &text, line, part);
     }
+}
+
+#[test]
+fn a_copy_of_a_campaign_names_its_start_layers_in_full_and_all_else_stays() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("odd \" folder");
+    std::fs::create_dir(&folder).unwrap();
+    for (name, x) in [("one.json", 5.0), ("two.json", 5.5)] {
+        let side = (2.0 * std::f64::consts::PI / 0.05).sqrt();
+        let layer = format!("{{\"centres\": [[0, 0], [{x}, 0]], \"cell\": [{side}, {side}]}}");
+        std::fs::write(folder.join(name), layer).unwrap();
+    }
+    let grid = "hydrodynamics = \"ball-melrose\"\nspheres = 2\narea_fraction = 0.05\nfriction = 0.3\n\
+                roughness = 0.01\nshear_rate = 1\nseeds = 1\n";
+    let path = |name: &str| folder.join(name).display().to_string();
+    let quoted = |name: &str| format!("\"{}\"", path(name).replace('"', "\\\""));
+    let text = |one: &str, two: &str| {
+        format!(
+            "name = \"x\" # start = \"no.xyz\"\n[[grid]]\nstart = {one} # the first\n{grid}[[grid]]\n{grid}start = {two}\n"
+        )
+    };
+    let given = text("'one.json'", &quoted("two.json"));
+    let full = text(&quoted("one.json"), &quoted("two.json"));
+    let campaign = crate::campaign::parse(&path("x.toml"), given).unwrap();
+    let names = campaign
+        .written
+        .starts
+        .iter()
+        .map(|(_, name)| name.as_str());
+    assert_eq!(
+        names.collect::<Vec<_>>(),
+        ["new layer", "one.json", "two.json"]
+    );
+    assert_eq!(campaign.text_elsewhere(), full);
+    // Copying the copy changes nothing.
+    let copy = crate::campaign::parse("/plan/x.toml", full.clone()).unwrap();
+    assert_eq!(copy.text_elsewhere(), full);
+    assert_eq!(parse_text(GOOD).unwrap().text_elsewhere(), GOOD);
 }
 
 #[test]

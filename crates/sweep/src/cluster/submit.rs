@@ -90,7 +90,7 @@ pub(crate) fn submit(
         return Ok(None);
     }
     let tasks = tasks(&wanted, &open, limit)?;
-    let text = crate::campaign::text_elsewhere(campaign);
+    let text = campaign.text_elsewhere();
     let slices = Slices::cut(&text, &open, tasks);
     let job = Job {
         campaign: campaign.name.clone(),

@@ -32,6 +32,8 @@ pub struct Campaign {
     pub folded: usize,
     /// What the file says and its cases do not show.
     pub written: Written,
+    /// Names of files of start layers and of stores of start runs, with their places in the text.
+    pub(crate) start_files: Vec<(String, Range<usize>)>,
 }
 
 /// What a campaign file says and its cases do not show: reports show the points and names of the
@@ -100,6 +102,20 @@ impl Campaign {
         Ok(self)
     }
 
+    /// The text of its file for a copy in another folder: relative paths become absolute; nothing
+    /// else changes.
+    pub fn text_elsewhere(&self) -> String {
+        let folder = self.file.parent().unwrap_or(Path::new(""));
+        let mut text = self.text.clone();
+        // From the end, so that earlier positions stay valid.
+        for (name, span) in self.start_files.iter().rev() {
+            if let Some(full) = folder.join(name).to_str() {
+                text.replace_range(span.clone(), &basic_string(full));
+            }
+        }
+        text
+    }
+
     /// Default path of its store: `results/NAME.sqlite` in its project, which is the folder that
     /// holds `sweeps/`, or where there is no such folder, the one of the file.
     pub fn default_store(&self) -> PathBuf {
@@ -112,5 +128,32 @@ impl Campaign {
         project
             .join("results")
             .join(format!("{}.sqlite", self.name))
+    }
+}
+
+/// A text as a basic string of TOML.
+fn basic_string(text: &str) -> String {
+    let mut written = String::from("\"");
+    for character in text.chars() {
+        match character {
+            '"' | '\\' => written.extend(['\\', character]),
+            c if c.is_control() => written.extend(format!("\\u{:04X}", u32::from(c)).chars()),
+            c => written.push(c),
+        }
+    }
+    written + "\""
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn odd_paths_come_back_from_what_is_written() {
+        for odd in ["a\tb\\c\"d", "ä/ß", "\u{7f}"] {
+            let text = format!("x = {}", basic_string(odd));
+            let table: toml::Table = text.parse().unwrap();
+            assert_eq!(table["x"].as_str(), Some(odd));
+        }
     }
 }

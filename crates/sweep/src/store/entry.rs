@@ -367,6 +367,7 @@ impl Store {
             rules,
             folded: 0,
             written: self.written()?,
+            start_files: Vec::new(),
         })
     }
 

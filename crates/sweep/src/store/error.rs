@@ -148,7 +148,9 @@ pub enum StoreError {
     ))]
     NoFrames { key: String },
     /// A case whose frames an earlier version of this program wrote, without velocities.
-    #[error("the frames of case {key} have no velocities: an earlier version of this program wrote them")]
+    #[error(
+        "the frames of case {key} have no velocities: an earlier version of this program wrote them"
+    )]
     #[diagnostic(help(
         "its numbers are valid; for its frames compute it in a new store: \
          `sweep run CAMPAIGN.toml --trajectory --store NEW.sqlite`"

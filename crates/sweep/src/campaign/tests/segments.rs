@@ -319,7 +319,7 @@ fn protocols_that_cannot_be_are_refused_where_they_are_written() {
             "`shear_stress` = 0.3 is imposed in an oscillation",
         ),
         ("segment = 3\n".to_owned(), "`segment` cannot be of type"),
-        ("segment = []\n".to_owned(), "a protocol of 0 segments"),
+        ("segment = []\n".to_owned(), "`segment` is empty"),
         (
             format!("strain = 2.0\n{}", one("strain = 1.0")),
             "3:10: `strain` of the whole run together with segments",

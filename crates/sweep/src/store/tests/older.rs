@@ -78,7 +78,9 @@ fn frames_of_an_earlier_version_are_refused_by_what_they_lack() {
     let run = finished_as(&claim, State::Done).filmed();
     store.end(&claim, &run).unwrap();
     let case = "SELECT id FROM cases WHERE key = ?1";
-    let case = store.connection.query_row(case, [&claim.key], |row| row.get(0));
+    let case = store
+        .connection
+        .query_row(case, [&claim.key], |row| row.get(0));
     let mut data = crate::trajectory::encode(&frame()).unwrap();
     data[0] = 2;
     let at = (case.unwrap(), claim.key.as_str());

@@ -1,7 +1,6 @@
 //! Start layers taken from the ends of the runs of a point of another store.
 
-use crate::data::Tag;
-use crate::data::Value;
+use crate::data::{Tag, Value};
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::checkpoint::Checkpoint;
 use crate::model::spaces::InSpace;
