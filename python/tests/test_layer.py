@@ -210,7 +210,6 @@ def test_velocities_move_the_spheres_and_unwrapped_positions_follow_them(params)
 
     # The difference is half the acceleration times the step: of first order.
     errors = [error_of_a_step(step) for step in (4e-4, 2e-4, 1e-4)]
-    print(errors)
     assert errors[2] < 1e-2
     assert errors[0] / errors[1] == pytest.approx(2, abs=0.2)
     assert errors[1] / errors[2] == pytest.approx(2, abs=0.2)
