@@ -1,7 +1,7 @@
 //! Linear algebra: the only modules that name faer and pulp.
 //!
 //! All code allocates only in constructors and sums in a fixed order, so the same input gives the
-//! same bits. An idle thread helps only where the work is cut into the same pieces without it.
+//! same bits.
 
 pub(crate) mod anderson;
 pub(crate) mod cholesky;

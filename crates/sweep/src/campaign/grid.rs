@@ -180,7 +180,7 @@ impl<'t> Grid<'t> {
         values: &Values,
         needs: impl std::fmt::Display,
     ) -> Problem {
-        let stress = AXES.iter().position(|axis| axis.is_shear_stress());
+        let stress = AXES.iter().position(Axis::is_shear_stress);
         let stress = stress.and_then(|at| self.axes[at].as_ref());
         match stress.filter(|_| axis.is_shear_rate()) {
             Some(stress) => Problem::at(

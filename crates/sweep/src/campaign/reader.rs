@@ -183,13 +183,13 @@ impl<'t> Reader<'t> {
             let empty = Problem::at(&written.span(), format!("`{key}` is empty"), allowed);
             self.faults.push(empty);
         }
-        let table = |one: Entry<'t>| match one.get_ref() {
-            DeValue::Table(entries) => Some((one.span(), entries)),
-            _ => {
-                let allowed = format!("write tables: {name}");
-                self.faults.push(wrong_type(one, key, allowed));
-                None
+        let table = |one: Entry<'t>| {
+            if let DeValue::Table(entries) = one.get_ref() {
+                return Some((one.span(), entries));
             }
+            let allowed = format!("write tables: {name}");
+            self.faults.push(wrong_type(one, key, allowed));
+            None
         };
         list.into_iter().filter_map(table).collect()
     }
@@ -259,7 +259,7 @@ pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
 }
 
 /// The values of a list, or a single value.
-pub(super) fn listed<'t>(written: Entry<'t>) -> Vec<Entry<'t>> {
+pub(super) fn listed(written: Entry<'_>) -> Vec<Entry<'_>> {
     match written.get_ref() {
         DeValue::Array(list) => list.iter().collect(),
         _ => vec![written],

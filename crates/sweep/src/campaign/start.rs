@@ -50,13 +50,13 @@ impl Start {
                 let keys = ["store", "point"];
                 let table = Reader::new(entries, span.clone(), START, &keys, faults);
                 let store = table.need("store", "\"results/first.sqlite\"");
-                let store = store.and_then(|store| match store.get_ref() {
-                    DeValue::String(name) => Some((name.to_string(), store.span())),
-                    _ => {
-                        let allowed = "`store` is the name of a file";
-                        faults.push(wrong_type(store, "store", allowed));
-                        None
+                let store = store.and_then(|store| {
+                    if let DeValue::String(name) = store.get_ref() {
+                        return Some((name.to_string(), store.span()));
                     }
+                    let allowed = "`store` is the name of a file";
+                    faults.push(wrong_type(store, "store", allowed));
+                    None
                 });
                 let known: Vec<&str> = AXES.iter().map(|axis| axis.key).collect();
                 let example = "{ shear_stress = 1.0, friction = 0.5 }";
