@@ -343,6 +343,7 @@ fn motion_is_the_convex_minimum<S: Space>(
     given: &[f64],
 ) -> Result<(), TestCaseError> {
     let laws = laws().into_iter().filter(|law| !law.isolated);
+    let mut compared = 0;
     for law in laws.chain([rigid_coulomb(0.3)]) {
         let mut network = Network::new::<S>(columns, law);
         let (problem, solver, outcome) = solve::<S>(law, &mut network, given, None);
@@ -397,18 +398,24 @@ fn motion_is_the_convex_minimum<S: Space>(
         let p = CscMatrix::new_from_triplets(size, size, rows, columns, values);
         let settings = DefaultSettings {
             verbose: false,
-            tol_gap_abs: 1e-11,
-            tol_gap_rel: 1e-11,
-            tol_feas: 1e-11,
+            tol_gap_abs: 1e-9,
+            tol_gap_rel: 1e-9,
+            tol_feas: 1e-9,
             ..DefaultSettings::default()
         };
         let mut method = DefaultSolver::new(&p, &linear, &a, &b, &cones, settings).unwrap();
         method.solve();
-        let status = method.solution.status;
-        prop_assert!(
-            matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved),
-            "{law:?}: {status:?}"
-        );
+        match method.solution.status {
+            SolverStatus::Solved => compared += 1,
+            // The other method did not reach its tolerance, and says nothing.
+            SolverStatus::AlmostSolved => continue,
+            status => prop_assert!(false, "{law:?}: {status:?}"),
+        }
+        // The energy of the difference is at most the gap of the method, and so bounds velocities.
+        let gap = (method.solution.obj_val - method.solution.obj_val_dual).abs();
+        let energy = method.solution.obj_val.abs();
+        prop_assert!(gap < 1e-8 * (1.0 + energy), "{law:?}: {gap:e}");
+        let exact = 1e-6 + (2.0 * quadratic.norm() * gap).sqrt();
         let mut expected = Forces::<S>::default();
         expected.reset(&problem);
         expected.normal.copy_from_slice(&method.solution.x[..count]);
@@ -419,9 +426,10 @@ fn motion_is_the_convex_minimum<S: Space>(
         );
         for (found, expected) in found.iter().zip(&expected) {
             let error = (found - expected).amax();
-            prop_assert!(error < 1e-5 * (1.0 + expected.amax()), "{law:?}: {error}");
+            prop_assert!(error < exact * (1.0 + expected.amax()), "{law:?}: {error}");
         }
     }
+    prop_assert!(compared > 16, "{compared} of 25 laws were compared");
     Ok(())
 }
 
