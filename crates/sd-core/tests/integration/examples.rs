@@ -106,7 +106,11 @@ fn hard_run_that_is_refused_is_reported_with_its_options() {
             .replace("0.01", "0.4"),
     );
     assert!(
-        tables.contains("| all | 1 | 0 | 0 | 1 | 0 | 0 |"),
+        tables.contains("| all | 1 | 0 | 0 | 0 | 1 refused | 0 | 0 |"),
+        "{tables}"
+    );
+    assert!(
+        tables.contains("area_fraction = 0.84 is denser than any layer"),
         "{tables}"
     );
 }
