@@ -130,9 +130,9 @@ impl Campaign {
             None => Table::new(),
         };
         let text = text_of(&name, protocol, grids)?;
-        let campaign = sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
-        let file = std::path::absolute(format!("{name}.toml"))?;
-        Ok(Self(sweep::model::campaign::Campaign { file, ..campaign }))
+        let mut campaign = sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
+        campaign.file = std::path::absolute(format!("{name}.toml"))?;
+        Ok(Self(campaign))
     }
 
     /// The campaign of a file.

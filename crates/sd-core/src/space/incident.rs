@@ -61,9 +61,9 @@ struct Departures<S: Space> {
 /// The rate of strain of an incident flow at each sphere.
 #[derive(Debug, Clone, Copy)]
 pub enum Strains<'a, S: Space> {
-    /// The same at all.
+    /// One rate of strain at all spheres.
     Uniform(S::Strain),
-    /// One for each.
+    /// A rate of strain for each sphere.
     PerSphere(&'a [S::Strain]),
 }
 

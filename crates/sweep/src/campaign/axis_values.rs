@@ -1,5 +1,5 @@
-//! Values of axes: numbers, words, and the sizes of the spheres, which are species or a distribution
-//! with its spread.
+//! Values of axes: numbers, words, and the sizes of the spheres, which are species or a
+//! distribution with its spread.
 
 use super::error::Problem;
 use super::reader::{

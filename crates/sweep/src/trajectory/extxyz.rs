@@ -26,8 +26,8 @@ pub(crate) struct FrameSource {
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
 /// quaternions about z. Spheres of the smallest radius are of the species S, larger ones of the
 /// species L. A suspension fills a cell that is periodic along z too. Velocities (`velo`) and
-/// angular velocities include the background flow; `unwrapped` are positions followed from the start
-/// of the run over the edges of the cell.
+/// angular velocities include the background flow; `unwrapped` are positions followed from the
+/// start of the run over the edges of the cell.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
     filmed: &FrameSource,
