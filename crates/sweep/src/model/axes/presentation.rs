@@ -76,7 +76,7 @@ impl Axis {
         let laws = params.contact.laws();
         match (self.key, &self.form) {
             ("friction", _) => true,
-            ("tangential" | "friction_onset", _) => *laws != ContactLaws::PAPER,
+            ("friction_onset", _) => *laws != ContactLaws::PAPER,
             ("stiffness_unit", _) => laws.stiffness_unit != StiffnessUnit::CriticalLoad,
             ("start", _) => params.start.is_some(),
             ("direction", _) => params.direction != 1.0,

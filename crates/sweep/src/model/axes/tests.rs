@@ -184,3 +184,14 @@ hydrodynamics = "ball-melrose"
         assert_eq!(page["points"][1]["small_fraction"], 0.75);
     }
 }
+
+#[test]
+fn friction_law_in_force_is_shown_where_there_is_friction() {
+    let axis = Axis::of_key("tangential").unwrap();
+    let mut params = params();
+    params.friction = 0.5;
+    assert_eq!(*params.contact.laws(), ContactLaws::PAPER);
+    assert!(axis.matters([&params].into_iter()));
+    params.friction = 0.0;
+    assert!(!axis.matters([&params].into_iter()));
+}
