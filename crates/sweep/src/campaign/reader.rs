@@ -217,6 +217,20 @@ impl<'t> Reader<'t> {
     }
 }
 
+/// What the program does not have, by keys that users of other programs try.
+const ABSENT: [(&[&str], &str); 4] = [
+    (
+        &["peclet", "temperature", "brownian", "kt"],
+        "Brownian motion",
+    ),
+    (
+        &["pressure", "normal_stress", "viscous_number"],
+        "imposed pressure",
+    ),
+    (&["flow", "flow_type", "extension"], "flow but simple shear"),
+    (&["wall", "walls"], "wall"),
+];
+
 /// The fault of an unknown key, with a suggestion.
 fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&str]) -> Problem {
     let written = shortened(written);
@@ -224,6 +238,14 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
     if ["dimension", "dimensions", "dim"].contains(&written) {
         allowed = format!(
             "a layer is chosen by its `area_fraction`, a suspension by its `volume_fraction`; {allowed}"
+        );
+    }
+    if let Some((_, what)) = ABSENT.iter().find(|(keys, _)| keys.contains(&written)) {
+        allowed = format!("there is no {what} in this version; {allowed}");
+    }
+    if ["lognormal", "uniform", "species"].contains(&written) && known.contains(&"sizes") {
+        allowed = format!(
+            "distributions are values of `sizes`, as in sizes = {{ lognormal = 0.2 }}; {allowed}"
         );
     }
     let meant = nearest(written, known.iter().copied()).map(|name| format!("`{name}`"));

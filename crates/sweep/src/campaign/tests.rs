@@ -312,6 +312,16 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
             "a layer is chosen by its `area_fraction`",
         ),
         (
+            "spheres = 90",
+            "spheres = 90\npeclet = 1",
+            "there is no Brownian motion in this version",
+        ),
+        (
+            "spheres = 90",
+            "spheres = 90\nlognormal = 0.2",
+            "as in sizes = { lognormal = 0.2 }",
+        ),
+        (
             "shear_rate = [0, 0.1, inf]",
             "stress = 1",
             "did you mean `shear_stress`?",

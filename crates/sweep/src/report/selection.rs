@@ -156,7 +156,7 @@ impl RequestedValue {
         let read = range(text).map(|[low, high]| Self::Numbers(low, high));
         read.ok_or_else(|| {
             refused(format!(
-                "{} = {text:?} is neither a number nor a range such as 0.6..0.7",
+                "{} = {text:?} is neither a number nor a range such as 0.6..0.7, the lower end first",
                 axis.key
             ))
         })

@@ -4,6 +4,7 @@
 use super::error::ReportError;
 use super::points::{Point, Report};
 use super::units::Units;
+use crate::campaign::nearest;
 use crate::data::{DataColumn, Kind, Objects, Value, Word};
 use crate::measure::Runs;
 use crate::measure::numbers::{self, Level, Number, OverRuns};
@@ -198,10 +199,15 @@ impl Columns {
                 None if Axis::named(name).is_some() => {}
                 None => {
                     let known: Vec<Word> = MEASURED.iter().map(|column| column.name()).collect();
+                    let meant = nearest(name, known.iter().map(|name| &**name));
+                    let meant =
+                        meant.map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
                     let known = known.join(", ");
                     return Err(ReportError::argument(
                         "columns",
-                        format!("no column is called {name:?}; besides the axes there are {known}"),
+                        format!(
+                            "no column is called {name:?}{meant}; besides the axes there are {known}"
+                        ),
                     ));
                 }
             }

@@ -40,7 +40,9 @@ pub enum StoreError {
     Unwritable { path: PathBuf, source: io::Error },
     /// A file of another kind.
     #[error("{} is not a store of sweep", path.display())]
-    #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
+    #[diagnostic(help(
+        "nothing was changed in it; name the store of a campaign, such as results/NAME.sqlite"
+    ))]
     NotAStore { path: PathBuf },
     /// A store of another schema.
     #[error(

@@ -29,7 +29,7 @@ function choose(index, quietly) {
     const cell = make('td');
     if (data.movies[run.key]) {
       const button = make('button', { type: 'button', 'aria-label': `play the movie of seed ${run.seed}` }, 'play');
-      button.onclick = async () => { await watch(run); $('movie').scrollIntoView({ block: 'nearest' }); };
+      button.onclick = async () => { if (await watch(run)) play(); $('movie').scrollIntoView({ block: 'nearest' }); };
       cell.append(button);
     } else cell.textContent = '–';
     row.append(first, make('td', {}, run.seed), make('td', {}, show(run.viscosity)), make('td', {}, run.state + (run.doubts.length ? `, ${run.doubts.join(', ')}` : '')), cell, make('td', {}, show(run.wall_time_s)), make('td', { class: 'name' }, run.key.slice(0, 10)));
@@ -47,22 +47,28 @@ function choose(index, quietly) {
 /* The movie of a run. */
 let movie = null, at = 0, timer = null, asked = null;
 function stop() { clearInterval(timer); timer = null; $('play').textContent = 'Play'; $('play').setAttribute('aria-pressed', 'false'); }
+function play() {
+  $('play').textContent = 'Pause'; $('play').setAttribute('aria-pressed', 'true');
+  timer = setInterval(() => { at = (at + 1) % movie.frames.length; picture(); }, 80);
+}
+/* Shows the first frame of a movie; whether it is there and still wanted. */
 async function watch(run) {
   stop();
   asked = run.key;
   let film = data.movies[run.key];
   if (film === true) {
     const answer = await fetch('movie/' + encodeURIComponent(run.key)).catch(() => null);
-    if (!answer?.ok) return;
+    if (!answer?.ok) return false;
     film = await answer.json();
     /* Another movie was requested in the meantime. */
-    if (asked !== run.key) return;
+    if (asked !== run.key) return false;
   }
   movie = film; at = 0;
   $('movie').hidden = false;
-  $('movie-name').textContent = `of the run with seed ${run.seed}`;
+  $('movie-name').textContent = `Movie of the run with seed ${run.seed}`;
   $('scrub').max = movie.frames.length - 1;
   picture();
+  return true;
 }
 /* The cursor of the trace marks the strain of the frame. */
 function cursor() {
@@ -145,10 +151,6 @@ function picture() {
   $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
   cursor();
 }
-$('play').onclick = () => {
-  if (timer) { stop(); return; }
-  $('play').textContent = 'Pause'; $('play').setAttribute('aria-pressed', 'true');
-  timer = setInterval(() => { at = (at + 1) % movie.frames.length; picture(); }, 80);
-};
+$('play').onclick = () => timer ? stop() : play();
 $('scrub').oninput = () => { stop(); at = +$('scrub').value; picture(); };
 $('paint').onchange = picture;

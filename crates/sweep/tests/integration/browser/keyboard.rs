@@ -141,9 +141,8 @@ fn movie(page: &mut Page<'_>) {
         page,
         "document.getElementById('movie-name').textContent.endsWith('seed 2')",
     );
-    tab_to(page, "#play");
-    page.press(" ");
     until(page, "+document.getElementById('scrub').value > 0");
+    tab_to(page, "#play");
     page.press(" ");
     tab_to(page, "#scrub");
     page.press("Home");

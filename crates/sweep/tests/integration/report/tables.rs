@@ -160,6 +160,8 @@ fn columns_have_names_in_print_and_axes_few_digits() {
     let chosen = ["--columns", "viscosity,n1,smallest_gap"];
     let error = refused(at, &[&["report", "s.sqlite"], &chosen[..]].concat());
     assert!(error.contains("minimum_gap"), "{error}");
+    let misspelt = refused(at, &["report", "s.sqlite", "--columns", "viscosty"]);
+    assert!(misspelt.contains("did you mean viscosity?"), "{misspelt}");
     let chosen = [
         "--columns",
         "viscosity,n1,n1_ci95,minimum_gap,rolling_fraction",
