@@ -5,7 +5,7 @@ use crate::measure::PointRun;
 use crate::measure::{Drift, Steadiness, mser_5};
 use crate::model::protocol::{Discard, Protocol};
 use crate::store::Store;
-use crate::text::format::significant;
+use crate::text::format::{short, significant};
 
 /// Advice about a point, if its averaged runs drift or remember their start. Their samples are read
 /// only then.
@@ -44,11 +44,22 @@ pub(super) fn advice(
 
 /// The remedy suggested by the same runs.
 fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
-    let longer = || {
-        format!(
-            "longer runs are needed, such as strain = {}",
-            2.0 * protocol.strain
-        )
+    // In terms of the keys of the file: with segments those of the last, which is the one averaged.
+    let (start, of_segment) = match protocol.segments.last() {
+        None => (0.0, String::new()),
+        Some(last) => {
+            let number = protocol.segments.len();
+            (last.imposed.start, format!(" of segment {number}"))
+        }
+    };
+    let longer = || match protocol.segments.last() {
+        Some(last) if last.imposed.amplitude.is_some() => {
+            format!("more cycles{of_segment} are needed")
+        }
+        _ => format!(
+            "longer runs are needed, such as strain = {}{of_segment}",
+            short(2.0 * (protocol.strain - start), 6)
+        ),
     };
     let length = traces.iter().map(Vec::len).min().unwrap_or(0);
     let series: Vec<f64> = (0..length)
@@ -73,9 +84,56 @@ fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
     };
     match (is_steady_then && !is_limit, discards_less) {
         (true, true) => format!(
-            "discard = {} leaves a steady part (MSER-5)",
-            significant(strain, 3)
+            "discard = {}{of_segment} leaves a steady part (MSER-5)",
+            significant(strain - start, 3)
         ),
         _ => longer(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::parse;
+
+    /// A campaign with these segments, as far as the second.
+    fn protocol(segments: &str) -> Protocol {
+        let text = format!(
+            "name = \"two\"\n{segments}[[grid]]\narea_fraction = 0.6\nfriction = 0.3\nroughness = 0.01\n\
+             shear_rate = 1\nseeds = 1\nspheres = 30\nhydrodynamics = \"ball-melrose\"\n"
+        );
+        parse("two.toml", text)
+            .unwrap()
+            .of_segment(2)
+            .unwrap()
+            .protocol
+    }
+
+    #[test]
+    fn advice_is_in_terms_of_the_segment_that_is_averaged() {
+        let steady = protocol(
+            "[[protocol.segment]]\nstrain = 3.0\n[[protocol.segment]]\nstrain = 2.0\ndirection = -1\n",
+        );
+        let advice = remedy(&[Vec::new()], &steady);
+        assert!(advice.ends_with("strain = 4 of segment 2"), "{advice}");
+        // Twenty values that fall, then a hundred that fluctuate about a mean.
+        let late = (0..120).map(|n| {
+            let noise = f64::from(n * 7919 % 13) / 13.0;
+            let start = if n < 20 {
+                100.0 - 5.0 * f64::from(n)
+            } else {
+                0.0
+            };
+            (3.0 + f64::from(n) / 60.0, 10.0 + start + noise)
+        });
+        let advice = remedy(&[late.collect()], &steady);
+        assert!(advice.starts_with("discard = 0."), "{advice}");
+        assert!(advice.contains(" of segment 2 leaves"), "{advice}");
+        let oscillation = protocol(
+            "[[protocol.segment]]\nstrain = 3.0\n\
+             [[protocol.segment]]\noscillation = { amplitude = 0.5, cycles = 3 }\n",
+        );
+        let advice = remedy(&[Vec::new()], &oscillation);
+        assert_eq!(advice, "more cycles of segment 2 are needed");
     }
 }

@@ -229,13 +229,15 @@ impl Units {
         self.0.map_or(1.0, |physical| physical.viscosity)
     }
 
-    /// Label of a measured quantity in a figure: with a unit after conversion, and then without the
+    /// Label of a measured quantity in a figure, with its unit; after a conversion without the
     /// symbol of a pure number.
     pub(super) fn label(&self, name: &str, unit: &str) -> String {
         let word = self.word(unit);
         if word == unit {
             match unit {
-                "" | "1" | "mu" | "mu rate" | "a rate" => name.to_owned(),
+                "" | "1" | "mu" => name.to_owned(),
+                "mu rate" => format!("{name} (μ × rate)"),
+                "a rate" => format!("{name} (a × rate)"),
                 unit => format!("{name} ({unit})"),
             }
         } else {

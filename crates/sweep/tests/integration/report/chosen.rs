@@ -126,7 +126,7 @@ fn time_steps_and_sizes_set_curves_apart() {
     ] {
         assert!(draw(&["--quantity", quantity]).contains(label));
     }
-    assert!(draw(&["--kind", "approach-velocity"]).contains("mean approach velocity"));
+    assert!(draw(&["--kind", "approach-velocity"]).contains("mean approach velocity (a × rate)"));
     for wrong in [
         &["--kind", "trace", "--quantity", "viscosity"][..],
         &["--case", "3f"],
