@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     /// Print all columns, not only as many as fit
     #[arg(long)]
     wide: bool,
-    /// Write all numbers, one row per segment of a point: FILE.csv or FILE.parquet
+    /// Write all numbers, one row per segment of a point: FILE.csv
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write these numbers as Parquet
