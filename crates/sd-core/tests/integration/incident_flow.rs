@@ -267,15 +267,7 @@ fn stresslets_are_reciprocal<S: RunSpace>() {
     for (hydrodynamics, spheres, tolerance) in cases::<S>() {
         let n = spheres.radii.len();
         let what = format!("{hydrodynamics:?}, {n} spheres");
-        let mut resistance = Resistance::new(
-            hydrodynamics,
-            &spheres.cell,
-            &spheres.radii,
-            &spheres.centres,
-            &NearFields::default(),
-            &SolverSettings::default(),
-        )
-        .unwrap();
+        let mut resistance = spheres.resistance(hydrodynamics);
         let flows = [0.4, 2.9].map(|seed| disordered::<S>(n, seed));
         let none = vec![0.0; S::MODES * n];
         let free = flows.each_ref().map(|flow| {
@@ -474,15 +466,7 @@ fn a_sphere_between_plates_has_the_motion_of_faxens_laws() {
         let expected = 20.0 / 3.0 * PI * radius.powi(3) * 0.5 * curvature * y;
         assert!((xy / expected - 1.0).abs() < 1e-12, "{xy} {expected}");
         // Held, it takes Stokes' drag from its own velocity, not from that at its centre.
-        let mut resistance = Resistance::new(
-            hydrodynamics,
-            &spheres.cell,
-            &spheres.radii,
-            &spheres.centres,
-            &NearFields::default(),
-            &SolverSettings::default(),
-        )
-        .unwrap();
+        let mut resistance = spheres.resistance(hydrodynamics);
         resistance.set_flow(flow.clone()).unwrap();
         let (held, mut forces) = (incident.map(|u| -u), [0.0; 3]);
         resistance.apply(&held, &mut forces).unwrap();

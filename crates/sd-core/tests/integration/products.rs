@@ -12,18 +12,6 @@ use sd_core::{
 
 const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
 
-fn resistance<S: RunSpace>(hydrodynamics: Hydrodynamics, spheres: &Spheres<S>) -> Resistance<S> {
-    Resistance::new(
-        hydrodynamics,
-        &spheres.cell,
-        &spheres.radii,
-        &spheres.centres,
-        &NearFields::default(),
-        &SolverSettings::default(),
-    )
-    .unwrap()
-}
-
 fn mobility<S: RunSpace>(spheres: &Spheres<S>) -> Mobility<S> {
     Mobility::new(&spheres.cell, &spheres.radii, &spheres.centres, 1e-8).unwrap()
 }
@@ -46,7 +34,7 @@ fn resistance_is_symmetric_positive_definite_and_inverted<S: RunSpace>() {
     for (hydrodynamics, spheres, tolerance) in cases::<S>() {
         let n = spheres.radii.len();
         let what = format!("{hydrodynamics:?}, {n} spheres");
-        let mut resistance = resistance(hydrodynamics, &spheres);
+        let mut resistance = spheres.resistance(hydrodynamics);
         let [x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, S::MODES, seed));
         let [mut rx, mut ry, mut back] = [(); 3].map(|()| vec![0.0; S::MODES * n]);
         resistance.apply(&x, &mut rx).unwrap();
@@ -121,7 +109,7 @@ fn mobility_inverts_the_resistance_of_distant_spheres<S: RunSpace>(count: i32, t
     let (n, modes) = (spheres.radii.len(), S::MODES + S::STRAINS);
     let velocities = vector::<S>(n, S::MODES, 0.7);
     let mut forces = vec![0.0; S::MODES * n];
-    let mut resistance = resistance(FULL, &spheres);
+    let mut resistance = spheres.resistance(FULL);
     resistance.apply(&velocities, &mut forces).unwrap();
     let stresslets = resistance.stresslets();
     let by_sphere = forces.chunks_exact(S::MODES).zip(stresslets);
@@ -186,7 +174,7 @@ fn solves_are_those_of_an_instant<S: RunSpace>() {
         let tables = NearFields::default();
         let expected = instant::solve(&configuration, &InstantContacts::None, &tables).unwrap();
         let mut velocities = vec![0.0; S::MODES * n];
-        let mut resistance = resistance(hydrodynamics, &spheres);
+        let mut resistance = spheres.resistance(hydrodynamics);
         // An earlier solve under other forces leaves no trace.
         let other = vector::<S>(n, S::MODES, 5.0);
         resistance.solve(&other, &mut velocities).unwrap();
@@ -229,14 +217,14 @@ fn moved_spheres_have_the_bits_of_a_new_plan<S: RunSpace>() {
         #[expect(clippy::cast_possible_truncation, reason = "a small whole number")]
         let after = spheres::<S>(count as i32, 2.2, 4.0);
         let (n, what) = (before.radii.len(), format!("{hydrodynamics:?}"));
-        let mut planned = resistance(hydrodynamics, &before);
+        let mut planned = before.resistance(hydrodynamics);
         let first = numbers(&mut planned, n);
         planned.set_positions(&after.cell, &after.centres).unwrap();
         let moved = numbers(&mut planned, n);
         assert_ne!(first, moved, "{what}");
         assert_eq!(
             moved,
-            numbers(&mut resistance(hydrodynamics, &after), n),
+            numbers(&mut after.resistance(hydrodynamics), n),
             "{what}"
         );
 
@@ -327,7 +315,7 @@ fn two_spheres_under_forces_move_by_the_exact_functions() {
 #[test]
 fn bad_input_is_refused_with_the_sphere_and_the_number() {
     let spheres = spheres::<Layer>(3, 4.3, 0.0);
-    let (n, mut layer) = (spheres.radii.len(), resistance(FULL, &spheres));
+    let (n, mut layer) = (spheres.radii.len(), spheres.resistance(FULL));
     let mut velocities = vec![0.0; 3 * n];
     let mut forces = vector::<Layer>(n, 3, 0.0);
     forces[5] = f64::NAN;

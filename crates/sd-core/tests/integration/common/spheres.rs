@@ -1,13 +1,29 @@
 //! Spheres on a disordered lattice, and vectors of all of them.
 
-use sd_core::Space;
 use sd_core::cell::Cell;
+use sd_core::model::SolverSettings;
+use sd_core::products::Resistance;
+use sd_core::{Hydrodynamics, NearFields, RunSpace, Space};
 
 /// Spheres in a cell.
 pub(crate) struct Spheres<S: Space> {
     pub(crate) cell: Cell<S>,
     pub(crate) radii: Vec<f64>,
     pub(crate) centres: Vec<S::Vector>,
+}
+
+impl<S: RunSpace> Spheres<S> {
+    pub(crate) fn resistance(&self, hydrodynamics: Hydrodynamics) -> Resistance<S> {
+        Resistance::new(
+            hydrodynamics,
+            &self.cell,
+            &self.radii,
+            &self.centres,
+            &NearFields::default(),
+            &SolverSettings::default(),
+        )
+        .unwrap()
+    }
 }
 
 /// Spheres of two sizes on a disordered lattice: `count` along each side, `spacing` apart.
