@@ -58,9 +58,48 @@ impl<T> Linear for T where
 pub trait FixedArray<T>:
     Copy + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
 {
+    /// The value N times.
+    fn each(value: T) -> Self;
+
+    /// Splits a list into arrays.
+    fn chunks(list: &[T]) -> &[Self];
+
+    /// Splits a mutable list into arrays.
+    fn chunks_mut(list: &mut [T]) -> &mut [Self];
+
+    /// The elements of arrays, one after another.
+    fn flat(arrays: &[Self]) -> &[T];
+
+    /// The elements of mutable arrays, one after another.
+    fn flat_mut(arrays: &mut [Self]) -> &mut [T];
 }
 
-impl<T: Copy, const N: usize> FixedArray<T> for [T; N] {}
+impl<T: Copy, const N: usize> FixedArray<T> for [T; N] {
+    #[inline(always)]
+    fn each(value: T) -> Self {
+        [value; N]
+    }
+
+    #[inline(always)]
+    fn chunks(list: &[T]) -> &[Self] {
+        list.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn chunks_mut(list: &mut [T]) -> &mut [Self] {
+        list.as_chunks_mut().0
+    }
+
+    #[inline(always)]
+    fn flat(arrays: &[Self]) -> &[T] {
+        arrays.as_flattened()
+    }
+
+    #[inline(always)]
+    fn flat_mut(arrays: &mut [Self]) -> &mut [T] {
+        arrays.as_flattened_mut()
+    }
+}
 
 /// A layer or a suspension.
 ///
@@ -74,6 +113,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     const MODES: usize;
     /// Components of a strain.
     const STRAINS: usize;
+    /// Velocities and strains of a sphere.
+    const ALL_MODES: usize = Self::MODES + Self::STRAINS;
     /// Components of slip.
     const TANGENTS: usize;
     /// Reserved number of neighbours of a sphere within the lubrication range.
@@ -107,6 +148,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Tensor: FixedArray<f64> + Debug + PartialEq + Default;
     /// A value per velocity of a sphere.
     type PerMode<T: Copy>: FixedArray<T>;
+    /// A value per velocity and strain of a sphere, `(U, Ω, e)`.
+    type PerAnyMode<T: Copy>: FixedArray<T>;
     /// A value per component of a slip.
     type PerTangent<T: Copy>: FixedArray<T>;
     /// Weights of the velocities of two spheres.
@@ -130,16 +173,34 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn vector(point: &Self::Point) -> Self::Vector;
 
     /// The value, once for each velocity of a sphere.
-    fn each<T: Copy>(value: T) -> Self::PerMode<T>;
+    #[inline(always)]
+    fn each<T: Copy>(value: T) -> Self::PerMode<T> {
+        FixedArray::each(value)
+    }
 
-    /// Splits a list of all spheres by sphere.
-    fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>];
+    /// Splits a list of the velocities of all spheres by sphere.
+    #[inline(always)]
+    fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>] {
+        FixedArray::chunks(list)
+    }
 
-    /// Splits a mutable list of all spheres by sphere.
-    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>];
+    /// Splits a mutable list of the velocities of all spheres by sphere.
+    #[inline(always)]
+    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>] {
+        FixedArray::chunks_mut(list)
+    }
 
-    /// A block of zeros.
-    fn no_block() -> Self::Block;
+    /// Splits a list of all modes of all spheres by sphere.
+    #[inline(always)]
+    fn all_modes(list: &[f64]) -> &[Self::PerAnyMode<f64>] {
+        FixedArray::chunks(list)
+    }
+
+    /// Splits a mutable list of all modes of all spheres by sphere.
+    #[inline(always)]
+    fn all_modes_mut(list: &mut [f64]) -> &mut [Self::PerAnyMode<f64>] {
+        FixedArray::chunks_mut(list)
+    }
 
     /// Weights of the velocities of i, then of j.
     fn weights(of_i: &Self::PerMode<f64>, of_j: &Self::PerMode<f64>) -> Self::Weights;
@@ -182,13 +243,20 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn within(components: &Self::PerTangent<f64>, bound: f64) -> Self::PerTangent<f64>;
 
     /// The value, once for each component of a slip.
-    fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T>;
+    #[inline(always)]
+    fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T> {
+        FixedArray::each(value)
+    }
 
     /// The components of a list of slips, one after another.
-    fn components(slips: &[Self::PerTangent<f64>]) -> &[f64];
+    fn components(slips: &[Self::PerTangent<f64>]) -> &[f64] {
+        FixedArray::flat(slips)
+    }
 
     /// The components of a mutable list of slips, one after another.
-    fn components_mut(slips: &mut [Self::PerTangent<f64>]) -> &mut [f64];
+    fn components_mut(slips: &mut [Self::PerTangent<f64>]) -> &mut [f64] {
+        FixedArray::flat_mut(slips)
+    }
 
     /// Scalar product of vectors perpendicular to the line of centres.
     fn tangent_dot(a: &Self::Tangent, b: &Self::Tangent) -> f64;

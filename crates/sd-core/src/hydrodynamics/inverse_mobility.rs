@@ -4,15 +4,16 @@ use super::far_field::far_operator::FarOperator;
 use super::resistance::Fluid;
 use crate::error::Error;
 use crate::linalg::dense::{add_scaled, dot};
+use crate::space::FixedArray as _;
 
 /// Iterations after which a solve has failed. The condition number of M is some hundreds for
 /// spheres in contact, which takes a few dozen.
 const MAX_ITERATIONS: u32 = 1000;
 
 /// Force modes from velocity modes, `M q = x − V c` and `Vᵀ q = 0` with V the translations of a
-/// periodic layer, which no force can cause. Modes of all spheres, strains first.
+/// periodic layer, which no force can cause.
 pub(crate) struct InverseMobility<S: Fluid> {
-    /// Drag of isolated spheres, which preconditions.
+    /// Drag of isolated spheres on all modes, which preconditions.
     drag: Vec<f64>,
     /// Sum of the drags on a translation of all spheres.
     uniform_drag: f64,
@@ -27,13 +28,11 @@ pub(crate) struct InverseMobility<S: Fluid> {
 
 impl<S: Fluid> InverseMobility<S> {
     pub(crate) fn new(radii: &[f64]) -> Self {
-        let single = || radii.iter().map(|&radius| S::far_drag(radius));
-        let strains = single().flat_map(|drag| drag.as_ref()[..S::STRAINS].to_vec());
-        let velocities = single().flat_map(|drag| drag.as_ref()[S::STRAINS..].to_vec());
-        let drag: Vec<f64> = strains.chain(velocities).collect();
+        let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
+        let drag = S::PerAnyMode::flat(&drag).to_vec();
         let vector = || vec![0.0; drag.len()];
         Self {
-            uniform_drag: single().map(|drag| drag[S::STRAINS]).sum(),
+            uniform_drag: drag.iter().step_by(S::ALL_MODES).sum(),
             solution: vector(),
             residual: vector(),
             preconditioned: vector(),
@@ -89,9 +88,8 @@ impl<S: Fluid> InverseMobility<S> {
         let rows = self.residual.iter().zip(&self.drag);
         self.preconditioned.clear();
         self.preconditioned.extend(rows.map(|(r, drag)| r * drag));
-        let first = self.drag.len() / (S::STRAINS + S::MODES) * S::STRAINS;
         for k in 0..S::DRIFTS {
-            let translations = || (first + k..self.drag.len()).step_by(S::MODES);
+            let translations = || (k..self.drag.len()).step_by(S::ALL_MODES);
             let net: f64 = translations().map(|row| self.preconditioned[row]).sum();
             for row in translations() {
                 self.preconditioned[row] -= net / self.uniform_drag * self.drag[row];

@@ -27,8 +27,8 @@ mod uniform;
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
-use crate::space::Layer;
 use crate::space::cell::Cell;
+use crate::space::{FixedArray as _, Layer};
 use local::LocalResistance;
 use split::SplitMotion;
 use uniform::Uniform;
@@ -53,8 +53,8 @@ pub struct Convergence {
 pub struct IterativeFarField<S: Fluid = Layer> {
     /// M.
     operator: FarOperator<S>,
-    /// Diagonal of M₀⁻¹, strains first.
-    drag: Vec<f64>,
+    /// Diagonal of M₀⁻¹.
+    drag: Vec<S::PerAnyMode<f64>>,
     /// P.
     local: LocalResistance<S>,
     /// Relative residual to be reached.
@@ -87,25 +87,16 @@ impl<S: Fluid> IterativeFarField<S> {
             });
         }
         let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
-        let n = radii.len();
-        let mut drag = vec![0.0; (S::STRAINS + S::MODES) * n];
-        let (strains, velocities) = drag.split_at_mut(S::STRAINS * n);
-        let spheres = strains.chunks_exact_mut(S::STRAINS);
-        for ((e, v), &radius) in spheres.zip(S::by_sphere_mut(velocities)).zip(radii) {
-            let single = S::far_drag(radius);
-            let (of_e, of_v) = single.as_ref().split_at(S::STRAINS);
-            e.copy_from_slice(of_e);
-            v.as_mut().copy_from_slice(of_v);
-        }
+        let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
         Ok(Self {
             operator,
             local: LocalResistance::default(),
             residual,
             max_evaluations: fixed_point::MAX_EVALUATIONS,
             last: Convergence::default(),
-            delta: vec![0.0; drag.len()],
+            delta: vec![0.0; S::ALL_MODES * drag.len()],
             uniform: Uniform::default(),
-            split: SplitMotion::new(&drag),
+            split: SplitMotion::new(S::PerAnyMode::flat(&drag)),
             drag,
         })
     }
@@ -167,26 +158,25 @@ impl<S: Fluid> IterativeFarField<S> {
     /// Adds the far field, beyond P, to the result of [`Resistance::apply`] of `near` for the
     /// velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
     pub fn correct(&self, forces: &mut [f64], stresslets: &mut [S::Strain]) {
-        let (strains, velocities) = self.delta.split_at(self.delta.len() - forces.len());
-        for (force, delta) in forces.iter_mut().zip(velocities) {
-            *force += delta;
-        }
-        let deltas = strains.chunks_exact(S::STRAINS);
-        for (stresslet, delta) in stresslets.iter_mut().zip(deltas) {
-            for (k, delta) in delta.iter().enumerate() {
-                stresslet[k] -= delta;
+        let spheres = S::by_sphere_mut(forces).iter_mut().zip(stresslets);
+        for ((force, stresslet), delta) in spheres.zip(S::all_modes(&self.delta)) {
+            for k in 0..S::MODES {
+                force[k] += delta[k];
+            }
+            for k in 0..S::STRAINS {
+                stresslet[k] -= delta[S::MODES + k];
             }
         }
     }
 
-    /// Refuses vectors of other lengths; returns the index of the first velocity.
+    /// Refuses vectors of other lengths.
     fn check_lengths(
         &self,
         near: &Resistance<S>,
         forces: &[f64],
         velocities: &[f64],
-    ) -> Result<usize, Error> {
-        let spheres = self.drag.len() / (S::STRAINS + S::MODES);
+    ) -> Result<(), Error> {
+        let spheres = self.drag.len();
         for (field, found) in [
             ("forces", forces.len() / S::MODES),
             ("velocities", velocities.len() / S::MODES),
@@ -200,6 +190,6 @@ impl<S: Fluid> IterativeFarField<S> {
                 });
             }
         }
-        Ok(S::STRAINS * spheres)
+        Ok(())
     }
 }

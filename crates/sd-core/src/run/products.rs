@@ -73,8 +73,6 @@ pub struct Mobility<S: Fluid = Layer> {
     tolerance: f64,
     cell: Cell<S>,
     list: NeighbourList<S>,
-    /// Modes before and after a product, strains first.
-    modes: [Vec<f64>; 2],
 }
 
 impl<S: Fluid> Mobility<S> {
@@ -96,7 +94,6 @@ impl<S: Fluid> Mobility<S> {
         centres: &[S::Vector],
         tolerance: f64,
     ) -> Result<Self, Error> {
-        let modes = vec![0.0; (S::STRAINS + S::MODES) * radii.len()];
         let mut mobility = Self {
             operator: FarOperator::new(cell, radii, tolerance)?,
             inverse: InverseMobility::new(radii),
@@ -104,7 +101,6 @@ impl<S: Fluid> Mobility<S> {
             tolerance,
             cell: *cell,
             list: NeighbourList::new(radii.len()),
-            modes: [modes.clone(), modes],
         };
         mobility.set_positions(cell, centres)?;
         Ok(mobility)
@@ -140,14 +136,11 @@ impl<S: Fluid> Mobility<S> {
     /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite; [`Error::NetForce`]
     /// in a layer.
     pub fn apply(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<(), Error> {
-        let modes = S::STRAINS + S::MODES;
-        self.check_lengths(forces, velocities)?;
+        let modes = S::ALL_MODES;
+        check_lengths(forces, velocities, modes, self.radii.len())?;
         check_numbers("forces", forces, modes)?;
         check_net_force::<S>(Hydrodynamics::StokesianDynamics, &self.cell, forces, modes)?;
-        let [x, y] = &mut self.modes;
-        strains_first::<S>(forces, x);
-        self.operator.apply(x, y);
-        sphere_by_sphere::<S>(y, velocities);
+        self.operator.apply(forces, velocities);
         Ok(())
     }
 
@@ -158,18 +151,12 @@ impl<S: Fluid> Mobility<S> {
     /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite;
     /// [`Error::NotConverged`].
     pub fn solve(&mut self, velocities: &[f64], forces: &mut [f64]) -> Result<(), Error> {
-        self.check_lengths(forces, velocities)?;
-        check_numbers("velocities", velocities, S::STRAINS + S::MODES)?;
-        strains_first::<S>(velocities, &mut self.modes[0]);
-        let [x, _] = &self.modes;
-        let solved = self.inverse.solve(&mut self.operator, x, self.tolerance)?;
-        sphere_by_sphere::<S>(solved, forces);
+        check_lengths(forces, velocities, S::ALL_MODES, self.radii.len())?;
+        check_numbers("velocities", velocities, S::ALL_MODES)?;
+        let operator = &mut self.operator;
+        let solved = self.inverse.solve(operator, velocities, self.tolerance)?;
+        forces.copy_from_slice(solved);
         Ok(())
-    }
-
-    fn check_lengths(&self, forces: &[f64], velocities: &[f64]) -> Result<(), Error> {
-        let modes = S::STRAINS + S::MODES;
-        check_lengths(forces, velocities, modes, self.radii.len())
     }
 }
 
@@ -217,7 +204,7 @@ pub struct Resistance<S: Fluid = Layer> {
     centres: Vec<S::Vector>,
     stresslets: Vec<S::Strain>,
     flow: IncidentFlow<S>,
-    /// Modes of the far field, strains first.
+    /// Velocities and strains, as [`Mobility`] has them.
     modes: Vec<f64>,
     work: Vec<f64>,
     forces: Vec<f64>,
@@ -339,13 +326,12 @@ impl<S: Fluid> Resistance<S> {
         };
         // The sparse resistance approximates the far field by isolated drag and by near pairs;
         // these give way to the far field itself.
-        let strains = S::STRAINS * self.centres.len();
         self.modes.clear();
-        for sphere in 0..self.centres.len() {
+        for (sphere, velocity) in S::by_sphere(velocities).iter().enumerate() {
             let strain = incident.at(sphere);
+            self.modes.extend_from_slice(velocity.as_ref());
             self.modes.extend((0..S::STRAINS).map(|k| -strain[k]));
         }
-        self.modes.extend_from_slice(velocities);
         let far = self.inverse.solve(operator, &self.modes, self.residual)?;
         let near = &self.stage.resistance;
         let (of_spheres, motions) = (S::by_sphere_mut(forces), S::by_sphere(velocities));
@@ -361,16 +347,14 @@ impl<S: Fluid> Resistance<S> {
                 self.stresslets[sphere] -= stresslet[k];
             }
         }
-        let (far_stresslets, far_forces) = far.split_at(strains);
-        let far_forces = S::by_sphere(far_forces);
-        for (sphere, &radius) in near.radii().iter().enumerate() {
+        for (sphere, (far, &radius)) in S::all_modes(far).iter().zip(near.radii()).enumerate() {
             let (drag, of_strain) = S::isolated(radius);
             for m in 0..S::MODES {
-                of_spheres[sphere][m] += far_forces[sphere][m] - drag[m] * motions[sphere][m];
+                of_spheres[sphere][m] += far[m] - drag[m] * motions[sphere][m];
             }
-            let (far, strain) = (&far_stresslets[S::STRAINS * sphere..], incident.at(sphere));
+            let strain = incident.at(sphere);
             for k in 0..S::STRAINS {
-                self.stresslets[sphere][k] -= far[k] + of_strain * strain[k];
+                self.stresslets[sphere][k] -= far[S::MODES + k] + of_strain * strain[k];
             }
         }
         Ok(())
@@ -441,31 +425,4 @@ fn check_centres<S: Space>(centres: &[S::Vector], spheres: usize) -> Result<(), 
         .flat_map(|centre| S::point(centre).as_ref().to_vec())
         .collect();
     check_numbers("centres", &numbers, S::DIMENSIONS)
-}
-
-/// Orders all modes of the spheres as the far field has them: the strains or stresslets of all
-/// spheres first.
-fn strains_first<S: Space>(by_sphere: &[f64], strains_first: &mut [f64]) {
-    let modes = S::STRAINS + S::MODES;
-    let (strains, velocities) = strains_first.split_at_mut(by_sphere.len() / modes * S::STRAINS);
-    let all = strains
-        .chunks_exact_mut(S::STRAINS)
-        .zip(velocities.chunks_exact_mut(S::MODES));
-    for (sphere, (strain, velocity)) in by_sphere.chunks_exact(modes).zip(all) {
-        velocity.copy_from_slice(&sphere[..S::MODES]);
-        strain.copy_from_slice(&sphere[S::MODES..]);
-    }
-}
-
-/// The inverse of [`strains_first`].
-fn sphere_by_sphere<S: Space>(strains_first: &[f64], by_sphere: &mut [f64]) {
-    let modes = S::STRAINS + S::MODES;
-    let (strains, velocities) = strains_first.split_at(by_sphere.len() / modes * S::STRAINS);
-    let all = strains
-        .chunks_exact(S::STRAINS)
-        .zip(velocities.chunks_exact(S::MODES));
-    for (sphere, (strain, velocity)) in by_sphere.chunks_exact_mut(modes).zip(all) {
-        sphere[..S::MODES].copy_from_slice(velocity);
-        sphere[S::MODES..].copy_from_slice(strain);
-    }
 }

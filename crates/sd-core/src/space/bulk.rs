@@ -87,6 +87,7 @@ impl Space for Bulk {
     type Strain = Strain;
     type Tensor = [f64; 5];
     type PerMode<T: Copy> = [T; 6];
+    type PerAnyMode<T: Copy> = [T; 11];
     type PerTangent<T: Copy> = [T; 2];
     type Weights = [f64; 12];
     type Block = [f64; 36];
@@ -102,26 +103,6 @@ impl Space for Bulk {
 
     fn vector(point: &[f64; 3]) -> Self::Vector {
         (*point).into()
-    }
-
-    #[inline(always)]
-    fn each<T: Copy>(value: T) -> [T; 6] {
-        [value; 6]
-    }
-
-    #[inline(always)]
-    fn by_sphere<T: Copy>(list: &[T]) -> &[[T; 6]] {
-        list.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 6]] {
-        list.as_chunks_mut().0
-    }
-
-    #[inline(always)]
-    fn no_block() -> [f64; 36] {
-        [0.0; 36]
     }
 
     #[inline(always)]
@@ -194,19 +175,6 @@ impl Space for Bulk {
         } else {
             [d * (bound / length), e * (bound / length)]
         }
-    }
-
-    #[inline(always)]
-    fn each_tangent<T: Copy>(value: T) -> [T; 2] {
-        [value; 2]
-    }
-
-    fn components(slips: &[[f64; 2]]) -> &[f64] {
-        slips.as_flattened()
-    }
-
-    fn components_mut(slips: &mut [[f64; 2]]) -> &mut [f64] {
-        slips.as_flattened_mut()
     }
 
     #[inline(always)]

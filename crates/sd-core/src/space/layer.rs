@@ -30,6 +30,7 @@ impl Space for Layer {
     type Strain = Vector3<f64>;
     type Tensor = [f64; 3];
     type PerMode<T: Copy> = [T; 3];
+    type PerAnyMode<T: Copy> = [T; 6];
     type PerTangent<T: Copy> = [T; 1];
     type Weights = [f64; 6];
     type Block = [f64; 9];
@@ -45,26 +46,6 @@ impl Space for Layer {
 
     fn vector(&[x, y]: &Self::Point) -> Self::Vector {
         Vector2::new(x, y)
-    }
-
-    #[inline(always)]
-    fn each<T: Copy>(value: T) -> [T; 3] {
-        [value; 3]
-    }
-
-    #[inline(always)]
-    fn by_sphere<T: Copy>(list: &[T]) -> &[[T; 3]] {
-        list.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [[T; 3]] {
-        list.as_chunks_mut().0
-    }
-
-    #[inline(always)]
-    fn no_block() -> [f64; 9] {
-        [0.0; 9]
     }
 
     #[inline(always)]
@@ -120,19 +101,6 @@ impl Space for Layer {
     #[inline(always)]
     fn within(&[component]: &[f64; 1], bound: f64) -> [f64; 1] {
         [component.clamp(-bound, bound)]
-    }
-
-    #[inline(always)]
-    fn each_tangent<T: Copy>(value: T) -> [T; 1] {
-        [value]
-    }
-
-    fn components(slips: &[[f64; 1]]) -> &[f64] {
-        slips.as_flattened()
-    }
-
-    fn components_mut(slips: &mut [[f64; 1]]) -> &mut [f64] {
-        slips.as_flattened_mut()
     }
 
     #[inline(always)]

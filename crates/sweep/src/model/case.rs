@@ -7,7 +7,7 @@ use std::fmt::{self, Write as _};
 
 /// Version of the physics, raised whenever the same parameters and seed give other numbers: old
 /// results then keep their old keys.
-pub const PHYSICS_VERSION: u32 = 3;
+pub const PHYSICS_VERSION: u32 = 4;
 
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq)]

@@ -25,8 +25,6 @@ use std::f64::consts::PI;
 
 /// The parts of the periodic mobility that differ between layers and suspensions.
 pub trait FarSpace: Space {
-    /// A value for each mode of a sphere.
-    type PerAnyMode<T: Copy>: FixedArray<T>;
     /// A value for each component of a vector.
     type PerComponent<T: Copy>: FixedArray<T>;
     /// The short-ranged part of M.
@@ -39,12 +37,6 @@ pub trait FarSpace: Space {
     /// Whether the estimates of remainders hold where several images of a pair are in range. Those
     /// of a layer take terms as random, which such images are not.
     const COUNTS_IMAGES: bool;
-
-    /// A value for each mode.
-    fn each_mode<T: Copy>(value: T) -> Self::PerAnyMode<T>;
-
-    /// A value for each component.
-    fn each_component<T: Copy>(value: T) -> Self::PerComponent<T>;
 
     /// Modes `(U, Ω, e)` in three dimensions.
     fn embedded(modes: &Self::PerAnyMode<f64>) -> [f64; MODES];
@@ -104,10 +96,6 @@ pub(crate) struct FarOperator<S: FarSpace> {
     pairs: Vec<NearPair<S>>,
     /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
     own: Vec<S::PerAnyMode<f64>>,
-    /// Force modes of each sphere, for all current vectors.
-    sources: Vec<S::PerAnyMode<f64>>,
-    /// Velocity modes of each sphere, for all current vectors.
-    results: Vec<S::PerAnyMode<f64>>,
 }
 
 impl<S: FarSpace> FarOperator<S> {
@@ -186,8 +174,6 @@ impl<S: FarSpace> FarOperator<S> {
             units: vec![1.0; radii.len()],
             pairs: Vec::new(),
             own: own.collect(),
-            sources: Vec::with_capacity(2 * radii.len()),
-            results: Vec::with_capacity(2 * radii.len()),
             sizes,
         })
     }
@@ -253,92 +239,51 @@ impl<S: FarSpace> FarOperator<S> {
         Ok(())
     }
 
-    /// `y ← M x`: stresslets or strains of all spheres first, then forces and torques or
-    /// velocities; or several such vectors in sequence, for which the near pairs are read once.
+    /// `y ← M x` for all modes sphere by sphere; or for several such vectors in sequence, for which
+    /// the near pairs are read once.
     ///
     /// # Accuracy
     /// The tolerance of the plan, relative to the largest entry of M; tests
     /// `operator_is_the_dense_mobility` of layers and of suspensions.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        let n = self.sizes.len();
+        let (n, x, y) = (self.sizes.len(), S::all_modes(x), S::all_modes_mut(y));
         let Self {
-            grid,
-            pairs,
-            own,
-            sources,
-            results,
-            ..
+            grid, pairs, own, ..
         } = self;
-        sources.clear();
-        results.clear();
-        for x in x.chunks_exact((S::STRAINS + S::MODES) * n) {
-            let (strains, velocities) = x.split_at(S::STRAINS * n);
-            let rows = strains
-                .chunks_exact(S::STRAINS)
-                .zip(S::by_sphere(velocities));
-            for ((strain, velocity), own) in rows.zip(&*own) {
-                let mut source = S::each_mode(0.0);
-                let (v, e) = source.as_mut().split_at_mut(S::MODES);
-                v.copy_from_slice(velocity.as_ref());
-                e.copy_from_slice(strain);
-                sources.push(source);
-                for (x, own) in source.as_mut().iter_mut().zip(own.as_ref()) {
-                    *x *= own;
+        for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+            for ((x, y), own) in x.iter().zip(y).zip(&*own) {
+                for k in 0..S::ALL_MODES {
+                    y[k] = x[k] * own[k];
                 }
-                results.push(source);
             }
         }
         vectorised(
             #[inline(always)]
             || {
                 for (i, j, block) in &*pairs {
-                    let motions = sources.chunks_exact(n).zip(results.chunks_exact_mut(n));
-                    for (sources, results) in motions {
-                        let (mut to_i, mut to_j) = (results[*i], S::each_mode(0.0));
-                        S::NearPart::add(block, &sources[*i], &sources[*j], &mut to_i, &mut to_j);
-                        results[*i] = to_i;
-                        for (result, to_j) in results[*j].as_mut().iter_mut().zip(to_j.as_ref()) {
-                            *result += to_j;
+                    for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+                        let (mut to_i, mut to_j) = (y[*i], FixedArray::each(0.0));
+                        S::NearPart::add(block, &x[*i], &x[*j], &mut to_i, &mut to_j);
+                        y[*i] = to_i;
+                        for k in 0..S::ALL_MODES {
+                            y[*j][k] += to_j[k];
                         }
                     }
                 }
             },
         );
-        for (sources, results) in sources.chunks_exact(n).zip(results.chunks_exact_mut(n)) {
-            grid.add(sources, results);
-        }
-        let motions = y.chunks_exact_mut((S::STRAINS + S::MODES) * n);
-        for (y, results) in motions.zip(results.chunks_exact(n)) {
-            let (strains, velocities) = y.split_at_mut(S::STRAINS * n);
-            let rows = strains
-                .chunks_exact_mut(S::STRAINS)
-                .zip(S::by_sphere_mut(velocities));
-            for ((strain, velocity), result) in rows.zip(results) {
-                let (v, e) = result.as_ref().split_at(S::MODES);
-                velocity.as_mut().copy_from_slice(v);
-                strain.copy_from_slice(e);
-            }
+        for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+            grid.add(x, y);
         }
     }
 }
 
 impl FarSpace for Layer {
-    type PerAnyMode<T: Copy> = [T; 6];
     type PerComponent<T: Copy> = [T; 2];
     type NearPart = RealSpace;
     const COSTS: [f64; 2] = [40.0, 140.0];
     const LEAST_SPLITTING: f64 = 3.01;
     const COUNTS_IMAGES: bool = false;
-
-    #[inline(always)]
-    fn each_mode<T: Copy>(value: T) -> [T; 6] {
-        [value; 6]
-    }
-
-    #[inline(always)]
-    fn each_component<T: Copy>(value: T) -> [T; 2] {
-        [value; 2]
-    }
 
     #[inline(always)]
     fn embedded(&[x, y, spin, e1, e2, e3]: &[f64; 6]) -> Modes {
@@ -406,22 +351,11 @@ impl NearPart<Layer> for RealSpace {
 }
 
 impl FarSpace for Bulk {
-    type PerAnyMode<T: Copy> = [T; MODES];
     type PerComponent<T: Copy> = [T; 3];
     type NearPart = Screened;
     const COSTS: [f64; 2] = [140.0, 480.0];
     const LEAST_SPLITTING: f64 = 0.5;
     const COUNTS_IMAGES: bool = true;
-
-    #[inline(always)]
-    fn each_mode<T: Copy>(value: T) -> [T; MODES] {
-        [value; MODES]
-    }
-
-    #[inline(always)]
-    fn each_component<T: Copy>(value: T) -> [T; 3] {
-        [value; 3]
-    }
 
     #[inline(always)]
     fn embedded(modes: &Modes) -> Modes {

@@ -135,7 +135,7 @@ pub(super) fn mobility(far_field: &mut FarField, cell: &Cell, centres: &[Vec2]) 
 }
 
 /// Entry of mode k (order of [`crate::space::modes`]) of sphere i in a grand vector of n spheres.
-fn entry(n: usize, i: usize, k: usize) -> usize {
+pub(super) fn entry(n: usize, i: usize, k: usize) -> usize {
     if k < 3 {
         3 * n + 3 * i + k
     } else {

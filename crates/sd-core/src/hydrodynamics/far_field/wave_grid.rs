@@ -19,6 +19,7 @@ use super::Splitting;
 use super::far_operator::{FarSpace, components};
 use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
+use crate::space::FixedArray;
 use crate::space::cell::Lattice;
 use axis::{Axis, WIDTH, Window, highest, plan_axes};
 use rustfft::num_complex::Complex64;
@@ -106,7 +107,7 @@ impl<S: FarSpace> Grid<S> {
         let zero = Complex64::new(0.0, 0.0);
         let points = (first + WIDTH) * second * third;
         self.is_kept.resize(points, false);
-        self.values.resize(points, S::each_component([0.0; 2]));
+        self.values.resize(points, FixedArray::each([0.0; 2]));
         self.starts.reserve(second.max(first) * third.max(second));
         let longest = first.max(second).max(third);
         self.lines.resize(S::DIMENSIONS * LINES * longest, zero);
@@ -156,7 +157,8 @@ impl<S: FarSpace> Grid<S> {
             || {
                 for x in centres {
                     let coordinates = lattice.coordinates(x);
-                    let mut of_sphere = S::each_component(axes[0].window(coordinates[0]));
+                    let mut of_sphere: S::PerComponent<_> =
+                        FixedArray::each(axes[0].window(coordinates[0]));
                     for k in 1..S::DIMENSIONS {
                         of_sphere[k] = axes[k].window(coordinates[k]);
                     }
@@ -230,7 +232,7 @@ impl<S: FarSpace> Grid<S> {
     /// Spreads the sources over the grid: P and Q there.
     #[inline(always)]
     fn spread(&mut self, x: &[S::PerAnyMode<f64>]) {
-        let none = S::each_component([0.0; 2]);
+        let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
         let Self {
             values,
@@ -355,14 +357,15 @@ impl<S: FarSpace> Grid<S> {
         } = self;
         for (value, is_kept) in values.iter_mut().zip(&*is_kept) {
             if !is_kept {
-                *value = S::each_component([0.0; 2]);
+                *value = FixedArray::each([0.0; 2]);
             }
         }
         for wave in &*waves {
             let [here, there] = wave.places;
             let (k, [b0, b1, b2]) = (&wave.k, wave.kernel);
             let zero = Complex64::new(0.0, 0.0);
-            let (mut p, mut q) = (S::each_component(zero), S::each_component(zero));
+            let (mut p, mut q): (S::PerComponent<_>, S::PerComponent<_>) =
+                (FixedArray::each(zero), FixedArray::each(zero));
             let (mut kp, mut kq) = (zero, zero);
             for c in 0..S::DIMENSIONS {
                 [p[c], q[c]] = split(values[here][c], values[there][c]);
@@ -381,7 +384,7 @@ impl<S: FarSpace> Grid<S> {
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
     #[inline(always)]
     fn read(&self, y: &mut [S::PerAnyMode<f64>]) {
-        let none = S::each_component([0.0; 2]);
+        let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
         for ((windows, size), y) in self.windows.iter().zip(&self.sizes).zip(y) {
             // Of u and v: value, and derivatives of the window by the lattice coordinates.

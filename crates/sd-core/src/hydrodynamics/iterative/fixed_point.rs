@@ -87,10 +87,10 @@ impl<S: Fluid> IterativeFarField<S> {
         forces: &[f64],
         velocities: &mut [f64],
     ) -> Result<Convergence, Error> {
-        let half = self.check_lengths(near, forces, velocities)?;
+        self.check_lengths(near, forces, velocities)?;
         self.local.update(&self.drag, near);
         if S::DRIFTS > 0 {
-            self.uniform.update(near, &self.local, &self.drag[half..]);
+            self.uniform.update(near, &self.local, &self.drag);
         }
         self.split.anderson.restart();
         let mut found = Convergence {

@@ -3,6 +3,7 @@
 
 use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
 use crate::linalg::simd::vectorised;
+use crate::space::FixedArray as _;
 
 /// P in blocks, at one set of positions.
 #[derive(Default)]
@@ -14,23 +15,16 @@ pub(super) struct LocalResistance<S: Fluid> {
 }
 
 impl<S: Fluid> LocalResistance<S> {
-    /// Modes of a sphere.
-    const MODES: usize = S::STRAINS + S::MODES;
-
-    /// Sets the drag of isolated spheres, strains first, and the terms of near pairs of `near`.
-    pub(super) fn update(&mut self, drag: &[f64], near: &Resistance<S>) {
-        let spheres = near.radii().len();
-        let (strains, velocities) = drag.split_at(S::STRAINS * spheres);
+    /// Sets the drag of isolated spheres, and the terms of near pairs of `near`.
+    pub(super) fn update(&mut self, drag: &[S::PerAnyMode<f64>], near: &Resistance<S>) {
         self.own.clear();
-        let spheres = strains.chunks_exact(S::STRAINS);
-        self.own
-            .extend(spheres.zip(S::by_sphere(velocities)).map(|(e, v)| {
-                let mut block = S::each_mode(S::each_mode(0.0));
-                for (k, drag) in e.iter().chain(v.as_ref()).enumerate() {
-                    block[k][k] = *drag;
-                }
-                block
-            }));
+        self.own.extend(drag.iter().map(|drag| {
+            let mut block = ModeBlock::<S>::each(S::PerAnyMode::each(0.0));
+            for k in 0..S::ALL_MODES {
+                block[k][k] = drag[k];
+            }
+            block
+        }));
         self.couplings.clear();
         for (pair, term) in near.far_pairs() {
             for (p, sphere) in [pair.i, pair.j].into_iter().enumerate() {
@@ -47,39 +41,23 @@ impl<S: Fluid> LocalResistance<S> {
         }
     }
 
-    /// `y = P x`, strains first.
+    /// `y = P x`.
     pub(super) fn apply(&self, x: &[f64], y: &mut [f64]) {
-        let strains = S::STRAINS * self.own.len();
-        let place = |sphere: usize, k: usize| {
-            if k < S::STRAINS {
-                S::STRAINS * sphere + k
-            } else {
-                strains + S::MODES * sphere + k - S::STRAINS
-            }
-        };
-        let read = |sphere: usize| -> S::PerAnyMode<f64> {
-            let mut modes = S::each_mode(0.0);
-            for k in 0..Self::MODES {
-                modes[k] = x[place(sphere, k)];
-            }
-            modes
-        };
+        let (x, y) = (S::all_modes(x), S::all_modes_mut(y));
         vectorised(
             #[inline(always)]
             || {
-                for (sphere, block) in self.own.iter().enumerate() {
-                    let from = read(sphere);
-                    for k in 0..Self::MODES {
-                        y[place(sphere, k)] = (0..Self::MODES).map(|c| block[c][k] * from[c]).sum();
+                for ((x, y), block) in x.iter().zip(&mut *y).zip(&self.own) {
+                    for k in 0..S::ALL_MODES {
+                        y[k] = (0..S::ALL_MODES).map(|c| block[c][k] * x[c]).sum();
                     }
                 }
-                for ([i, j], block) in &self.couplings {
-                    let (of_i, of_j) = (read(*i), read(*j));
-                    for k in 0..Self::MODES {
-                        let to_j: f64 = (0..Self::MODES).map(|c| block[c][k] * of_i[c]).sum();
-                        let to_i: f64 = (0..Self::MODES).map(|c| block[k][c] * of_j[c]).sum();
-                        y[place(*j, k)] += to_j;
-                        y[place(*i, k)] += to_i;
+                for &([i, j], ref block) in &self.couplings {
+                    for k in 0..S::ALL_MODES {
+                        let to_j: f64 = (0..S::ALL_MODES).map(|c| block[c][k] * x[i][c]).sum();
+                        let to_i: f64 = (0..S::ALL_MODES).map(|c| block[k][c] * x[j][c]).sum();
+                        y[j][k] += to_j;
+                        y[i][k] += to_i;
                     }
                 }
             },

@@ -13,7 +13,7 @@
 //! steps, which on an affine map is GMRES.
 
 use super::local::LocalResistance;
-use super::uniform::{Uniform, translation};
+use super::uniform::Uniform;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::resistance::Fluid;
 use crate::linalg::anderson::Anderson;
@@ -23,8 +23,8 @@ use std::marker::PhantomData;
 /// Length of the history of the acceleration.
 const DEPTH: usize = 40;
 
-/// Vectors of the iteration, `[12N]`: part N `[6N]`, strains first, then part T; where noted also c
-/// of both parts, four numbers.
+/// Vectors of the iteration, `[12N]`: all modes of part N sphere by sphere, `[6N]`, then those of
+/// part T; where noted also c of both parts, four numbers.
 pub(super) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
@@ -53,15 +53,11 @@ pub(super) struct SplitMotion<S: Fluid> {
 }
 
 impl<S: Fluid> SplitMotion<S> {
-    /// Modes of a sphere.
-    const MODES: usize = S::STRAINS + S::MODES;
-
-    /// An iteration that starts from zero. `drag` is the diagonal of M₀⁻¹, `[6N]`, strains first.
+    /// An iteration that starts from zero. `drag` is the diagonal of M₀⁻¹, `[6N]`.
     pub(super) fn new(drag: &[f64]) -> Self {
         let n = drag.len();
-        let spheres = n / Self::MODES;
-        let velocities = &drag[S::STRAINS * spheres..];
-        let whole: f64 = velocities.iter().step_by(S::MODES).sum();
+        let spheres = n / S::ALL_MODES;
+        let whole: f64 = drag.iter().step_by(S::ALL_MODES).sum();
         let mut roots: Vec<f64> = drag.iter().chain(drag).map(|drag| drag.sqrt()).collect();
         roots.extend([whole.sqrt().recip(); 4]);
         Self {
@@ -149,7 +145,6 @@ impl<S: Fluid> SplitMotion<S> {
     ) {
         let moves = self.velocities.len() / 2;
         let whole = self.work.len();
-        let half = whole - moves;
         for ((q, scaled), root) in self.densities.iter_mut().zip(&self.scaled).zip(&self.roots) {
             *q = scaled * root;
         }
@@ -157,22 +152,25 @@ impl<S: Fluid> SplitMotion<S> {
         let moving = self.densities.iter().rposition(|&q| q != 0.0);
         let parts = moving.map_or(0, |last| last / whole + 1) * whole;
         operator.apply(&self.densities[..parts], &mut self.flow[..parts]);
+        self.forces[..moves].copy_from_slice(forces);
+        self.forces[moves..].fill(0.0);
         for part in 0..2 {
-            let q = &self.densities[part * whole..(part + 1) * whole];
-            let flow = &mut self.flow[part * whole..(part + 1) * whole];
-            let c = [0, 1].map(|row| {
+            let rows = part * whole..(part + 1) * whole;
+            let (flow, pushed) = (&mut self.flow[rows.clone()], &mut self.pushed[rows.clone()]);
+            for row in 0..S::DRIFTS {
                 let at = 2 * (whole + part) + row;
-                self.scaled[at] * self.roots[at]
-            });
-            for k in 0..moves {
-                flow[half + k] += translation::<S>(c, k);
+                let c = self.scaled[at] * self.roots[at];
+                for modes in S::all_modes_mut(flow) {
+                    modes[row] += c;
+                }
             }
-            let pushed = &mut self.pushed[part * whole..(part + 1) * whole];
             local.apply(flow, pushed);
-            for k in 0..moves {
-                let external = if part == 0 { forces[k] } else { 0.0 };
-                let delta = q[half + k] - pushed[half + k];
-                self.forces[part * moves + k] = external - delta;
+            let modes = S::all_modes(&self.densities[rows]).iter();
+            let forces = S::by_sphere_mut(&mut self.forces[part * moves..]).iter_mut();
+            for ((q, pushed), force) in modes.zip(S::all_modes(pushed)).zip(forces) {
+                for k in 0..S::MODES {
+                    force[k] -= q[k] - pushed[k];
+                }
             }
         }
     }
@@ -187,27 +185,36 @@ impl<S: Fluid> SplitMotion<S> {
     ) {
         let moves = self.velocities.len() / 2;
         let whole = self.work.len();
-        let half = whole - moves;
         for part in 0..2 {
-            for k in 0..whole {
-                let x = match (part, k < half) {
-                    (_, false) => self.velocities[part * moves + k - half],
-                    (0, true) => -strains.at(k / S::STRAINS)[k % S::STRAINS],
-                    _ => 0.0,
-                };
-                let at = part * whole + k;
-                self.residual[at] = x - self.flow[at];
-            }
             let rows = part * whole..(part + 1) * whole;
+            let residuals = S::all_modes_mut(&mut self.residual[rows.clone()]).iter_mut();
+            let flows = S::all_modes(&self.flow[rows.clone()]);
+            let velocities = S::by_sphere(&self.velocities[part * moves..]);
+            let spheres = residuals.zip(flows).zip(velocities).enumerate();
+            for (sphere, ((residual, flow), velocity)) in spheres {
+                for k in 0..S::MODES {
+                    residual[k] = velocity[k] - flow[k];
+                }
+                for k in 0..S::STRAINS {
+                    let strain = if part == 0 {
+                        strains.at(sphere)[k]
+                    } else {
+                        0.0
+                    };
+                    residual[S::MODES + k] = -strain - flow[S::MODES + k];
+                }
+            }
             local.apply(&self.residual[rows.clone()], &mut self.work);
-            for (at, pushed) in rows.zip(&self.work) {
+            for (at, pushed) in rows.clone().zip(&self.work) {
                 self.change[at] = pushed / self.roots[at];
             }
             // The next q, whose sum the pair terms balance.
             let mut net = [0.0; 2];
-            for k in (0..moves).filter(|k| k % S::MODES < S::DRIFTS) {
-                let at = part * whole + half + k;
-                net[k % S::MODES] += self.densities[at] + self.roots[at] * self.change[at];
+            for first in rows.step_by(S::ALL_MODES) {
+                for (k, net) in net.iter_mut().enumerate().take(S::DRIFTS) {
+                    let at = first + k;
+                    *net += self.densities[at] + self.roots[at] * self.change[at];
+                }
             }
             let c = uniform.against(net);
             for (row, c) in c.into_iter().enumerate() {

@@ -1,7 +1,4 @@
 //! The hydrodynamics of a suspension.
-//!
-//! Modes are ordered `(U, Ω, e)` in couplings and in products with the mobility; vectors of all
-//! spheres have the strains first.
 
 use super::fluid::{Both, FarMatrix, Fluid, NearTerm};
 use super::reach::Reach;
@@ -47,9 +44,9 @@ impl Fluid for Bulk {
     fn far_drag(radius: f64) -> [f64; MODES] {
         let [velocity, rotation, strain] = isolated(radius);
         std::array::from_fn(|k| match k {
-            0..5 => strain,
-            5..8 => velocity,
-            _ => rotation,
+            0..3 => velocity,
+            3..6 => rotation,
+            _ => strain,
         })
     }
 }
@@ -97,11 +94,6 @@ fn in_strain(v: &[f64; 6], strain: &Strain) -> Modes {
     std::array::from_fn(|k| if k < 6 { v[k] } else { -strain[k - 6] })
 }
 
-/// Place among `(U, Ω, e)` of a mode, strains first.
-fn mode(k: usize) -> usize {
-    (k + 6) % MODES
-}
-
 impl NearTerm<Bulk> for BulkTerm {
     fn add(&mut self, other: &Self) {
         for (own, other) in self.0.iter_mut().zip(&other.0) {
@@ -121,8 +113,7 @@ impl NearTerm<Bulk> for BulkTerm {
     }
 
     fn mode_block(&self, n: &Vector3<f64>, p: usize, q: usize) -> [[f64; MODES]; MODES] {
-        let matrix = self.coupling(p, q).matrix(n);
-        std::array::from_fn(|column| std::array::from_fn(|row| matrix[mode(column)][mode(row)]))
+        self.coupling(p, q).matrix(n)
     }
 
     #[inline(always)]

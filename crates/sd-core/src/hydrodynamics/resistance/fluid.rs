@@ -31,14 +31,14 @@ pub trait Fluid: FarSpace {
     /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
     fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);
 
-    /// Drag of an isolated sphere on each of its modes, strains first, in the far field.
+    /// Drag of an isolated sphere on each of its modes in the far field.
     fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
 }
 
 /// Forces and torques, or velocities, of two spheres.
 pub(crate) type Both<S> = [<S as Space>::PerMode<f64>; 2];
-/// Modes of one sphere from those of another, by columns; strains first.
-pub(crate) type ModeBlock<S> = <S as FarSpace>::PerAnyMode<<S as FarSpace>::PerAnyMode<f64>>;
+/// Modes of one sphere from those of another, by columns.
+pub(crate) type ModeBlock<S> = <S as Space>::PerAnyMode<<S as Space>::PerAnyMode<f64>>;
 
 /// The resistance of one pair; n is the unit vector from i to j.
 pub trait NearTerm<S: Fluid>: Copy {

@@ -53,7 +53,7 @@ impl Fluid for Layer {
 
     fn far_drag(radius: f64) -> [f64; 6] {
         let single = self_mobility(radius);
-        std::array::from_fn(|k| single[(k + 3) % 6].recip())
+        std::array::from_fn(|k| single[k].recip())
     }
 }
 

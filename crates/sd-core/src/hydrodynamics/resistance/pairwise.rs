@@ -7,7 +7,7 @@ use super::reach::Reach;
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
-use crate::space::{Layer, Space};
+use crate::space::{FixedArray, Layer, Space};
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
 pub struct PairwiseResistance<S: Fluid = Layer> {
@@ -70,7 +70,7 @@ impl<S: Fluid> PairwiseResistance<S> {
     ) -> Result<(), Error> {
         self.own.clear();
         self.own.extend(radii.iter().map(|&a| {
-            let (drag, mut block) = (S::isolated(a).0, S::no_block());
+            let (drag, mut block): (_, S::Block) = (S::isolated(a).0, FixedArray::each(0.0));
             for k in 0..S::MODES {
                 block[(S::MODES + 1) * k] = drag[k];
             }

@@ -45,8 +45,8 @@ mod tests {
         let (sin, cos) = 0.7_f64.sin_cos();
         let n = Vector3::new(cos, sin, 0.0);
         let blocks = term().couplings([0.3, 0.5, -0.2]);
-        // Planar modes (e1, e2, e3, U_x, U_y, Ω) among the eleven.
-        let planar = [6, 7, 8, 0, 1, 5];
+        // Planar modes (U_x, U_y, Ω, e1, e2, e3) among the eleven.
+        let planar = [0, 1, 5, 6, 7, 8];
         for (block, (p, q)) in blocks.iter().zip([(0, 0), (1, 0), (1, 1)]) {
             let expected = term().mode_block(Vec2::new(cos, sin), p, q);
             let found = block.matrix(&n);

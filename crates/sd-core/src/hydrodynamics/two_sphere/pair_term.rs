@@ -144,8 +144,8 @@ impl PairTerm {
         ]
     }
 
-    /// Block (p, q) of the whole matrix, by columns: `(s1, s2, s3, F_x, F_y, T)` of sphere p from
-    /// `(−e1, −e2, −e3, U_x, U_y, Ω)` of q.
+    /// Block (p, q) of the whole matrix, by columns: `(F_x, F_y, T, s1, s2, s3)` of sphere p from
+    /// `(U_x, U_y, Ω, −e1, −e2, −e3)` of q.
     #[inline]
     pub(crate) fn mode_block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
         let (velocity, strain) = (|k: usize| 2 * k, |k: usize| 2 * k + 1);
@@ -154,23 +154,23 @@ impl PairTerm {
         let mut block = [[0.0; 6]; 6];
         // In the frame of the pair, where the axial strain is (√3/2, ·, 1/2) and the transverse one
         // (−1/2, ·, √3/2).
-        block[0][0] = 0.75 * stretch + 0.25 * transverse;
-        block[2][2] = 0.25 * stretch + 0.75 * transverse;
-        block[0][2] = 0.5 * ROOT * (stretch - transverse);
-        block[2][0] = block[0][2];
+        block[3][3] = 0.75 * stretch + 0.25 * transverse;
+        block[5][5] = 0.25 * stretch + 0.75 * transverse;
+        block[3][5] = 0.5 * ROOT * (stretch - transverse);
+        block[5][3] = block[3][5];
         let push = self.axial(velocity(p), strain(q));
-        (block[0][3], block[2][3]) = (ROOT * push, 0.5 * push);
+        (block[3][0], block[5][0]) = (ROOT * push, 0.5 * push);
         let pull = self.axial(strain(p), velocity(q));
-        (block[3][0], block[3][2]) = (ROOT * pull, 0.5 * pull);
-        block[3][3] = self.axial(velocity(p), velocity(q));
-        let modes = [4, 5, 1];
+        (block[0][3], block[0][5]) = (ROOT * pull, 0.5 * pull);
+        block[0][0] = self.axial(velocity(p), velocity(q));
+        let modes = [1, 2, 4];
         for (row, &to) in modes.iter().enumerate() {
             for (column, &from) in modes.iter().enumerate() {
                 block[from][to] = self.odd(3 * p + row, 3 * q + column);
             }
         }
         // To the frame of the layer: velocities turn by θ, strains by 2θ.
-        let turns = [(0, double_angle(n)), (3, (n.x, n.y))];
+        let turns = [(0, (n.x, n.y)), (3, double_angle(n))];
         for (first, (c, s)) in turns {
             for column in &mut block {
                 let (x, y) = (column[first], column[first + 1]);
@@ -290,13 +290,11 @@ mod tests {
         for (found, expected) in pairs {
             assert!((found - expected).norm() < 1e-13, "{found} {expected}");
         }
-        // Modes of a block are strains first.
-        let order = [3, 4, 5, 0, 1, 2];
         for p in 0..2 {
             for q in 0..2 {
                 for (column, entries) in pair.mode_block(n, p, q).into_iter().enumerate() {
                     for (row, entry) in entries.into_iter().enumerate() {
-                        let expected = lab[(6 * p + order[row], 6 * q + order[column])];
+                        let expected = lab[(6 * p + row, 6 * q + column)];
                         assert!((entry - expected).abs() < 1e-13, "{row} {column}");
                     }
                 }

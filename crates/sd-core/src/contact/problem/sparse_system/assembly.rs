@@ -5,6 +5,7 @@ use super::active::ActiveTerms;
 use crate::contact::problem::statement::Problem;
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{Fluid, NearMatrix, NearPattern};
+use crate::space::FixedArray;
 
 impl<S: Fluid> SparseSystem<S> {
     /// Assembles the preconditioner: the near-field part of R, and the stiffnesses of the terms of
@@ -79,7 +80,7 @@ fn add_stiffness<S: Fluid>(
 ) {
     let [i, j] = row.sphere_weights();
     let block = |rows: &S::PerMode<f64>, columns: &S::PerMode<f64>| {
-        let mut block = S::no_block();
+        let mut block: S::Block = FixedArray::each(0.0);
         for column in 0..S::MODES {
             for row in 0..S::MODES {
                 block[S::MODES * column + row] = s * rows[row] * columns[column];

@@ -1,19 +1,24 @@
 //! Tests of the operator against the dense mobility.
 
 use super::super::FarField;
-use super::super::tests::{layer, mobility};
+use super::super::tests::{entry, layer, mobility};
 use super::*;
 use crate::linalg::dense::Matrix;
 
-/// The matrix of an operator, column by column.
+/// The matrix of an operator, column by column, in the order of the dense mobility.
 fn whole(operator: &mut FarOperator<Layer>) -> Matrix {
-    let n = 6 * operator.sizes.len();
+    let spheres = operator.sizes.len();
+    let n = 6 * spheres;
     let mut all = Matrix::zeros(n, n);
-    let mut x = vec![0.0; n];
+    let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
+    let place = |k: usize| entry(spheres, k / 6, k % 6);
     for j in 0..n {
         x[j] = 1.0;
-        operator.apply(&x, all.column_mut(j));
+        operator.apply(&x, &mut y);
         x[j] = 0.0;
+        for (i, y) in y.iter().enumerate() {
+            all[(place(i), place(j))] = *y;
+        }
     }
     all
 }

@@ -238,9 +238,10 @@ fn error_of(
     ] {
         let (mut x, mut y) = (vec![0.0; 11 * n], vec![0.0; 11 * n]);
         let column = DenseMobility::row(n, sphere, mode);
-        x[column] = 1.0;
+        x[11 * sphere + mode] = 1.0;
         operator.apply(&x, &mut y);
-        for (row, y) in y.iter().enumerate() {
+        for (k, y) in y.iter().enumerate() {
+            let row = DenseMobility::row(n, k / 11, k % 11);
             let expected = exact[(row.max(column), row.min(column))];
             worst = worst.max((y - expected).abs());
         }
