@@ -59,9 +59,10 @@ fn held_friction_bounds_end_the_iteration_of_the_far_field() {
             SolvePass::First,
         )
         .unwrap();
-    // Gaps hold, and friction is nearly that of the law.
+    // Gaps hold, to a part of the far field's tolerance that depends on the way to it, and friction
+    // is nearly that of the law.
     assert_eq!(quality.status, Status::InexactFriction, "{quality:?}");
-    assert!(quality.residual < 1e-9, "{quality:?}");
+    assert!(quality.residual < 1e-8, "{quality:?}");
     assert!(quality.friction_error < 0.02, "{quality:?}");
     let slipping = stage
         .contacts
