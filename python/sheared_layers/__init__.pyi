@@ -202,7 +202,6 @@ class Campaign:
         trajectory: bool = False,
         time_limit: float | str | None = None,
         max_wall_time: float | str | None = None,
-        reuse: _File | Iterable[_File] | None = None,
     ) -> Store: ...
     def store(self, path: _File | None = None) -> Store: ...
 

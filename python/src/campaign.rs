@@ -6,7 +6,7 @@ use crate::two_spheres::LOOK;
 use crate::values;
 use pyo3::exceptions::{PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use pyo3::types::{PyDict, PyString};
 use sd_core::Params;
 use std::ffi::CString;
 use std::num::NonZeroUsize;
@@ -218,18 +218,15 @@ impl Campaign {
     ///     continues.
     /// max_wall_time : float or str, optional
     ///     Computing time after which a single run ends as failed; 50 times its estimate.
-    /// reuse : str, path or list of them, optional
-    ///     Stores of other campaigns, whose runs with the same parameters and seeds are reused.
     ///
     /// Returns
     /// -------
     /// Store
     #[pyo3(
         signature = (
-            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None,
-            reuse=None
+            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None
         ),
-        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None, reuse=None)"
+        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None)"
     )]
     #[expect(
         clippy::too_many_arguments,
@@ -245,7 +242,6 @@ impl Campaign {
         trajectory: Option<&Bound<'_, PyAny>>,
         time_limit: Option<&Bound<'_, PyAny>>,
         max_wall_time: Option<&Bound<'_, PyAny>>,
-        reuse: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Store> {
         let path = self.place("store", store)?;
         let wanted = Wanted {
@@ -254,7 +250,6 @@ impl Campaign {
             trajectory: values::flag("trajectory", trajectory, false)?,
             time_limit: time("time_limit", time_limit)?,
             wall_limit: time("max_wall_time", max_wall_time)?,
-            reuse: files("reuse", reuse)?,
         };
         if let Some(network) = network_file_system(&path) {
             warn(
@@ -323,7 +318,6 @@ struct Wanted {
     time_limit: Option<Duration>,
     /// Of a single run.
     wall_limit: Option<Duration>,
-    reuse: Vec<PathBuf>,
 }
 
 /// A time: seconds, or a text as on the command line.
@@ -339,22 +333,6 @@ fn time(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Duratio
     parse_positive_duration(&text).map(Some).map_err(|words| {
         PyValueError::new_err(format!("{name}: {words}, got {}", values::shown(given)))
     })
-}
-
-/// One file or several.
-fn files(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PathBuf>> {
-    match given {
-        None => Ok(Vec::new()),
-        Some(several)
-            if several.is_instance_of::<PyList>() || several.is_instance_of::<PyTuple>() =>
-        {
-            several
-                .try_iter()?
-                .map(|file| values::file(name, &file?))
-                .collect()
-        }
-        Some(one) => Ok(vec![values::file(name, one)?]),
-    }
 }
 
 /// Computes a campaign in separate threads, while this one checks for Ctrl-C and updates the bar.
@@ -374,16 +352,11 @@ fn compute(
     let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
     let work = || -> Result<Vec<String>, sweep::Error> {
         let beginning = StartOptions {
-            reuse: &wanted.reuse,
             retry_failed: wanted.retry_failed,
             trajectory: wanted.trajectory,
         };
-        let StartedCampaign {
-            mut store, taken, ..
-        } = begin(path, campaign, beginning)?;
+        let StartedCampaign { mut store, .. } = begin(path, campaign, beginning)?;
         let mut notes: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
-        let damaged = taken.into_iter().flat_map(|taken| taken.damaged);
-        notes.extend(damaged.map(|damaged| damaged.to_string()));
         let options = Options {
             workers,
             threads: wanted.workers,

@@ -198,22 +198,6 @@ def test_a_run_stops_at_its_time_limit_and_goes_on(tmp_path):
     assert short.run(tmp_path / "long.sqlite", progress=False, time_limit="2h", max_wall_time="1h").counts()["done"] == 2
 
 
-def test_runs_of_another_store_are_reused(store, tmp_path):
-    # Bits of one machine and build: the reused runs were not computed here.
-    other = small_campaign(name="other", seeds=3)
-    for reuse in [store.path, [str(store.path)]]:
-        path = tmp_path / f"{type(reuse).__name__}.sqlite"
-        taken = other.run(path, progress=False, reuse=reuse)
-        assert taken.counts()["done"] == 6
-        mine, theirs = (
-            {key: time for key, time in zip(there.runs()["key"], there.runs()["wall_time_s"])} for there in (taken, store)
-        )
-        assert all(mine[key] == theirs[key] for key in theirs)
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        other.run(tmp_path / "new.sqlite", reuse="nowhere.sqlite")
-    assert not (tmp_path / "new.sqlite").exists()
-
-
 @pytest.mark.parametrize(
     ("call", "kind", "words"),
     [
@@ -244,7 +228,6 @@ def test_runs_of_another_store_are_reused(store, tmp_path):
         (lambda: small_campaign().run("x.sqlite", time_limit=0), ValueError, ["time_limit", "0", "2h"]),
         (lambda: small_campaign().run("x.sqlite", time_limit=math.nan), ValueError, ["time_limit", "nan"]),
         (lambda: small_campaign().run("x.sqlite", max_wall_time=[1]), TypeError, ["max_wall_time", "[1]"]),
-        (lambda: small_campaign().run("x.sqlite", reuse=3), TypeError, ["reuse", "the name of a file"]),
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(call, kind, words, tmp_path, monkeypatch):

@@ -69,8 +69,6 @@ CAMPAIGNS = {
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
 }
-# Runs of the same cases are shared.
-REUSES = {"figure-14": "figure-13", "figure-15": "figure-13"}
 # Campaigns of which single runs are published too.
 OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening")]
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
@@ -117,10 +115,9 @@ def make(name):
         lattices.make()
         return
     campaign = f"sweeps/{name}.toml"
-    reuse = ["--reuse", f"results/{REUSES[name]}.sqlite"] if name in REUSES else []
     # Failed runs are results too, shown in the report.
     report = RESULTS / f"{name}.txt.new"
-    sweep("run", campaign, "--quiet", *reuse, output=report, may_fail=[1])
+    sweep("run", campaign, "--quiet", output=report, may_fail=[1])
     shutil.move(report, RESULTS / f"{name}.txt")
     sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}.csv")
     if name in OF_EVERY_RUN:

@@ -20,7 +20,7 @@ use crate::model::protocol::Protocol;
 use crate::system::files::read_whole;
 use error::Problem;
 use grid::Grid;
-use protocol::Written;
+use protocol::WrittenProtocol;
 use reader::{Faults, Reader, wrong_type};
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
@@ -79,7 +79,7 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
         cases: Vec::new(),
         rules: Vec::new(),
         folded: 0,
-        written: campaign::Written::default(),
+        written: campaign::AsWritten::default(),
         start_files: Vec::new(),
     };
     let document = match DeTable::parse(text) {
@@ -99,7 +99,7 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
     campaign.name = read_name(&top).unwrap_or_default();
     let (name, keys) = (protocol::NAME, protocol::KEYS);
     let protocol = top.table("protocol", name, &keys, name);
-    let protocol = Written::read(
+    let protocol = WrittenProtocol::read(
         protocol.unwrap_or_else(|| Reader::empty(top.place("protocol"), name, &keys, faults)),
     );
     campaign.protocol = protocol.protocol.clone();
@@ -118,7 +118,7 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
 /// The grids that could be read as a whole; `None` if there are too many faults or cases.
 fn grids<'t>(
     tables: Vec<(Range<usize>, &'t DeTable<'t>)>,
-    protocol: &Written<'t>,
+    protocol: &WrittenProtocol<'t>,
     folder: &Path,
     faults: &'t Faults,
 ) -> Option<Vec<Grid<'t>>> {
@@ -151,7 +151,12 @@ fn grids<'t>(
 }
 
 /// Lays out the cases of all grids, each once.
-fn lay_out(grids: &[Grid<'_>], protocol: &Written<'_>, campaign: &mut Campaign, faults: &Faults) {
+fn lay_out(
+    grids: &[Grid<'_>],
+    protocol: &WrittenProtocol<'_>,
+    campaign: &mut Campaign,
+    faults: &Faults,
+) {
     let mut laid_out = LaidOut {
         campaign,
         grid_of: HashMap::new(),
@@ -188,8 +193,8 @@ fn lay_out(grids: &[Grid<'_>], protocol: &Written<'_>, campaign: &mut Campaign, 
 /// requested three shear rates expects three points, so they are kept as they are written.
 struct LaidOut<'c> {
     campaign: &'c mut Campaign,
-    /// Of each case, the last grid that has it, and whether its parameters there were others.
-    grid_of: HashMap<CaseKey, (usize, bool)>,
+    /// Of each case, the grid that has it with its own parameters, if one does.
+    grid_of: HashMap<CaseKey, Option<usize>>,
     /// Points with a requested precision.
     ruled: HashSet<Identity>,
     /// Of each case, whether its parameters are those of the file.
@@ -218,7 +223,8 @@ impl LaidOut<'_> {
             self.again.push((place as u64, given.clone()));
         }
         let is_folded = given.is_some();
-        let Some((other, was_folded)) = self.grid_of.insert(key, (number, is_folded)) else {
+        let Some(plain) = self.grid_of.get_mut(&key) else {
+            self.grid_of.insert(key, (!is_folded).then_some(number));
             if let Some(precision) = rule {
                 let cases = &self.campaign.cases;
                 match self.campaign.rules.last_mut() {
@@ -240,18 +246,18 @@ impl LaidOut<'_> {
             self.campaign.cases.push((key, case));
             return None;
         };
-        if was_folded && !is_folded {
-            self.again.push((place as u64, without_start(&case.params)));
+        match *plain {
+            Some(other) if !is_folded => {
+                // Values without effect under one of the choices of a grid repeat the same case.
+                return (other != number).then_some(other);
+            }
+            None if !is_folded => {
+                *plain = Some(number);
+                self.again.push((place as u64, without_start(&case.params)));
+            }
+            _ => {}
         }
-        // Values without effect under one of the choices of a grid repeat the same case, as do
-        // points that share their runs.
-        if other == number {
-            self.campaign.folded += usize::from(is_folded);
-        } else if is_folded || was_folded {
-            self.campaign.folded += 1;
-        } else {
-            return Some(other);
-        }
+        self.campaign.folded += 1;
         None
     }
 

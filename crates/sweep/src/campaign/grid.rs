@@ -2,7 +2,7 @@
 
 use super::axis_values::{SIZES, axis_values};
 use super::error::Problem;
-use super::protocol::Written;
+use super::protocol::WrittenProtocol;
 use super::reader::{Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
 use super::start::{Layers, START, Start};
@@ -39,7 +39,7 @@ impl<'t> Grid<'t> {
     /// the grid has none. Relative paths of start layers begin at `folder`.
     pub(super) fn read(
         (span, entries): (ops::Range<usize>, &'t DeTable<'t>),
-        protocol: &Written<'t>,
+        protocol: &WrittenProtocol<'t>,
         folder: &Path,
         faults: &'t Faults,
     ) -> Self {
@@ -122,7 +122,7 @@ impl<'t> Grid<'t> {
     /// friction without rate or rate without friction, each comes with its parameters as given.
     pub(super) fn lay_out(
         &self,
-        protocol: &Written<'_>,
+        protocol: &WrittenProtocol<'_>,
         mut take: impl FnMut(Case, Option<&Params>),
     ) {
         let mut known = Vec::new();
@@ -224,7 +224,7 @@ impl<'t> Grid<'t> {
         combination: &Combination<'_>,
         params: &Params,
         seed: u64,
-        protocol: &Written<'_>,
+        protocol: &WrittenProtocol<'_>,
     ) -> Result<Params, Problem> {
         let layer = self.start.as_ref().map(|start| start.of_seed(seed));
         let params = Params {

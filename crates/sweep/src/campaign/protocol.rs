@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::reader::{Reader, Values, word, wrong_type};
 use super::segments::{self, DISCARDED, LENGTH, SEGMENT, WrittenSegment};
 use crate::model::axes::Axis;
-use crate::model::protocol::{Discard, PlannedSegment, Protocol};
+use crate::model::protocol::{PlannedSegment, Protocol};
 use std::ops;
 use toml::de::DeValue;
 
@@ -17,8 +17,6 @@ const TIME_STEP: &str = "time_step";
 const STEP_LIMIT: f64 = 1e8;
 /// Most samples of one run.
 const SAMPLE_LIMIT: u64 = 1_000_000;
-/// Fewest samples of a run from which MSER-5 chooses the strain to discard.
-const MIN_SAMPLES: f64 = 40.0;
 /// Key of further quantities that samples record.
 const OBSERVE: &str = "observe";
 /// Its only value.
@@ -35,7 +33,7 @@ pub(super) const KEYS: [&str; 7] = [
 ];
 
 /// A protocol and the tables of its values.
-pub(super) struct Written<'t> {
+pub(super) struct WrittenProtocol<'t> {
     pub(super) protocol: Protocol,
     table: Reader<'t>,
     time_step: Option<Values>,
@@ -44,14 +42,14 @@ pub(super) struct Written<'t> {
     shear: Option<(&'static str, Values)>,
 }
 
-impl<'t> Written<'t> {
+impl<'t> WrittenProtocol<'t> {
     /// Reads and checks the protocol.
     pub(super) fn read(table: Reader<'t>) -> Self {
         let preset = Protocol::default();
         let strain = |key: &str| table.number(key, &LENGTH, " (a strain)");
         let mut protocol = Protocol {
             strain: strain("strain").unwrap_or(preset.strain),
-            discard: discard(&table).unwrap_or(preset.discard),
+            discard: (table.number("discard", &DISCARDED, " (a strain)")).unwrap_or(preset.discard),
             checkpoint_every: strain("checkpoint_every").unwrap_or(preset.checkpoint_every),
             sample_every: strain("sample_every").unwrap_or(preset.sample_every),
             observes_network: observes_network(&table),
@@ -83,7 +81,7 @@ impl<'t> Written<'t> {
         protocol.segments = segments.iter().map(|one| one.segment).collect();
         if let Some(last) = protocol.segments.last() {
             protocol.strain = last.end();
-            protocol.discard = Discard::Strain(last.kept_from());
+            protocol.discard = last.kept_from();
         }
         let written = Self {
             protocol,
@@ -187,29 +185,12 @@ impl<'t> Written<'t> {
         if !self.segments.is_empty() {
             return;
         }
-        let samples = p.strain / every;
-        if p.discard == Discard::Auto && samples < MIN_SAMPLES {
-            let problem =
-                format!("`discard` = \"auto\" needs more than {samples:.0} samples of a run");
-            let allowed = format!("at least {MIN_SAMPLES}: sample more often, or write a strain");
-            self.table
-                .faults
-                .push(self.problem("discard", problem, allowed).also(
-                    &self.table.place("sample_every"),
-                    "the strain between samples",
-                ));
-        }
-        // MSER-5 discards at most half.
-        let discard = match p.discard {
-            Discard::Strain(strain) => strain,
-            Discard::Auto => 0.5 * p.strain,
-        };
-        let strain = p.strain;
+        let (strain, discard) = (p.strain, p.discard);
         if discard >= strain {
             let problem = format!(
                 "`discard` = {discard} leaves nothing to average of a run of strain {strain}"
             );
-            let allowed = format!("`discard` is from 0 to below {strain}, or \"auto\"");
+            let allowed = format!("`discard` is from 0 to below {strain}");
             self.table.faults.push(
                 self.problem("discard", problem, allowed)
                     .also(&self.table.place("strain"), "the length of a run"),
@@ -220,18 +201,6 @@ impl<'t> Written<'t> {
             let allowed = format!("at most {}", strain - discard);
             let problem = self.problem("sample_every", problem, allowed);
             self.table.faults.push(problem);
-        }
-    }
-}
-
-/// The discarded strain, if the table has it.
-fn discard(table: &Reader<'_>) -> Option<Discard> {
-    match table.get("discard")?.get_ref() {
-        DeValue::String(word) if word.as_ref() == "auto" => Some(Discard::Auto),
-        _ => {
-            let note = " (a strain), or \"auto\"";
-            let strain = table.number("discard", &DISCARDED, note);
-            strain.map(Discard::Strain)
         }
     }
 }

@@ -151,6 +151,20 @@ fn points_that_share_their_runs_stand_where_the_file_has_them() {
     assert_eq!(last, [(0, 0.0, 1.0), (2, 0.0, 0.0)]);
     let plain = text.replace("[0, 0.3]", "0.3").replace("[0, 1.0", "[1.0");
     assert!(shared(plain).2.is_empty());
+    // As many in any order of the values.
+    let (cases, folded, _) = shared(text.replace("[0, 1.0, inf]", "[inf, 1.0, 0]"));
+    assert_eq!((cases, folded), (3 * 2, 3 * 2));
+    // Which grid has the point as it stands in the file does not depend on the order either.
+    let again =
+        "[[grid]]\narea_fraction = 0.5\nfriction = 0\nroughness = 0.01\nspheres = 20\nseeds = 2\n";
+    for rates in ["[0, 1.0]", "[1.0, 0]"] {
+        let twice = format!("{text}{again}shear_rate = {rates}\n");
+        let error = crate::campaign::parse("n.toml", twice).unwrap_err();
+        assert!(
+            error.to_string().contains("is in two grids"),
+            "{rates}: {error}"
+        );
+    }
 }
 
 #[test]

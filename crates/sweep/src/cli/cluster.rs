@@ -10,6 +10,7 @@ use crate::error::Error;
 use crate::system::exit;
 use crate::text::format::{counted, parse_duration, parse_positive_duration};
 use serde::Serialize;
+use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -74,9 +75,6 @@ pub(crate) struct SubmitArguments {
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
-    /// Accept results of another build of sweep in the store, which records this
-    #[arg(long)]
-    allow_mixed_versions: bool,
     /// Also submit cases that earlier tasks may still compute: costs time, but is harmless
     #[arg(long)]
     again: bool,
@@ -120,7 +118,6 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
         run_arguments: run_arguments(arguments)?,
         retry_failed: arguments.retry_failed,
         trajectory: arguments.trajectory,
-        mixed: arguments.allow_mixed_versions,
         again: arguments.again,
     };
     let path = store_of(&campaign, arguments.store.as_deref())?;
@@ -222,24 +219,19 @@ fn run_arguments(arguments: &SubmitArguments) -> Result<Vec<String>, Error> {
             format!("{}s", limit.as_secs_f64()),
         ]);
     }
-    for (given, name) in [
-        (arguments.trajectory, "--trajectory"),
-        (arguments.allow_mixed_versions, "--allow-mixed-versions"),
-    ] {
-        if given {
-            run.push(name.into());
-        }
+    if arguments.trajectory {
+        run.push("--trajectory".into());
     }
     Ok(run)
 }
 
 /// Merge the shards that tasks published into the store of their campaign
 ///
-/// May be repeated in any order, also while tasks run: unchanged shards are not read again.
-/// Complete runs replace partial ones, and later attempts earlier ones. Runs computed twice must
-/// agree to the last bit; disagreeing ones are listed, and the exit code is 1. The same holds for a
-/// damaged shard, of which the intact part is merged. This also recovers a damaged store into a new
-/// one; `sweep run` then recomputes the rest with the same digits.
+/// May be repeated in any order, also while tasks run. Complete runs replace partial ones, and
+/// later attempts earlier ones. Runs computed twice must agree to the last bit; disagreeing ones
+/// are listed, and the exit code is 1. The same holds for a damaged shard, of which the intact part
+/// is merged. This also recovers a damaged store into a new one; `sweep run` then recomputes the
+/// rest with the same digits.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep merge results/figure-11.sqlite results/figure-11.shards\n  \
@@ -251,9 +243,6 @@ pub(crate) struct MergeArguments {
     place: StoreArguments,
     /// Shards, or folders of them [default: the folder beside the store]
     shards: Vec<PathBuf>,
-    /// Merge shards of another build of sweep, whose bits may differ; the store records this
-    #[arg(long)]
-    allow_mixed_versions: bool,
 }
 
 pub(crate) fn merge(arguments: &MergeArguments, output: &mut Output<'_>) -> Result<u8, Error> {
@@ -261,8 +250,10 @@ pub(crate) fn merge(arguments: &MergeArguments, output: &mut Output<'_>) -> Resu
     let shards = shards_in(&arguments.shards, source.path())?;
     let mut store = store_for(&source, &shards)?;
     print_warning(&store);
-    let joined = join(&mut store, &shards, arguments.allow_mixed_versions)?;
-    let clean = joined.merged.damaged.is_empty() && joined.disagreements.is_empty();
+    let joined = join(&mut store, &shards)?;
+    let merged = &joined.merged;
+    let intact = merged.damaged.is_empty() && merged.unreadable == 0;
+    let clean = intact && merged.disagreements.is_empty();
     if output.json {
         output.json(&joined)?;
     } else {
@@ -275,13 +266,8 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(
         out,
-        "{} shards read, {} unchanged: {} new results, {} failures, {} checkpoints; {} results known, with the same bits",
-        merged.shards,
-        merged.unchanged,
-        merged.results,
-        merged.failures,
-        merged.checkpoints,
-        merged.duplicates
+        "{} shards read: {} new results, {} failures, {} checkpoints; {} results known, with the same bits",
+        merged.shards, merged.results, merged.failures, merged.checkpoints, merged.duplicates
     )?;
     if merged.unreadable > 0 {
         writeln!(
@@ -304,20 +290,14 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
             "running tasks publish theirs again; their other cases are open, and `sweep submit` continues them"
         )?;
     }
-    for disagreement in &answer.disagreements {
+    for disagreement in &merged.disagreements {
         writeln!(
             out,
             "DISAGREE: {}: {}; kept: {}, not: {}",
             disagreement.key, disagreement.what, disagreement.kept, disagreement.other
         )?;
     }
-    if answer.mixed_shards > 0 {
-        writeln!(
-            out,
-            "{} shards of another build of sweep were accepted",
-            answer.mixed_shards
-        )?;
-    }
+    write_builds(&answer.builds, out)?;
     writeln!(
         out,
         "{} of {} cases are done, {} jammed, {} failed",
@@ -327,6 +307,19 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
         cases.failed
     )?;
     Ok(())
+}
+
+/// Names the builds that computed the results, if there are several.
+pub(super) fn write_builds(builds: &[String], out: &mut dyn Write) -> std::io::Result<()> {
+    if builds.len() < 2 {
+        return Ok(());
+    }
+    let builds: Vec<&str> = builds.iter().map(|b| b.get(..12).unwrap_or(b)).collect();
+    let (number, builds) = (builds.len(), builds.join(", "));
+    writeln!(
+        out,
+        "computed by {number} builds of sweep, whose bits may differ: {builds}"
+    )
 }
 
 /// Cancel the submitted tasks of a campaign

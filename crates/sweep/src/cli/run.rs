@@ -13,7 +13,7 @@ use crate::runner::{
     Options, Progress, Reason, RunObserver, StartOptions, StartedCampaign, Stop, Style, begin,
     complete,
 };
-use crate::store::{Adoption, Counts, Finding, Inventory, Merged, Store};
+use crate::store::{Adoption, Counts, Finding, Inventory, Store};
 use crate::system::disk::network_file_system;
 use crate::system::exit;
 use crate::text::format::{bytes, counted, parse_duration, parse_positive_duration};
@@ -33,7 +33,6 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep run sweeps/quickstart.toml\n  sweep run sweeps/figure-11.toml --workers 8 --store /scratch/figure-11.sqlite\n  \
-                  sweep run sweeps/figure-11.toml --reuse results/quickstart.sqlite\n  \
                   sweep run sweeps/figure-11.toml --time-limit 2h\n  \
                   sweep run sweeps/figure-11.toml --progress json\n  \
                   sweep run sweeps/figure-11.toml --shard 3/24"
@@ -70,10 +69,6 @@ pub(crate) struct Arguments {
     /// terminal, else lines]
     #[arg(long, value_name = "HOW", value_parser = choice::<Style>())]
     progress: Option<Style>,
-    /// Store of another campaign: copy its runs with the same parameters, steps and seeds instead
-    /// of computing them; repeatable
-    #[arg(long, value_name = "STORE", conflicts_with = "shard")]
-    reuse: Vec<PathBuf>,
     /// Keep a frame at every sampled strain of every run, for `sweep structure`, `sweep export` and
     /// movies; runs begun or finished without them are computed again, and later commands keep them
     /// too
@@ -104,9 +99,6 @@ pub(crate) struct ClusterArguments {
     /// Time between publications, as 90s or 2m: the most that a crash can lose
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = parse_duration, hide_short_help = true)]
     publish_every: Duration,
-    /// Continue from shards of another build of sweep; their bits may differ
-    #[arg(long, hide_short_help = true)]
-    allow_mixed_versions: bool,
 }
 
 /// Reads `I/N`.
@@ -160,21 +152,18 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         ));
     }
     let beginning = StartOptions {
-        reuse: &arguments.reuse,
         retry_failed: arguments.retry_failed,
         trajectory: arguments.trajectory,
     };
     let StartedCampaign {
         mut store,
         adoption,
-        taken,
         damaged,
         without_frames,
     } = begin(&path, &campaign, beginning)?;
     print_warning(&store);
     print_damage(&damaged, style);
     print_inventory(&campaign, &path, adoption, style);
-    print_reused(taken, style);
     print_tasks(&store, &campaign, style)?;
     if without_frames > 0 {
         style.note(&format!(
@@ -261,20 +250,6 @@ fn print_damage(damaged: &[Finding], style: Style) {
             finding.what,
             whose.unwrap_or_default()
         ));
-    }
-}
-
-/// Notes the runs reused from other stores, if any were given.
-fn print_reused(taken: Option<Merged>, style: Style) {
-    let Some(taken) = taken else {
-        return;
-    };
-    style.note(&format!(
-        "reused: {} runs, {} failures, {} checkpoints",
-        taken.results, taken.failures, taken.checkpoints
-    ));
-    for damaged in taken.damaged {
-        style.note(&damaged.to_string());
     }
 }
 

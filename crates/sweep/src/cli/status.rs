@@ -1,6 +1,7 @@
 //! `sweep status`.
 
 use super::Output;
+use super::cluster::write_builds;
 use super::place::{StoreArguments, print_warning};
 use crate::cluster::shard;
 use crate::cluster::status::{JobStatus, Status, TaskStatus};
@@ -114,27 +115,7 @@ fn write_text(
         )?;
     }
     write_tasks(&status.jobs, output.width, out, &arguments.place.file)?;
-    if status.unmerged_shards > 0 {
-        writeln!(
-            out,
-            "newer than the store: {}, for sweep merge {file}",
-            counted(status.unmerged_shards, "shard")
-        )?;
-    }
-    if !status.disagreements.is_empty() {
-        writeln!(
-            out,
-            "{} results differ from another attempt: sweep merge {file} lists them",
-            status.disagreements.len()
-        )?;
-    }
-    if status.mixed_shards > 0 {
-        writeln!(
-            out,
-            "{} shards of another build of sweep were accepted",
-            status.mixed_shards
-        )?;
-    }
+    write_builds(&status.builds, out)?;
     Ok(())
 }
 

@@ -39,14 +39,6 @@ pub enum ClusterError {
          (--workers-per-task) make them faster"
     ))]
     TooManyTasks { asked: usize, limit: usize },
-    /// Results of other builds in the store.
-    #[error(
-        "the store holds what build {known} of sweep computed, and this is build {build}, whose bits may differ"
-    )]
-    #[diagnostic(help(
-        "nothing was submitted; use that build or another --store, or accept it with --allow-mixed-versions"
-    ))]
-    OtherBuild { build: String, known: String },
     /// A job whose state is unknown.
     #[error("whether job {job}, submitted before, still runs is unknown: {source}")]
     #[diagnostic(help(

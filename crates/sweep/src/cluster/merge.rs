@@ -1,7 +1,7 @@
 //! Joining shards into the store of their campaign.
 
 use super::{ClusterError, shard};
-use crate::store::{Counts, Disagreement, Merged, Store, StoreError, StoreSource};
+use crate::store::{Counts, Merged, MergedCases, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -11,9 +11,8 @@ pub(crate) struct Joined {
     #[serde(flatten)]
     pub(crate) merged: Merged,
     pub(crate) cases: Counts,
-    pub(crate) disagreements: Vec<Disagreement>,
-    /// Shards of other builds in the store.
-    pub(crate) mixed_shards: u64,
+    /// Builds of the program that computed the results.
+    pub(crate) builds: Vec<String>,
 }
 
 /// The shards published in a folder.
@@ -41,16 +40,11 @@ pub(crate) fn shards_in(given: &[PathBuf], store: &Path) -> Result<Vec<PathBuf>,
 }
 
 /// Merges shards.
-pub(crate) fn join(
-    store: &mut Store,
-    shards: &[PathBuf],
-    mixed: bool,
-) -> Result<Joined, StoreError> {
+pub(crate) fn join(store: &mut Store, shards: &[PathBuf]) -> Result<Joined, StoreError> {
     Ok(Joined {
-        merged: store.merge(shards, mixed)?,
+        merged: store.merge(MergedCases::All, shards)?,
         cases: store.counts()?,
-        disagreements: store.disagreements()?,
-        mixed_shards: store.mixed_shards()?,
+        builds: store.builds()?,
     })
 }
 

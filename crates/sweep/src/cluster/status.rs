@@ -1,10 +1,9 @@
 //! Progress of a campaign and of its submitted jobs, and cancelling these.
 
-use super::{ActiveTask, ClusterError, Engine, merge, shard};
+use super::{ActiveTask, ClusterError, Engine, shard};
 use crate::measure::Verdict;
 use crate::store::{
-    Counts, Disagreement, FailureLine, PointState, ProcessLine, SliceState, Store, StoreError,
-    Submission,
+    Counts, FailureLine, PointState, ProcessLine, SliceState, Store, StoreError, Submission,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -35,12 +34,8 @@ pub(crate) struct Status {
     pub(crate) failures: Vec<FailureLine>,
     /// Jobs that were submitted, with their tasks.
     pub(crate) jobs: Vec<JobStatus>,
-    /// Published shards that were not merged, or have changed since.
-    pub(crate) unmerged_shards: u64,
-    /// Results of one case that differ in some bit.
-    pub(crate) disagreements: Vec<Disagreement>,
-    /// Shards of another build that were accepted.
-    pub(crate) mixed_shards: u64,
+    /// Builds of the program that computed the results.
+    pub(crate) builds: Vec<String>,
 }
 
 /// Points with a requested precision, by outcome.
@@ -71,7 +66,6 @@ impl Status {
     pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, ClusterError> {
         store.verify()?;
         let work = store.work()?;
-        let shards = merge::paths(&shard::folder_of(store.path()));
         Ok(Self {
             campaign: store.campaign_name()?,
             last_run_with: store.last_run_with().map(PathBuf::from),
@@ -87,9 +81,7 @@ impl Status {
             processes: store.processes()?,
             failures: store.failures(failures)?,
             jobs: jobs(store)?,
-            unmerged_shards: store.unmerged(&shards)?,
-            disagreements: store.disagreements()?,
-            mixed_shards: store.mixed_shards()?,
+            builds: store.builds()?,
         })
     }
 }

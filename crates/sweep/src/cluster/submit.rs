@@ -4,7 +4,7 @@ use super::slices::Slices;
 use super::slurm::TimeLimit;
 use super::{ClusterError, Engine, Job, merge, shard};
 use crate::model::campaign::Campaign;
-use crate::store::{self, OpenCase, Store, Submission};
+use crate::store::{self, MergedCases, OpenCase, Store, Submission};
 use crate::system::files::{is_left_behind, temporary_file, write_whole};
 use crate::system::process::build;
 use std::collections::HashSet;
@@ -15,10 +15,6 @@ use std::path::Path;
 const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is an option of the command"
-)]
 pub(crate) struct SubmitOptions {
     pub(crate) engine: Engine,
     /// Number of tasks; by default so many that each needs about half of its time.
@@ -34,8 +30,6 @@ pub(crate) struct SubmitOptions {
     pub(crate) retry_failed: bool,
     /// Whether all runs are to keep frames.
     pub(crate) trajectory: bool,
-    /// Whether stored results of another build are accepted.
-    pub(crate) mixed: bool,
     /// Whether cases of tasks that may still be running are submitted too.
     pub(crate) again: bool,
 }
@@ -128,7 +122,7 @@ pub(crate) fn submit(
     }))
 }
 
-/// Updates the store: merges shards, marks failed cases to be retried; refuses to mix builds.
+/// Updates the store: merges shards, marks failed cases to be retried.
 fn gather(
     wanted: &SubmitOptions,
     store: &mut Store,
@@ -136,13 +130,8 @@ fn gather(
     note: &dyn Fn(&str),
 ) -> Result<(), ClusterError> {
     let shards = merge::paths(folder);
-    for damaged in store.merge(&shards, wanted.mixed)?.damaged {
+    for damaged in store.merge(MergedCases::All, &shards)?.damaged {
         note(&format!("not merged: {damaged}"));
-    }
-    let (build, known) = (build(), store.known_builds()?);
-    if !wanted.mixed && !known.is_empty() && !known.contains(&build) {
-        let known = known.into_iter().collect::<Vec<_>>().join(", ");
-        return Err(ClusterError::OtherBuild { build, known });
     }
     if wanted.retry_failed {
         store.retry_failed()?;

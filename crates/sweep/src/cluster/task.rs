@@ -5,7 +5,7 @@ use super::slices::Slices;
 use super::{ClusterError, Requeue, shard, slurm};
 use crate::model::campaign::Campaign;
 use crate::runner::{Progress, RunObserver};
-use crate::store::{MergeMode, OpenCase, Store, StoreError, TaskName};
+use crate::store::{MergedCases, OpenCase, Store, StoreError, TaskName};
 use crate::system::process::Identity;
 use rustix::process::Signal;
 use std::collections::HashSet;
@@ -25,8 +25,6 @@ pub(crate) struct TaskOptions {
     /// A folder on a disk of this machine.
     pub(crate) scratch: PathBuf,
     pub(crate) publish_every: Duration,
-    /// Whether it continues from results of another build of the program.
-    pub(crate) mixed: bool,
     pub(crate) retry_failed: bool,
     /// Whether runs keep a frame with each sample.
     pub(crate) trajectory: bool,
@@ -121,12 +119,12 @@ impl Task {
         let others: Vec<PathBuf> = (begun.exists().then_some(begun).into_iter())
             .chain(others.into_iter().map(|shard| shard.path))
             .collect();
-        if reuse_shards(&mut store, &others, options.mixed, note)? > 0 {
+        if reuse_shards(&mut store, &others, note)? > 0 {
             // Failures of another job are in this slice in order to be retried.
             store.retry_failed()?;
         }
         let own: Vec<PathBuf> = own.into_iter().map(|shard| shard.path).collect();
-        reuse_shards(&mut store, &own, options.mixed, note)?;
+        reuse_shards(&mut store, &own, note)?;
         if options.retry_failed {
             store.retry_failed()?;
         }
@@ -188,19 +186,18 @@ pub(crate) fn restrict(
 fn reuse_shards(
     store: &mut Store,
     sources: &[PathBuf],
-    mixed: bool,
     note: &dyn Fn(&str),
 ) -> Result<u64, ClusterError> {
     let mut failures = 0;
     for source in sources {
-        match store.merge_as(MergeMode::Task, std::slice::from_ref(source), mixed) {
+        match store.merge(MergedCases::Own, std::slice::from_ref(source)) {
             Ok(merged) => {
                 failures += merged.failures;
                 for damaged in merged.damaged {
                     note(&damaged.to_string());
                 }
             }
-            Err(error @ (StoreError::OtherBuild { .. } | StoreError::OtherCampaign { .. })) => {
+            Err(error @ StoreError::OtherCampaign { .. }) => {
                 note(&format!("{error}: not used"));
             }
             Err(error) => return Err(error.into()),

@@ -1,7 +1,7 @@
 //! A campaign: its runs, their protocol, and the points with a requested precision.
 
 use super::case::{Case, CaseKey};
-use super::protocol::{Discard, Protocol};
+use super::protocol::Protocol;
 use crate::model::precision::Precision;
 use sd_core::Params;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct Campaign {
     /// Γ = 0, nor has the shear rate without friction.
     pub folded: usize,
     /// What the file says and its cases do not show.
-    pub written: Written,
+    pub written: AsWritten,
     /// Names of files of start layers and of stores of start runs, with their places in the text.
     pub(crate) start_files: Vec<(String, Range<usize>)>,
 }
@@ -39,7 +39,7 @@ pub struct Campaign {
 /// What a campaign file says and its cases do not show: reports show the points and names of the
 /// file. Stores keep it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Written {
+pub struct AsWritten {
     /// The points that share their runs with others, as written but without their start layers, in
     /// the order of the file; each with the position of the case that follows it.
     pub shared: Vec<(u64, Params)>,
@@ -94,7 +94,7 @@ impl Campaign {
             });
         };
         self.protocol.strain = segment.end();
-        self.protocol.discard = Discard::Strain(segment.kept_from());
+        self.protocol.discard = segment.kept_from();
         self.protocol.segments.truncate(number);
         for (_, case) in &mut self.cases {
             case.steps = self.protocol.with_time_step(case.params.time_step).steps();

@@ -250,7 +250,7 @@ mod tests {
         let other = Case { seed: 8, ..case() };
         assert_ne!(case().key(), other.key());
         let protocol = Protocol {
-            discard: crate::model::protocol::Discard::Strain(1.0),
+            discard: 1.0,
             checkpoint_every: 0.3,
             ..Protocol::default()
         };

@@ -30,7 +30,7 @@ pub struct Checkpoint {
 
 /// Why bytes are not a usable checkpoint.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Damage {
+pub enum BadCheckpoint {
     /// Too short, or something else.
     #[error("not a checkpoint")]
     Foreign,
@@ -74,23 +74,27 @@ impl Checkpoint {
     /// From bytes.
     ///
     /// # Errors
-    /// [`Damage`] if these are not the bytes of a whole checkpoint of this version.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
-        let (header, content) = bytes.split_at_checked(HEADER).ok_or(Damage::Foreign)?;
-        let rest = header.strip_prefix(&MAGIC).ok_or(Damage::Foreign)?;
-        let (version, checksum) = rest.split_first_chunk::<4>().ok_or(Damage::Foreign)?;
+    /// [`BadCheckpoint`] if these are not the bytes of a whole checkpoint of this version.
+    pub fn decode(bytes: &[u8]) -> Result<Self, BadCheckpoint> {
+        let (header, content) = bytes
+            .split_at_checked(HEADER)
+            .ok_or(BadCheckpoint::Foreign)?;
+        let rest = header.strip_prefix(&MAGIC).ok_or(BadCheckpoint::Foreign)?;
+        let (version, checksum) = rest
+            .split_first_chunk::<4>()
+            .ok_or(BadCheckpoint::Foreign)?;
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
-            return Err(Damage::Version { found });
+            return Err(BadCheckpoint::Version { found });
         }
         if blake3::hash(content).as_bytes() != checksum {
-            return Err(Damage::Checksum);
+            return Err(BadCheckpoint::Checksum);
         }
-        let checkpoint: Self = postcard::from_bytes(content).map_err(Damage::Content)?;
+        let checkpoint: Self = postcard::from_bytes(content).map_err(BadCheckpoint::Content)?;
         if checkpoint.has_numbers() {
             Ok(checkpoint)
         } else {
-            Err(Damage::Numbers)
+            Err(BadCheckpoint::Numbers)
         }
     }
 
@@ -182,7 +186,7 @@ mod tests {
             let mut forged = checkpoint();
             forge(&mut forged);
             let bytes = forged.encode().unwrap();
-            assert_eq!(Checkpoint::decode(&bytes), Err(Damage::Numbers));
+            assert_eq!(Checkpoint::decode(&bytes), Err(BadCheckpoint::Numbers));
         }
     }
 

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct Protocol {
     /// Length of a run, a whole number of steps; that of its segments together.
     pub strain: f64,
-    /// The start of a run that averages leave out; with segments, all before the last one and its
-    /// discarded strain.
-    pub discard: Discard,
+    /// The start of a run that averages leave out, from 0 to below `strain`; with segments, all
+    /// before the last one and its discarded strain.
+    pub discard: f64,
     /// Strain from one checkpoint to the next, at least one step.
     pub checkpoint_every: f64,
     /// Strain from one sample to the next, a whole number of steps.
@@ -83,22 +83,11 @@ fn sum(a: f64, b: f64) -> f64 {
     ((a + b) * 1e9).round() / 1e9
 }
 
-/// The part of a run that averages leave out at its start.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Discard {
-    /// Chosen by MSER-5 at each point: see `mser_5` in `statistics`.
-    Auto,
-    /// Samples before this strain; in [0, strain).
-    #[serde(untagged)]
-    Strain(f64),
-}
-
 impl Default for Protocol {
     fn default() -> Self {
         Self {
             strain: 5.0,
-            discard: Discard::Strain(2.0),
+            discard: 2.0,
             checkpoint_every: 0.1,
             sample_every: 0.02,
             observes_network: false,
@@ -154,12 +143,9 @@ impl Steps<'_> {
         count(self.protocol.checkpoint_every / self.time_step).max(1)
     }
 
-    /// First step whose sample is averaged; `None` where each point has its own.
-    pub fn discard_steps(&self) -> Option<u64> {
-        match self.protocol.discard {
-            Discard::Strain(strain) => Some(self.first_step_from(strain)),
-            Discard::Auto => None,
-        }
+    /// First step whose sample is averaged.
+    pub fn discard_steps(&self) -> u64 {
+        self.first_step_from(self.protocol.discard)
     }
 
     /// First step that begins at a strain or after it.
@@ -178,22 +164,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn discard_is_a_number_or_a_word_in_stores() {
-        for (discard, text) in [(Discard::Strain(2.0), "2.0"), (Discard::Auto, "\"auto\"")] {
-            assert_eq!(serde_json::to_string(&discard).unwrap(), text);
-            assert_eq!(serde_json::from_str::<Discard>(text).unwrap(), discard);
-        }
-        assert!(serde_json::from_str::<Discard>("\"all\"").is_err());
-    }
-
-    #[test]
     fn default_run_is_a_thousand_steps_and_250_samples() {
         let protocol = Protocol::default();
         let protocol = protocol.with_time_step(0.005);
         assert_eq!(protocol.steps(), 1000);
         assert_eq!(protocol.sample_stride(), 4);
         assert_eq!(protocol.checkpoint_stride(), 20);
-        assert_eq!(protocol.discard_steps(), Some(400));
+        assert_eq!(protocol.discard_steps(), 400);
         assert_eq!(protocol.whole_steps(0.0125), None);
     }
 }

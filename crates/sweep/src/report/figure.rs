@@ -125,10 +125,7 @@ pub fn traces(
         .segments
         .last()
         .map_or(0.0, |last| last.imposed.start);
-    let usual = match protocol.discard {
-        crate::model::protocol::Discard::Strain(strain) => Some(strain - start),
-        crate::model::protocol::Discard::Auto => None,
-    };
+    let usual = protocol.discard - start;
     // Runs of a point, or the cases one by one.
     let mut groups: Vec<(Option<Identity>, Vec<&PointRun>)> = Vec::new();
     for run in &runs {
@@ -175,13 +172,13 @@ pub fn traces(
         };
         let discards = traces
             .iter()
-            .map(|(run, _)| run.discard().map(|discard| discard - start).or(usual));
+            .map(|(run, _)| run.discard().map_or(usual, |discard| discard - start));
         all.push(Trace {
             campaign: campaign.clone(),
             params: (*first.params).clone(),
             seed: (counted == 0).then_some(first.seed),
             runs: traces.len(),
-            discard: discards.flatten().reduce(f64::max),
+            discard: discards.reduce(f64::max),
             points: mean_trace(traces.into_iter().map(|(_, trace)| trace)),
         });
         if all.len() > ORDERED_CURVES {

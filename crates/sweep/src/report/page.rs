@@ -13,7 +13,6 @@ use crate::data::{DataColumn, Kind, Objects};
 use crate::measure::numbers::{Level, Number, columns};
 use crate::measure::{Estimate, PointRun, ratio};
 use crate::model::axes::{AXES, Axis};
-use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::Store;
 use crate::trajectory::{Kept, state_number};
@@ -182,15 +181,12 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         for (_, viscosity) in &mut trace {
             *viscosity *= factor;
         }
-        let discard = run.discard().or(match report.discard {
-            Discard::Strain(strain) => Some(strain),
-            Discard::Auto => None,
-        });
+        let discard = run.discard().unwrap_or(report.discard);
         runs.push(json!({
             "point": point, "key": run.key, "seed": run.seed, "state": run.state,
             "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
             "viscosity": run.number("viscosity").map(|viscosity| factor * viscosity), "wall_time_s": run.number("wall_time_s"), "cpu_time_s": run.number("cpu_time_s"),
-            "discard": discard, "histogram": histogram(&trace, discard.unwrap_or(0.0)), "trace": thinned(&trace, points_each),
+            "discard": discard, "histogram": histogram(&trace, discard), "trace": thinned(&trace, points_each),
         }));
     }
     let filmed = filmed(store, all.iter().zip(points), host)?;

@@ -11,10 +11,9 @@ use super::units::{At, Units};
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs};
 use crate::model::axes::{Axis, Identity, identity};
-use crate::model::campaign::Written;
+use crate::model::campaign::AsWritten;
 use crate::model::case::State;
 use crate::model::precision::Precision;
-use crate::model::protocol::Discard;
 use crate::store::{Counts, Provenance, Store};
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
@@ -40,7 +39,7 @@ pub struct Report {
     /// Whether these are averaged too.
     pub with_doubtful: bool,
     /// The discarded start of every run.
-    pub discard: Discard,
+    pub discard: f64,
     /// Number of the segment whose averages they are, from 1, of runs that have segments.
     pub segment: Option<usize>,
     /// The points in the order of the file.
@@ -218,7 +217,7 @@ fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
 
 /// The runs of the points as written in the campaign file: a run that several points share belongs
 /// to each.
-fn as_written(runs: Vec<PointRun>, written: &Written) -> Vec<PointRun> {
+fn as_written(runs: Vec<PointRun>, written: &AsWritten) -> Vec<PointRun> {
     if written.shared.is_empty() {
         return runs;
     }
@@ -258,7 +257,7 @@ fn as_written(runs: Vec<PointRun>, written: &Written) -> Vec<PointRun> {
 /// The runs of the points selected.
 fn selected(
     runs: Vec<PointRun>,
-    written: &Written,
+    written: &AsWritten,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
     let mut runs = as_written(runs, written);

@@ -8,7 +8,6 @@ use super::table::Column;
 use super::text::styled;
 use crate::data::{Cells, DataColumn};
 use crate::model::axes::{AXES, Axis};
-use crate::model::protocol::Discard;
 use crate::text::format::{NumberFormat, significant, uncertain};
 use crate::text::visible::visible;
 use comfy_table::CellAlignment;
@@ -231,7 +230,6 @@ impl Report {
     fn shows(&self, name: &str) -> bool {
         match name {
             "seeds_wanted" | "precision" => self.points.iter().any(|point| point.rule.is_some()),
-            "discard" => self.discard == Discard::Auto,
             "coordination" | "largest_cluster" | "percolating_y" | "core_fraction" => {
                 let mut points = self.points.iter();
                 points.any(|point| point.number(name).is_some())

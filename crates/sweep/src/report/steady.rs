@@ -3,7 +3,7 @@
 use super::error::ReportError;
 use crate::measure::PointRun;
 use crate::measure::{Drift, Steadiness, mser_5};
-use crate::model::protocol::{Discard, Protocol};
+use crate::model::protocol::Protocol;
 use crate::store::Store;
 use crate::text::format::{short, significant};
 
@@ -78,17 +78,13 @@ fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
         .collect();
     let is_steady_then =
         Drift::of(&parts).is_some_and(|drift| !drift.drifts() && !drift.remembers_start());
-    let discards_less = match protocol.discard {
-        Discard::Strain(discarded) => discarded < strain,
-        Discard::Auto => false,
-    };
-    match (is_steady_then && !is_limit, discards_less) {
-        (true, true) => format!(
+    if is_steady_then && !is_limit && protocol.discard < strain {
+        return format!(
             "discard = {}{of_segment} leaves a steady part (MSER-5)",
             significant(strain - start, 3)
-        ),
-        _ => longer(),
+        );
     }
+    longer()
 }
 
 #[cfg(test)]

@@ -13,7 +13,6 @@ use crate::data::{DataColumn, Kind, Object, Value};
 use crate::measure::{Estimate, PointRun};
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
-use crate::model::protocol::Discard;
 use crate::model::spaces::of_either;
 use crate::store::Store;
 use crate::structure::{Band, NAMED, Network, RunStructure, Structure};
@@ -104,10 +103,6 @@ impl StructureReport {
     ) -> Result<Self, ReportError> {
         let (report, runs, places) = Report::with_runs(store, selection)?;
         let key = case.map(|case| store.key_of(case)).transpose()?;
-        let usual = match report.discard {
-            Discard::Strain(strain) => strain,
-            Discard::Auto => 0.0,
-        };
         // Points may share runs.
         let mut known: HashMap<&str, Option<RunStructure>> = HashMap::new();
         let mut left_out = Vec::new();
@@ -125,7 +120,7 @@ impl StructureReport {
                 continue;
             }
             if !known.contains_key(run.key.as_str()) {
-                let discard = run.discard().unwrap_or(usual);
+                let discard = run.discard().unwrap_or(report.discard);
                 let structure = match of_run(store, run, discard)? {
                     Ok(structure) => structure,
                     Err(from) => {

@@ -8,7 +8,6 @@ use super::sheet::{Shape, Sheet};
 use crate::measure::{Decision, Verdict};
 use crate::model::axes::Axis;
 use crate::model::precision::Precision;
-use crate::model::protocol::Discard;
 use crate::text::format::{NumberFormat, counted, duration, significant};
 use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Row, Table, Width, presets};
 use std::io::Write;
@@ -144,14 +143,12 @@ fn legend(report: &Report, sheet: &Sheet, shape: Shape) -> Vec<String> {
         NumberFormat::Plain => "± half the 95 % Student interval",
         NumberFormat::Si => "and in brackets half the 95 % Student interval",
     };
-    let after = match (report.discard, report.segment) {
-        (Discard::Strain(strain), Some(segment)) => {
-            format!(
-                "in segment {segment} after a strain of {strain}; all segments: `sweep segments`"
-            )
-        }
-        (Discard::Strain(strain), None) => format!("after a strain of {strain}"),
-        (Discard::Auto, _) => "after the strain chosen by MSER-5 at each point".into(),
+    let strain = report.discard;
+    let after = match report.segment {
+        Some(segment) => format!(
+            "in segment {segment} after a strain of {strain}; all segments: `sweep segments`"
+        ),
+        None => format!("after a strain of {strain}"),
     };
     let viscosity = format!("viscosity: mean over runs {interval}, {after}");
     for (name, words) in [

@@ -2,14 +2,12 @@
 
 use super::{Options, RunnerError, compute_campaign};
 use crate::model::campaign::Campaign;
-use crate::store::{self, Adoption, Counts, Finding, Merged, Store, StoreError};
-use std::path::{Path, PathBuf};
+use crate::store::{self, Adoption, Counts, Finding, Store, StoreError};
+use std::path::Path;
 
 /// Options of the start of a campaign.
 #[derive(Debug, Clone, Copy)]
-pub struct StartOptions<'b> {
-    /// Other stores; their runs of the same cases are reused.
-    pub reuse: &'b [PathBuf],
+pub struct StartOptions {
     /// Whether failed runs are computed again.
     pub retry_failed: bool,
     /// Whether all runs are to keep a frame with each sample: those that lack some are computed
@@ -24,8 +22,6 @@ pub struct StartedCampaign {
     pub store: Store,
     /// What the store held before.
     pub adoption: Adoption,
-    /// What was reused from other stores, if any were given.
-    pub taken: Option<Merged>,
     /// Damaged runs of the store, which are computed again.
     pub damaged: Vec<Finding>,
     /// Number of runs that are computed again for their frames.
@@ -35,27 +31,18 @@ pub struct StartedCampaign {
 /// Enters a campaign into its store and prepares everything that precedes computing.
 ///
 /// # Errors
-/// An I/O or SQLite error of the store, or of one whose runs are to be reused.
+/// An I/O or SQLite error of the store.
 pub fn begin(
     path: &Path,
     campaign: &Campaign,
-    beginning: StartOptions<'_>,
+    beginning: StartOptions,
 ) -> Result<StartedCampaign, StoreError> {
-    // Before anything is written.
-    for other in beginning.reuse {
-        Store::open_read_only(other)?;
-    }
     let damaged = if store::is_free(path) {
         Vec::new()
     } else {
         Store::open(path)?.forget_damaged()?
     };
     let (mut store, adoption) = Store::enter(path, campaign)?;
-    let taken = if beginning.reuse.is_empty() {
-        None
-    } else {
-        Some(store.reuse(beginning.reuse)?)
-    };
     if beginning.retry_failed {
         store.retry_failed()?;
     }
@@ -67,7 +54,6 @@ pub fn begin(
     Ok(StartedCampaign {
         store,
         adoption,
-        taken,
         damaged,
         without_frames,
     })

@@ -1,11 +1,11 @@
 //! Checks the integrity of a store, and resets damaged runs to pending, to be recomputed with the
 //! same digits.
 
-use super::database::Statements;
 use super::digest::{DigestMismatch, Sealed};
-use super::entry::Entered;
-use super::runs::LAST;
-use super::{Checkpoint, Store, StoreError, entry, frames, runs, samples, show, workers};
+use super::entered::{self, Entered};
+use super::runs::{LAST, OF_CASES};
+use super::statements::Statements;
+use super::{Checkpoint, Store, StoreError, frames, points, processes, runs, samples, show};
 use rusqlite::Connection;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,13 +17,11 @@ const CHEAP: u64 = 64 << 20;
 /// Selects the size of a file in bytes, from its header.
 pub(super) const SIZE: &str =
     "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
-/// Tables with results of cases.
-pub(super) const OF_CASES: [&str; 5] = ["samples", "frames", "checkpoints", "results", "failures"];
 /// Tables with a digest in each row.
 const SEALED: [Sealed; 4] = [
-    entry::SEALED,
-    entry::POINTS,
-    workers::SEALED,
+    entered::SEALED,
+    points::SEALED,
+    processes::SEALED,
     frames::SEALED,
 ];
 
@@ -209,12 +207,12 @@ impl Damage {
     fn forget(&self, connection: &Connection) -> rusqlite::Result<()> {
         for part in self.parts.keys() {
             match part {
-                Part::Run(case) => forget_case(connection, *case)?,
+                Part::Run(case) => runs::forget(connection, *case)?,
                 Part::Point(point) => {
                     let cases = "SELECT id FROM cases WHERE point = ?1";
                     let cases: Vec<i64> = connection.values(cases, [point])?;
                     for case in cases {
-                        forget_case(connection, case)?;
+                        runs::forget(connection, case)?;
                     }
                     connection.run("DELETE FROM cases WHERE point = ?1", [point])?;
                     connection.run("DELETE FROM points WHERE id = ?1", [point])?;
@@ -224,7 +222,7 @@ impl Damage {
                         "UPDATE processes SET host = 'unknown', build = '', version = '' WHERE id = ?1",
                         [process],
                     )?;
-                    workers::SEALED.seal(connection, "t.id = ?1", [process])?;
+                    processes::SEALED.seal(connection, "t.id = ?1", [process])?;
                 }
                 Part::Grid => {}
             }
@@ -239,13 +237,6 @@ impl Damage {
         }
         Ok(())
     }
-}
-
-/// Resets a case to pending, without data.
-pub(super) fn forget_case(connection: &Connection, case: i64) -> rusqlite::Result<()> {
-    connection.run("DELETE FROM failures WHERE case_id = ?1", [case])?;
-    runs::delete_data(connection, case)?;
-    runs::reopen(connection, "id = ?1", [case]).map(drop)
 }
 
 /// Faults of the structure of a store found by `SQLite`.
@@ -335,7 +326,7 @@ pub fn accept_changes(path: &Path) -> Result<(), StoreError> {
         let keys = keys
             .iter()
             .map(|key| u128::from_str_radix(key, 16).unwrap_or(0));
-        let grid = entry::grid(keys);
+        let grid = entered::grid(keys);
         for sealed in SEALED {
             sealed.seal(&connection, "true", [])?;
         }

@@ -1,8 +1,9 @@
 //! Claims and checkpoints: the life of a running case.
 
-use super::database::{Statements, json};
-use super::runs::{LAST, SUSPECT};
-use super::{Checkpoint, Damage, Store, StoreError, frames, runs, samples};
+use super::points::CaseRow;
+use super::runs::{LAST, SUSPECT, StoredCheckpoint};
+use super::statements::Statements;
+use super::{BadCheckpoint, Checkpoint, Store, StoreError, frames, runs, samples};
 use crate::model::case::Case;
 use crate::model::spaces::AnyFrame;
 use crate::system::process::now;
@@ -26,7 +27,7 @@ pub struct Claim {
     pub case: Case,
     /// Its checkpoints, the newest first, and its last state, if it was finished at a shorter
     /// requested length.
-    pub checkpoints: Vec<Result<Checkpoint, Damage>>,
+    pub checkpoints: Vec<Result<Checkpoint, BadCheckpoint>>,
     /// Whether there is anything of it in the store.
     has_data: bool,
     /// Whether it keeps a frame with each sample.
@@ -37,11 +38,8 @@ pub struct Claim {
 #[derive(Deserialize)]
 struct Claimed {
     key: String,
-    #[serde(deserialize_with = "json")]
-    params: sd_core::Params,
-    seed: u64,
-    steps: u64,
-    sample_stride: u64,
+    #[serde(flatten)]
+    case: CaseRow,
     steps_done: u64,
     has_samples: bool,
     keeps_frames: bool,
@@ -118,12 +116,7 @@ impl Store {
                 claims.push(Claim {
                     id,
                     key: claimed.key,
-                    case: Case {
-                        params: claimed.params,
-                        seed: claimed.seed,
-                        steps: claimed.steps,
-                        sample_stride: claimed.sample_stride,
-                    },
+                    case: claimed.case.into_case(),
                     has_data: claimed.has_samples || !checkpoints.is_empty(),
                     keeps_frames: claimed.keeps_frames,
                     checkpoints,
@@ -209,7 +202,13 @@ impl Store {
                 [claim.id, LAST],
             )?;
             let generation = i64::from(newest == Some(0));
-            runs::put_checkpoint(connection, claim.id, (generation, steps, me, data))?;
+            let checkpoint = StoredCheckpoint {
+                generation,
+                steps,
+                process: me,
+                data: data.to_vec(),
+            };
+            checkpoint.put(connection, claim.id)?;
             Ok(true)
         })?;
         owned.then_some(()).ok_or_else(|| claim.lost())

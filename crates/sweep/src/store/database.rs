@@ -1,24 +1,15 @@
-//! An open store: its file, connection, lock, transactions and statements.
+//! An open store: its file, connection, lock and transactions.
 
-use super::entry::Entered;
-use super::schema::Lack;
-use super::workers::{Registered, TaskName};
-use super::{StoreError, schema, workers};
-use crate::model::campaign::Campaign;
+use super::StoreError;
+use super::entered::Entered;
+use super::files::{FileIdentity, Files, address, has_log, log_of, refuse_other_than_files};
+use super::processes::{ActiveProcess, Registered, TaskName};
+use super::schema::{self, Lack};
+use super::statements::Statements;
 use crate::system::disk::is_full;
-use crate::system::files::with_suffix;
 use crate::system::lock;
-use rusqlite::types::{FromSql, Type};
-use rusqlite::{
-    CachedStatement, Connection, Error, ErrorCode, OpenFlags, OptionalExtension as _, Params,
-    Result, Row, Transaction, TransactionBehavior,
-};
-use sd_core::Params as RunParams;
-use serde::de::{DeserializeOwned, Error as _};
-use serde::{Deserialize, Deserializer};
-use std::cell::Cell;
+use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
 use std::io::Write as _;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -192,8 +183,9 @@ impl Store {
             if !is_busy || is_stopping() {
                 return Err(error);
             }
-            match workers::other_worker(&self.connection, self.me())? {
-                Some((pid, host)) if waits % WAITS_BETWEEN_NOTES == 1 => {
+            match ActiveProcess::alive(&self.connection, self.me())? {
+                Some(other) if waits % WAITS_BETWEEN_NOTES == 1 => {
+                    let (pid, host) = (other.identity.pid, other.identity.host);
                     let text = format!(
                         "waiting for the lock of {}, held by process {pid} on {host}",
                         self.path.display()
@@ -274,112 +266,6 @@ impl Store {
     ) -> Result<u64, StoreError> {
         self.read(self.connection.one(query, parameters, |row| row.get(0)))
     }
-
-    /// Converts an error of JSON into one of the store.
-    pub(super) fn json<T>(&self, result: Result<T, serde_json::Error>) -> Result<T, StoreError> {
-        result.map_err(|error| StoreError::unreadable(&self.path, &error))
-    }
-}
-
-/// Statements of a connection, or of the transaction it is in.
-pub(super) trait Statements {
-    /// A statement.
-    fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>>;
-
-    /// Changes rows.
-    fn run(&self, sql: &str, parameters: impl Params) -> Result<()> {
-        self.change(sql, parameters).map(|_| ())
-    }
-
-    /// Changes rows. Returns their number.
-    fn change(&self, sql: &str, parameters: impl Params) -> Result<usize> {
-        self.prepared(sql)?.execute(parameters)
-    }
-
-    /// Whether there is a row.
-    fn has(&self, sql: &str, parameters: impl Params) -> Result<bool> {
-        self.prepared(sql)?.exists(parameters)
-    }
-
-    /// The first row, which must be there.
-    fn one<T>(
-        &self,
-        sql: &str,
-        parameters: impl Params,
-        read: impl FnOnce(&Row<'_>) -> Result<T>,
-    ) -> Result<T> {
-        self.prepared(sql)?.query_row(parameters, read)
-    }
-
-    /// The first row, if there is one.
-    fn find<T>(
-        &self,
-        sql: &str,
-        parameters: impl Params,
-        read: impl FnOnce(&Row<'_>) -> Result<T>,
-    ) -> Result<Option<T>> {
-        self.one(sql, parameters, read).optional()
-    }
-
-    /// All rows.
-    fn all<T, C: FromIterator<T>>(
-        &self,
-        sql: &str,
-        parameters: impl Params,
-        read: impl FnMut(&Row<'_>) -> Result<T>,
-    ) -> Result<C> {
-        self.prepared(sql)?.query_map(parameters, read)?.collect()
-    }
-
-    /// All rows, by the names of their columns.
-    fn named<T: DeserializeOwned>(&self, sql: &str, parameters: impl Params) -> Result<Vec<T>> {
-        let mut query = self.prepared(sql)?;
-        let rows = query.query(parameters)?;
-        serde_rusqlite::from_rows(rows)
-            .map(|row| row.map_err(unreadable))
-            .collect()
-    }
-
-    /// The first row by the names of its columns, if there is one.
-    fn first<T: DeserializeOwned>(&self, sql: &str, parameters: impl Params) -> Result<Option<T>> {
-        Ok(self.named(sql, parameters)?.into_iter().next())
-    }
-
-    /// The first column of the first row, if there is one.
-    fn value<T: FromSql>(&self, sql: &str, parameters: impl Params) -> Result<Option<T>> {
-        self.find(sql, parameters, |row| row.get(0))
-    }
-
-    /// The first column of all rows.
-    fn values<T: FromSql, C: FromIterator<T>>(
-        &self,
-        sql: &str,
-        parameters: impl Params,
-    ) -> Result<C> {
-        self.all(sql, parameters, |row| row.get(0))
-    }
-}
-
-impl Statements for Connection {
-    fn prepared(&self, sql: &str) -> Result<CachedStatement<'_>> {
-        self.prepare_cached(sql)
-    }
-}
-
-/// As an error of a query.
-fn unreadable(error: serde_rusqlite::Error) -> Error {
-    match error {
-        serde_rusqlite::Error::Rusqlite(error) => error,
-        other => Error::FromSqlConversionFailure(0, Type::Null, Box::new(other)),
-    }
-}
-
-/// Parameters of a run, in a column of JSON.
-pub(super) fn json<'de, D: Deserializer<'de>>(
-    column: D,
-) -> std::result::Result<RunParams, D::Error> {
-    let text = String::deserialize(column)?;
-    serde_json::from_str(&text).map_err(D::Error::custom)
 }
 
 /// Time to wait for a lock before its owner is determined.
@@ -421,110 +307,6 @@ pub(super) fn wait_for_lock(looks: i32) -> bool {
     }
     std::thread::sleep(LOOK);
     true
-}
-
-/// Identity of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct FileIdentity {
-    device: u64,
-    /// Its inode number.
-    number: u64,
-}
-
-impl FileIdentity {
-    /// The identity of the present file of this name.
-    pub(super) fn of(path: &Path) -> Option<Self> {
-        let file = std::fs::metadata(path).ok()?;
-        Some(Self {
-            device: file.dev(),
-            number: file.ino(),
-        })
-    }
-}
-
-/// The files of a store as they were when it was opened for writing.
-#[derive(Debug)]
-pub(super) struct Files {
-    path: PathBuf,
-    database: Option<FileIdentity>,
-    log: Cell<Option<FileIdentity>>,
-}
-
-impl Files {
-    /// The files of an open store; its file was this one before.
-    pub(super) fn of(path: &Path, database: Option<FileIdentity>) -> Self {
-        Self {
-            path: path.to_owned(),
-            database,
-            log: Cell::new(FileIdentity::of(&log_of(path))),
-        }
-    }
-
-    /// What happened to them, if they have changed. Later writes would be lost.
-    pub(super) fn loss(&self) -> Option<&'static str> {
-        let database = FileIdentity::of(&self.path);
-        if database.is_none() {
-            return Some("deleted");
-        }
-        if database != self.database {
-            return Some("replaced by another file");
-        }
-        let log = FileIdentity::of(&log_of(&self.path));
-        match self.log.get() {
-            None => {
-                self.log.set(log);
-                None
-            }
-            own if own == log => None,
-            _ => Some("separated from its log"),
-        }
-    }
-
-    /// Deletes the log that these files left beside another store, if it is theirs.
-    pub(super) fn remove_own_log(&self) {
-        let log = log_of(&self.path);
-        if self.log.get().is_some() && FileIdentity::of(&log) == self.log.get() {
-            let _ = std::fs::remove_file(log);
-            let _ = std::fs::remove_file(with_suffix(&self.path, "-shm"));
-        }
-    }
-}
-
-/// The write-ahead log beside a store.
-pub(super) fn log_of(path: &Path) -> PathBuf {
-    with_suffix(path, "-wal")
-}
-
-/// Whether there is a log with changes beside a store.
-pub(super) fn has_log(path: &Path) -> bool {
-    std::fs::metadata(log_of(path)).is_ok_and(|log| log.len() > 0)
-}
-
-/// Whether there is no store yet: no file, or an empty one, which a store replaces.
-pub(crate) fn is_free(path: &Path) -> bool {
-    std::fs::metadata(path).map_or(!path.exists(), |file| file.is_file() && file.len() == 0)
-}
-
-/// Refuses missing files and non-files: a folder, or a pipe, which would block forever.
-pub(super) fn refuse_other_than_files(path: &Path) -> Result<(), StoreError> {
-    let path = path.to_owned();
-    let what = match std::fs::metadata(&path) {
-        Ok(there) if there.is_dir() => "a folder, and not a store",
-        Ok(there) if !there.is_file() => "not a file, so not a store",
-        Err(_) if !path.exists() => return Err(StoreError::Missing { path }),
-        _ => return Ok(()),
-    };
-    Err(StoreError::NotAFile { path, what })
-}
-
-/// The URI of a file with options, for `SQLite`.
-pub(super) fn address(path: &Path, options: &str) -> String {
-    let escaped = path
-        .to_string_lossy()
-        .replace('%', "%25")
-        .replace('?', "%3f")
-        .replace('#', "%23");
-    format!("file:{escaped}?{options}")
 }
 
 impl Store {
@@ -629,81 +411,5 @@ fn needs_snapshot_or_copy(error: &StoreError) -> bool {
             Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly | ErrorCode::DiskFull)
         ),
         _ => false,
-    }
-}
-
-/// A store, and the campaign file by which it is shown, if any.
-#[derive(Debug, Clone)]
-pub struct StoreSource {
-    path: PathBuf,
-    campaign: Option<Campaign>,
-}
-
-impl StoreSource {
-    /// The store at this path, made absolute; with a campaign file, its present request. Without
-    /// one the store is shown as last run.
-    pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
-        Self { path, campaign }
-    }
-
-    /// The store.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// The campaign file.
-    pub fn campaign(&self) -> Option<&Campaign> {
-        self.campaign.as_ref()
-    }
-
-    /// Opens it for reading, and shows the runs that the campaign file requests, done or not,
-    /// regardless of the version last run.
-    ///
-    /// # Errors
-    /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
-    pub fn open(&self) -> Result<Store, StoreError> {
-        let mut store = Store::open_read_only(&self.path)?;
-        if let Some(campaign) = &self.campaign {
-            store.show_as_requested(campaign)?;
-        }
-        Ok(store)
-    }
-
-    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
-    /// whose kept strain is averaged.
-    ///
-    /// # Errors
-    /// As [`StoreSource::open`]; the inner error is a message about a missing segment.
-    pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
-        let mut store = Store::open_read_only(&self.path)?;
-        let campaign = match &self.campaign {
-            Some(campaign) => campaign.clone(),
-            None => store.campaign()?,
-        };
-        Ok(match campaign.of_segment(number) {
-            Ok(campaign) => {
-                store.show_as_requested(&campaign)?;
-                Ok(store)
-            }
-            Err(message) => Err(message),
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_replaced_file_is_another_file() {
-        let directory = tempfile::tempdir().unwrap();
-        let (one, two) = (directory.path().join("one"), directory.path().join("two"));
-        std::fs::write(&one, "1").unwrap();
-        std::fs::write(&two, "2").unwrap();
-        let before = FileIdentity::of(&one);
-        assert_eq!(before, FileIdentity::of(&one));
-        std::fs::rename(&two, &one).unwrap();
-        assert_ne!(before, FileIdentity::of(&one));
-        assert_eq!(FileIdentity::of(&two), None);
     }
 }

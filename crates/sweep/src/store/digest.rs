@@ -3,7 +3,7 @@
 //!
 //! `SQLite` detects a misplaced page, but not a changed digit.
 
-use super::database::Statements;
+use super::statements::Statements;
 use rusqlite::types::{Type, Value, ValueRef};
 use rusqlite::{Connection, Params, Row, Statement, params_from_iter};
 use std::fmt;

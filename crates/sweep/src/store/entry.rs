@@ -1,125 +1,20 @@
-//! Entering a campaign file into its store.
+//! Entering a campaign file into its store, and showing a store by a campaign file.
 
-use super::check::OF_CASES;
-use super::database::Statements;
-use super::digest::{DigestMismatch, Sealed};
-use super::workers::ActiveProcess;
-use super::{Store, StoreError, database, rules, runs, schema, settle, workers};
-use crate::model::campaign::{Campaign, PointRule, Written};
-use crate::model::case::Case;
+use super::entered::{self, Entered, LastRun};
+use super::points::{CaseRow, Points};
+use super::processes::{self, ActiveProcess};
+use super::runs::OF_CASES;
+use super::statements::Statements;
+use super::{Store, StoreError, files, rules, runs, schema, settle};
+use crate::model::campaign::{AsWritten, Campaign, PointRule};
 use crate::model::order;
-use crate::model::precision::Precision;
-use crate::model::protocol::{Discard, Protocol};
+use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
 use crate::system::process;
-use rusqlite::types::Value;
-use rusqlite::{Connection, Row, params};
-use sd_core::Params;
-use serde::de::DeserializeOwned;
+use rusqlite::{Connection, params};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-
-/// The campaign.
-pub(super) const SEALED: Sealed = Sealed {
-    table: "campaign",
-    columns: "name, text, entered, written",
-    with_key: false,
-    words: "the campaign",
-};
-/// The parameters of points.
-pub(super) const POINTS: Sealed = Sealed {
-    table: "points",
-    columns: "params, axes",
-    with_key: false,
-    words: "the parameters of a point",
-};
-
-/// What a version of a campaign file requests of its runs, as a store keeps it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Entered {
-    pub(super) protocol: Protocol,
-    /// The precisions requested at points, by the numbers that their cases have.
-    pub(super) rules: Vec<Precision>,
-    /// Equal exactly for versions that request the same, in any order and wording.
-    pub(super) request: String,
-    /// Number and sum of the keys of the runs.
-    pub(super) grid: String,
-    pub(super) file: String,
-}
-
-impl Entered {
-    pub(super) fn of(campaign: &Campaign) -> Self {
-        let grid = grid(campaign.cases.iter().map(|(key, _)| key.number()));
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&campaign.protocol.strain.to_bits().to_le_bytes());
-        match campaign.protocol.discard {
-            Discard::Strain(strain) => hasher.update(&strain.to_bits().to_le_bytes()),
-            Discard::Auto => hasher.update(b"auto"),
-        };
-        hasher.update(grid.as_bytes());
-        for rule in &campaign.rules {
-            let first = campaign.cases[rule.cases.start].0;
-            hasher.update(format!("{first} {:?}", rule.precision).as_bytes());
-        }
-        Self {
-            protocol: campaign.protocol.clone(),
-            rules: campaign.rules.iter().map(|rule| rule.precision).collect(),
-            request: hasher.finalize().to_hex()[..32].to_owned(),
-            grid,
-            file: campaign.file.to_string_lossy().into_owned(),
-        }
-    }
-
-    /// That of a store.
-    ///
-    /// # Errors
-    /// [`DigestMismatch`] where the campaign was changed, or there is none.
-    pub(super) fn read(connection: &Connection) -> rusqlite::Result<Self> {
-        let found = SEALED.all(connection, "true", [], |row| document(row, 2))?;
-        found.into_iter().next().ok_or_else(no_campaign)
-    }
-
-    /// Replaces that of a store.
-    pub(super) fn write(&self, connection: &Connection) -> rusqlite::Result<()> {
-        connection.execute("UPDATE campaign SET entered = ?1", [json(self)?])?;
-        SEALED.seal(connection, "true", [])
-    }
-
-    /// The file whose version of the campaign a store now holds, if its request differs.
-    fn displaced_by(&self, connection: &Connection) -> rusqlite::Result<Option<PathBuf>> {
-        let found = connection.find("SELECT entered FROM campaign", [], |row| document(row, 0))?;
-        Ok(found
-            .filter(|found: &Self| found.request != self.request)
-            .map(|found| found.file.into()))
-    }
-}
-
-/// Number and sum of some keys, independent of their order.
-pub(super) fn grid(keys: impl Iterator<Item = u128>) -> String {
-    let (number, sum) = keys.fold((0_u64, 0_u128), |(number, sum), key| {
-        (number + 1, sum.wrapping_add(key))
-    });
-    format!("{number} {sum:032x}")
-}
-
-/// The JSON of a column of the campaign.
-fn document<T: DeserializeOwned>(row: &Row<'_>, column: usize) -> rusqlite::Result<T> {
-    let text = row.get_ref(column)?.as_str()?;
-    serde_json::from_str(text).map_err(|error| DigestMismatch::error(error.to_string()))
-}
-
-/// As JSON.
-fn json(value: &impl Serialize) -> rusqlite::Result<Value> {
-    let text = serde_json::to_string(value);
-    text.map(Value::Text)
-        .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))
-}
-
-fn no_campaign() -> rusqlite::Error {
-    DigestMismatch::error("it holds no campaign")
-}
 
 impl Store {
     /// Opens the store of a campaign, creates it if missing, and enters the campaign: see
@@ -128,7 +23,7 @@ impl Store {
     /// # Errors
     /// Those of [`Store::open`] and [`Store::adopt`].
     pub fn enter(path: &Path, campaign: &Campaign) -> Result<(Self, Adoption), StoreError> {
-        if database::is_free(path)
+        if files::is_free(path)
             && let Some(made) = Self::create(path, campaign)?
         {
             return Ok(made);
@@ -142,8 +37,8 @@ impl Store {
     fn create(path: &Path, campaign: &Campaign) -> Result<Option<(Self, Adoption)>, StoreError> {
         // The log of a deleted store belongs to no other one. In this order: that of another
         // process is younger than its store.
-        if database::has_log(path) && database::is_free(path) {
-            let _ = std::fs::remove_file(database::log_of(path));
+        if files::has_log(path) && files::is_free(path) {
+            let _ = std::fs::remove_file(files::log_of(path));
         }
         let unwritable = |source| StoreError::Unwritable {
             path: path.to_owned(),
@@ -199,43 +94,42 @@ impl Store {
     /// [`StoreError::OtherCampaign`], [`StoreError::ActiveProcess`] while another process computes
     /// another version of the campaign, and I/O or SQLite errors. Nothing is changed then.
     pub fn adopt(&mut self, campaign: &Campaign) -> Result<Adoption, StoreError> {
-        let entry = Entry::of(campaign);
-        let request = &entry.entered.request;
-        let me = self.process.clone();
-        let id = self.me();
-        let mut last = self.read(LastRun::of(&self.connection))?;
-        if last.as_ref().is_some_and(|last| last.name != campaign.name) {
-            return Err(self.other_campaign(last, campaign));
-        }
+        let entered = Entered::of(campaign);
+        let (me, id) = (self.process.clone(), self.me());
+        let mut last = self.read(LastRun::find(&self.connection))?;
+        self.refuse_other_campaign(last.as_ref(), campaign)?;
         let conflicting =
-            |connection: &Connection| ActiveProcess::conflicting(connection, id, request);
+            |connection: &Connection| ActiveProcess::conflicting(connection, id, &entered.request);
         if let Some(other) = self.read(conflicting(&self.connection))? {
-            return Err(self.at_work(&entry.entered, other));
+            return Err(self.at_work(&entered, other));
         }
-        let entered = self.write(|connection| {
+        let registered = self.write(|connection| {
             // Another process may have been faster.
-            last = LastRun::of(connection)?;
+            last = LastRun::find(connection)?;
             if let Some(other) = conflicting(connection)? {
                 return Ok(Err(other));
             }
-            if last.as_ref().is_none_or(|last| entry.differs(last)) {
-                entry.enter(connection, last.is_none())?;
-                settle::continue_shorter_runs(connection, campaign, &entry.entered)?;
+            if last
+                .as_ref()
+                .is_none_or(|last| last.differs(campaign, &entered))
+            {
+                enter(connection, campaign, &entered, last.is_none())?;
+                settle::continue_shorter_runs(connection, campaign, &entered)?;
             }
             match me {
                 Some(me) => Ok(Ok(me)),
-                None => workers::enter(connection, &entry.entered).map(Ok),
+                None => processes::enter(connection, &entered).map(Ok),
             }
         })?;
-        match entered {
+        match registered {
             Ok(registered) => self.process = Some(registered),
-            Err(other) => return Err(self.at_work(&entry.entered, other)),
+            Err(other) => return Err(self.at_work(&entered, other)),
         }
         let adoption = Adoption {
-            changed: last.is_some_and(|last| last.entered.request != *request),
+            changed: last.is_some_and(|last| last.entered.request != entered.request),
             inventory: self.inventory()?,
         };
-        self.entered = Some(entry.entered);
+        self.entered = Some(entered);
         Ok(adoption)
     }
 
@@ -247,6 +141,21 @@ impl Store {
             theirs: other.file.unwrap_or_default().into(),
             pid: other.identity.pid,
             host: other.identity.host,
+        }
+    }
+
+    fn refuse_other_campaign(
+        &self,
+        last: Option<&LastRun>,
+        campaign: &Campaign,
+    ) -> Result<(), StoreError> {
+        match last.filter(|last| last.name != campaign.name) {
+            None => Ok(()),
+            Some(last) => Err(StoreError::OtherCampaign {
+                path: self.path.clone(),
+                found: last.name.clone(),
+                wanted: campaign.name.clone(),
+            }),
         }
     }
 
@@ -269,31 +178,19 @@ impl Store {
         }
     }
 
-    fn other_campaign(&self, found: Option<LastRun>, campaign: &Campaign) -> StoreError {
-        StoreError::OtherCampaign {
-            path: self.path.clone(),
-            found: found.map(|found| found.name).unwrap_or_default(),
-            wanted: campaign.name.clone(),
-        }
-    }
-
     /// Shows a read-only store as this version of its campaign requests it.
-    pub(super) fn show_as_requested(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
-        let Some(last) = self.read(LastRun::of(&self.connection))? else {
-            return self.read(Err(no_campaign()));
-        };
-        if last.name != campaign.name {
-            return Err(self.other_campaign(Some(last), campaign));
-        }
-        let entry = Entry::of(campaign);
-        let is_another = last.entered.request != entry.entered.request;
+    fn show_as_requested(&mut self, campaign: &Campaign) -> Result<(), StoreError> {
+        let last = self.last_run()?;
+        self.refuse_other_campaign(Some(&last), campaign)?;
+        let entered = Entered::of(campaign);
+        let is_another = last.entered.request != entered.request;
         if !is_another && last.text == campaign.text {
             return Ok(());
         }
         // Copies must be complete: readers compare digests with the data shown.
         self.point_runs()?;
         let shown = schema::shadow(&self.connection)
-            .and_then(|()| entry.enter(&self.connection, false))
+            .and_then(|()| enter(&self.connection, campaign, &entered, false))
             .and_then(|()| settle::count_shorter_runs(&self.connection, campaign));
         self.read(shown)?;
         if is_another {
@@ -302,11 +199,15 @@ impl Store {
         Ok(())
     }
 
+    fn last_run(&self) -> Result<LastRun, StoreError> {
+        self.read(LastRun::read(&self.connection))
+    }
+
     /// What was requested of the store last: of this process, that which it entered.
     pub(super) fn entered(&self) -> Result<Entered, StoreError> {
         match &self.entered {
             Some(entered) => Ok(entered.clone()),
-            None => self.read(Entered::read(&self.connection)),
+            None => Ok(self.last_run()?.entered),
         }
     }
 
@@ -320,35 +221,32 @@ impl Store {
 
     /// The name of the campaign.
     pub(crate) fn campaign_name(&self) -> Result<String, StoreError> {
-        self.of_campaign(|row| row.get(0))
+        Ok(self.last_run()?.name)
+    }
+
+    /// The text of the campaign file last run.
+    pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
+        Ok(self.last_run()?.text)
     }
 
     /// What the campaign file says and its cases do not show.
-    pub(crate) fn written(&self) -> Result<Written, StoreError> {
-        self.of_campaign(|row| document(row, 3))
+    pub(crate) fn written(&self) -> Result<AsWritten, StoreError> {
+        Ok(self.last_run()?.written)
     }
 
     /// The campaign last run.
-    pub(super) fn campaign(&self) -> Result<Campaign, StoreError> {
+    fn campaign(&self) -> Result<Campaign, StoreError> {
         self.point_runs()?;
-        let cases: Vec<(Option<usize>, Case)> = self.rows(
-            "SELECT c.rule, p.params, c.seed, c.steps, c.sample_stride FROM cases c JOIN points p ON p.id = c.point
+        let cases: Vec<Requested> = self.named(
+            "SELECT c.rule, p.params, c.seed, c.steps, c.sample_stride FROM cases c
+                 JOIN points p ON p.id = c.point
              WHERE c.position IS NOT NULL ORDER BY c.position",
             [],
-            |row| {
-                let case = Case {
-                    params: schema::params(row, 1)?,
-                    seed: row.get(2)?,
-                    steps: row.get(3)?,
-                    sample_stride: row.get(4)?,
-                };
-                Ok((row.get(0)?, case))
-            },
         )?;
-        let entered = self.entered()?;
-        let rules = entered.rules.into_iter().enumerate();
+        let last = self.last_run()?;
+        let rules = last.entered.rules.into_iter().enumerate();
         let rules = rules.filter_map(|(number, precision)| {
-            let is_ruled = |case: &(Option<usize>, Case)| case.0 == Some(number);
+            let is_ruled = |case: &Requested| case.rule == Some(number);
             let start = cases.iter().position(is_ruled)?;
             let end = cases.iter().rposition(is_ruled)? + 1;
             Some(PointRule {
@@ -357,190 +255,97 @@ impl Store {
             })
         });
         let rules = rules.collect();
-        let cases = cases.into_iter().map(|(_, case)| (case.key(), case));
+        let cases = cases.into_iter().map(|requested| {
+            let case = requested.case.into_case();
+            (case.key(), case)
+        });
         Ok(Campaign {
-            name: self.campaign_name()?,
-            file: entered.file.into(),
-            text: self.campaign_text()?,
-            protocol: entered.protocol,
+            name: last.name,
+            file: last.entered.file.into(),
+            text: last.text,
+            protocol: last.entered.protocol,
             cases: cases.collect(),
             rules,
             folded: 0,
-            written: self.written()?,
+            written: last.written,
             start_files: Vec::new(),
         })
     }
-
-    /// The text of the campaign file last run.
-    pub(crate) fn campaign_text(&self) -> Result<String, StoreError> {
-        self.of_campaign(|row| row.get(1))
-    }
-
-    /// Something of the campaign.
-    fn of_campaign<T>(
-        &self,
-        read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
-    ) -> Result<T, StoreError> {
-        let found = self
-            .read(SEALED.all(&self.connection, "true", [], read))?
-            .pop();
-        found.map_or_else(|| self.read(Err(no_campaign())), Ok)
-    }
 }
 
-/// The version of the campaign last run with a store.
-struct LastRun {
-    name: String,
-    text: String,
-    entered: Entered,
+/// A case of the grid, with the number of its precision.
+#[derive(Deserialize)]
+struct Requested {
+    rule: Option<usize>,
+    #[serde(flatten)]
+    case: CaseRow,
 }
 
-impl LastRun {
-    /// `None` in a new store; a damaged entry is rewritten.
-    fn of(connection: &Connection) -> rusqlite::Result<Option<Self>> {
-        let read = |row: &Row<'_>| {
-            Ok(Self {
-                name: row.get(0)?,
-                text: row.get(1)?,
-                entered: document(row, 2)?,
-            })
-        };
-        match SEALED.all(connection, "true", [], read) {
-            Err(error) if DigestMismatch::in_error(&error).is_some() => Ok(None),
-            last => Ok(last?.pop()),
-        }
+/// Sets the cases of a store to those of a campaign.
+fn enter(
+    connection: &Connection,
+    campaign: &Campaign,
+    entered: &Entered,
+    is_new: bool,
+) -> rusqlite::Result<()> {
+    entered::put(connection, campaign, entered)?;
+    enter_cases(connection, campaign)?;
+    if is_new {
+        schema::index(connection)?;
     }
+    rules::enter(connection, campaign)?;
+    // Runs that failed beyond the strain requested now can reach that strain.
+    runs::reopen(
+        connection,
+        "state = 'failed' AND counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
+        [],
+    )?;
+    settle::settle_all(connection, &entered.protocol)?;
+    rules::apply_all(connection, &entered.rules)
 }
 
-/// A version of a campaign to enter into a store.
-struct Entry<'c> {
-    campaign: &'c Campaign,
-    entered: Entered,
-}
-
-impl<'c> Entry<'c> {
-    fn of(campaign: &'c Campaign) -> Self {
-        Self {
-            entered: Entered::of(campaign),
-            campaign,
-        }
+/// Writes new cases, and updates the position of known ones.
+fn enter_cases(connection: &Connection, campaign: &Campaign) -> rusqlite::Result<()> {
+    connection.execute(
+        "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
+        [],
+    )?;
+    let cases = campaign.cases.iter();
+    let costs: Vec<f64> = cases.map(|(_, case)| case.cost()).collect();
+    let ranks = order::ranks(campaign, &costs);
+    let mut known = Points::default();
+    let cases = campaign.cases.iter();
+    let points = cases.map(|(_, case)| known.id(connection, &case.params));
+    let points = points.collect::<Result<Vec<i64>, _>>()?;
+    let now = process::now();
+    let turn = runs::turn("steps_done").replace("turn", "excluded.turn");
+    let mut insert = connection.prepare(&format!(
+        "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
+             cost, changed_at)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, 1, ?7, ?8, ?9)
+         ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1,
+         cost = excluded.cost,
+             steps = excluded.steps, turn = {turn}"
+    ))?;
+    // In the order of work, so that cases computed in sequence, and their results, are adjacent
+    // in the file.
+    let mut order: Vec<usize> = (0..ranks.len()).collect();
+    order.sort_by_key(|position| ranks[*position]);
+    for position in order {
+        let (key, case) = &campaign.cases[position];
+        insert.execute(params![
+            key.to_string(),
+            points[position],
+            case.seed,
+            case.steps,
+            case.sample_stride,
+            position,
+            runs::plain_turn(ranks[position]),
+            costs[position],
+            now,
+        ])?;
     }
-
-    /// Whether anything must be written: not for the same text in another place.
-    fn differs(&self, last: &LastRun) -> bool {
-        let file = last.entered.file.clone();
-        let here = Entered {
-            file,
-            ..self.entered.clone()
-        };
-        last.text != self.campaign.text || last.entered != here
-    }
-
-    /// Sets the cases of a store to those of the campaign.
-    fn enter(&self, connection: &Connection, is_new: bool) -> rusqlite::Result<()> {
-        let row = [
-            self.campaign.name.clone().into(),
-            self.campaign.text.clone().into(),
-            json(&self.entered)?,
-            json(&self.campaign.written)?,
-        ];
-        SEALED.put(connection, None, &row, &[("id", 1.into())])?;
-        self.enter_cases(connection)?;
-        if is_new {
-            schema::index(connection)?;
-        }
-        rules::enter(connection, self.campaign)?;
-        // Runs that failed beyond the strain requested now can reach that strain.
-        runs::reopen(
-            connection,
-            "state = 'failed' AND counts AND steps <= (SELECT step FROM failures f WHERE f.case_id = cases.id ORDER BY f.id DESC LIMIT 1)",
-            [],
-        )?;
-        settle::settle_all(connection, &self.entered)?;
-        rules::apply_all(connection, &self.entered.rules)
-    }
-
-    /// Writes new cases, and updates the position of known ones.
-    fn enter_cases(&self, connection: &Connection) -> rusqlite::Result<()> {
-        connection.execute(
-            "UPDATE cases SET position = NULL, counts = 0 WHERE position IS NOT NULL",
-            [],
-        )?;
-        let cases = self.campaign.cases.iter();
-        let costs: Vec<f64> = cases.map(|(_, case)| case.cost()).collect();
-        let ranks = order::ranks(self.campaign, &costs);
-        let mut known = Points::default();
-        let points = self
-            .campaign
-            .cases
-            .iter()
-            .map(|(_, case)| known.place(connection, &case.params))
-            .collect::<Result<Vec<i64>, _>>()?;
-        let now = process::now();
-        let turn = runs::turn("steps_done").replace("turn", "excluded.turn");
-        let mut insert = connection.prepare(&format!(
-            "INSERT INTO cases (key, point, seed, steps, sample_stride, position, counts, turn,
-                 cost, changed_at)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, 1, ?7, ?8, ?9)
-             ON CONFLICT (key) DO UPDATE SET position = excluded.position, counts = 1,
-             cost = excluded.cost,
-                 steps = excluded.steps, turn = {turn}"
-        ))?;
-        // In the order of work, so that cases computed in sequence, and their results, are adjacent
-        // in the file.
-        let mut order: Vec<usize> = (0..ranks.len()).collect();
-        order.sort_by_key(|position| ranks[*position]);
-        for position in order {
-            let (key, case) = &self.campaign.cases[position];
-            insert.execute(params![
-                key.to_string(),
-                points[position],
-                case.seed,
-                case.steps,
-                case.sample_stride,
-                position,
-                runs::plain_turn(ranks[position]),
-                costs[position],
-                now,
-            ])?;
-        }
-        Ok(())
-    }
-}
-
-/// Numbers of points by their digests.
-#[derive(Default)]
-pub(super) struct Points {
-    known: HashMap<i64, i64>,
-    /// The last one seen: cases of a point are consecutive in the file.
-    last: Option<(Params, i64)>,
-}
-
-impl Points {
-    /// The number of the point of some parameters, which is entered if missing.
-    pub(super) fn place(
-        &mut self,
-        connection: &Connection,
-        params: &Params,
-    ) -> rusqlite::Result<i64> {
-        if let Some((_, place)) = self.last.as_ref().filter(|(last, _)| last == params) {
-            return Ok(*place);
-        }
-        let text = serde_json::to_string(params)
-            .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
-        let point = [text.into(), schema::axes_of(params).into()];
-        let digest = POINTS.digest_of(&point);
-        let place = match self.known.get(&digest) {
-            Some(place) => *place,
-            None => match connection.value("SELECT id FROM points WHERE digest = ?1", [digest])? {
-                Some(place) => place,
-                None => POINTS.put(connection, None, &point, &[])?,
-            },
-        };
-        self.known.insert(digest, place);
-        self.last = Some((params.clone(), place));
-        Ok(place)
-    }
+    Ok(())
 }
 
 /// Approximate bytes of a run in the store without its samples; measured.
@@ -639,7 +444,7 @@ impl Store {
             let removed = format!("SELECT count(*) FROM cases c WHERE {ORPHANED}");
             let removed = connection.one(&removed, [], |row| row.get(0))?;
             let orphans = "SELECT id FROM cases WHERE NOT counts AND state != 'running'";
-            for table in OF_CASES.iter().chain(&["slices", "disagreements"]) {
+            for table in OF_CASES.iter().chain(&["slices"]) {
                 connection.execute(
                     &format!("DELETE FROM {table} WHERE case_id IN ({orphans})"),
                     [],
@@ -668,5 +473,63 @@ impl Store {
                 .execute_batch("VACUUM; PRAGMA wal_checkpoint(RESTART)"),
         )?;
         Ok(removed)
+    }
+}
+
+/// A store, and the campaign file by which it is shown, if any.
+#[derive(Debug, Clone)]
+pub struct StoreSource {
+    path: PathBuf,
+    campaign: Option<Campaign>,
+}
+
+impl StoreSource {
+    /// The store at this path, made absolute; with a campaign file, its present request. Without
+    /// one the store is shown as last run.
+    pub fn new(path: PathBuf, campaign: Option<Campaign>) -> Self {
+        Self { path, campaign }
+    }
+
+    /// The store.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The campaign file.
+    pub fn campaign(&self) -> Option<&Campaign> {
+        self.campaign.as_ref()
+    }
+
+    /// Opens it for reading, and shows the runs that the campaign file requests, done or not,
+    /// regardless of the version last run.
+    ///
+    /// # Errors
+    /// As [`Store::open_read_only`], and [`StoreError::OtherCampaign`].
+    pub fn open(&self) -> Result<Store, StoreError> {
+        let mut store = Store::open_read_only(&self.path)?;
+        if let Some(campaign) = &self.campaign {
+            store.show_as_requested(campaign)?;
+        }
+        Ok(store)
+    }
+
+    /// Opens it for reading, and shows the runs up to one of their segments, by its number from 1,
+    /// whose kept strain is averaged.
+    ///
+    /// # Errors
+    /// As [`StoreSource::open`]; the inner error is a message about a missing segment.
+    pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
+        let mut store = Store::open_read_only(&self.path)?;
+        let campaign = match &self.campaign {
+            Some(campaign) => campaign.clone(),
+            None => store.campaign()?,
+        };
+        Ok(match campaign.of_segment(number) {
+            Ok(campaign) => {
+                store.show_as_requested(&campaign)?;
+                Ok(store)
+            }
+            Err(message) => Err(message),
+        })
     }
 }

@@ -104,21 +104,6 @@ pub enum StoreError {
         ours: PathBuf,
         theirs: PathBuf,
     },
-    /// A shard computed by another build of the program.
-    #[error(
-        "{} was computed by build {build} of sweep, and {}",
-        path.display(),
-        if known.is_empty() { "other shards by another one".to_owned() } else { format!("the store holds build {known}") }
-    )]
-    #[diagnostic(help(
-        "nothing was merged: bits repeat on the same build only. --allow-mixed-versions merges it anyway, and keeps \
-         a record of that in the store"
-    ))]
-    OtherBuild {
-        path: PathBuf,
-        build: String,
-        known: String,
-    },
     /// The file was removed or replaced while in use.
     #[error("the store {} was {what} while it was in use", path.display())]
     #[diagnostic(help(

@@ -3,12 +3,14 @@
 //! A run that keeps frames has one of each sampled step in an interval of its steps, which is
 //! stored with its case: so a missing one is noticed.
 
-use super::database::Statements;
 use super::digest::{DigestMismatch, Sealed, whole};
-use super::{Store, StoreError};
+use super::statements::{Statements, json};
+use super::{Store, StoreError, runs};
 use crate::model::spaces::AnyFrame;
 use crate::trajectory::{self, FrameError};
 use rusqlite::{Connection, Row, params};
+use sd_core::Params;
+use serde::Deserialize;
 use std::ops::Range;
 
 /// A kept frame.
@@ -166,6 +168,18 @@ fn check(
     DigestMismatch::unless(is_whole, "the list of frames of a run")
 }
 
+/// A run that is to keep frames, with the steps that it has.
+#[derive(Deserialize)]
+struct Framed {
+    id: i64,
+    #[serde(deserialize_with = "json")]
+    params: Params,
+    frames_from: Option<u64>,
+    frames_until: Option<u64>,
+    steps: u64,
+    is_done: bool,
+}
+
 impl Store {
     /// Requests the frames of all runs of the campaign. Started and finished ones without those of
     /// all averaged samples are computed again, from their start, with the same digits. Returns
@@ -173,37 +187,34 @@ impl Store {
     pub(crate) fn request_frames(&mut self) -> Result<u64, StoreError> {
         let protocol = self.protocol()?;
         self.write(|connection| {
-            let cases: Vec<_> = connection.all(
-                "SELECT c.id, p.params, min(c.steps, max(c.steps_done, coalesce(r.computed, 0))),
-                     c.state IN ('done', 'jammed'), c.frames_from, c.frames_until
+            let cases: Vec<Framed> = connection.named(
+                "SELECT c.id, p.params, c.frames_from, c.frames_until,
+                     min(c.steps, max(c.steps_done, coalesce(r.computed, 0))) AS steps,
+                     c.state IN ('done', 'jammed') AS is_done
                  FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id
                  WHERE c.position IS NOT NULL AND c.state NOT IN ('running', 'failed')",
                 [],
-                |row| {
-                    let (from, until): (Option<u64>, Option<u64>) = (row.get(4)?, row.get(5)?);
-                    let time_step = super::schema::params(row, 1)?.time_step;
-                    let kept = from.zip(until).map(|(from, until)| from..until);
-                    let (case, steps): (i64, u64) = (row.get(0)?, row.get(2)?);
-                    Ok((case, time_step, steps, row.get::<_, bool>(3)?, kept))
-                },
             )?;
             let mut again = 0;
-            for (case, time_step, steps, is_done, kept) in cases {
-                let steps_of = protocol.with_time_step(time_step);
-                let averaged = steps_of.discard_steps().unwrap_or(0);
-                let covers = match &kept {
-                    Some(kept) if !kept.is_empty() => kept.start <= averaged && kept.end >= steps,
+            for case in cases {
+                let averaged = protocol.with_time_step(case.params.time_step);
+                let averaged = averaged.discard_steps();
+                let kept = case.frames_from.zip(case.frames_until);
+                let covers = match kept {
+                    Some((from, until)) if from < until => {
+                        from <= averaged && until >= case.steps
+                    }
                     // They begin where the run continues.
-                    _ => steps <= averaged && !is_done,
+                    _ => case.steps <= averaged && !case.is_done,
                 };
                 if covers && kept.is_some() {
                     continue;
                 }
                 if !covers {
-                    super::check::forget_case(connection, case)?;
+                    runs::forget(connection, case.id)?;
                     again += 1;
                 }
-                set_kept(connection, case, Some(0..0))?;
+                set_kept(connection, case.id, Some(0..0))?;
             }
             Ok(again)
         })

@@ -5,17 +5,14 @@
 //! complete runs of one case must have the same bits; if not, the later attempt is kept.
 
 mod case;
-mod shards;
 
-use super::database::Statements;
-use super::entry::Entered;
-use super::{Store, StoreError, rules, settle};
-use crate::system::process::now;
+use super::check::SIZE;
+use super::entered::Entered;
+use super::statements::Statements;
+use super::{Store, StoreError, files, rules};
 use case::Merging;
-use rusqlite::params;
-use serde::{Deserialize, Serialize};
-use shards::{Shard, Stamp, foreign};
-use std::collections::{BTreeSet, HashMap};
+use serde::Serialize;
+use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -24,8 +21,6 @@ use std::path::{Path, PathBuf};
 pub struct Merged {
     /// Shards read.
     pub shards: u64,
-    /// Shards that had not changed since they were merged before.
-    pub unchanged: u64,
     /// Results copied.
     pub results: u64,
     /// Results already present, with the same bits.
@@ -38,6 +33,8 @@ pub struct Merged {
     pub unreadable: u64,
     /// Unreadable shards, with the reason.
     pub damaged: Vec<Damaged>,
+    /// Results that differ from those of another attempt.
+    pub disagreements: Vec<Disagreement>,
 }
 
 /// An unreadable shard.
@@ -65,7 +62,7 @@ impl fmt::Display for Damaged {
 }
 
 /// Two results of one case with different bits.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Disagreement {
     /// Key of the case.
     pub key: String,
@@ -77,79 +74,97 @@ pub struct Disagreement {
     pub what: String,
 }
 
+/// Which cases a merge takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum MergeMode {
-    /// Into the store of the campaign: everything, with a record of the shard.
-    Campaign,
-    /// Into the store of one task: its own cases only, without record.
-    Task,
-    /// From any campaign: cases that this one has too, without record. The key of a case covers all
-    /// that its bits depend on, including the version of the physics.
-    Reuse,
+pub(crate) enum MergedCases {
+    /// All that the shards have something of.
+    All,
+    /// Those of the store, which is that of one task.
+    Own,
 }
 
 impl Store {
-    /// Merges shards. All of them are checked before the first is merged.
-    pub(crate) fn merge(&mut self, shards: &[PathBuf], mixed: bool) -> Result<Merged, StoreError> {
-        self.merge_as(MergeMode::Campaign, shards, mixed)
-    }
-
-    /// Copies runs of cases of this store from stores of any campaigns.
-    pub(crate) fn reuse(&mut self, stores: &[PathBuf]) -> Result<Merged, StoreError> {
-        self.merge_as(MergeMode::Reuse, stores, true)
-    }
-
-    /// [`Store::merge`] in some mode.
-    pub(crate) fn merge_as(
+    /// Merges shards. The campaigns of all of them are compared before the first is merged.
+    pub(crate) fn merge(
         &mut self,
-        mode: MergeMode,
+        cases: MergedCases,
         shards: &[PathBuf],
-        mixed: bool,
     ) -> Result<Merged, StoreError> {
         let name = self.campaign_name()?;
         let mut merged = Merged::default();
         let mut readable = Vec::new();
         for path in shards {
-            if let (MergeMode::Campaign, Ok(stamp)) = (mode, Stamp::of(path))
-                && self.has_merged(&stamp)?
-            {
-                merged.unchanged += 1;
-                continue;
-            }
-            match Shard::look(path) {
-                Ok(shard) => match shard.campaign.clone() {
-                    Some(found) if mode != MergeMode::Reuse && found != name => {
-                        return Err(StoreError::OtherCampaign {
-                            path: path.clone(),
-                            found,
-                            wanted: name,
-                        });
-                    }
-                    _ => readable.push(shard),
-                },
+            // Closed again: there may be thousands.
+            match Store::open_shard(path).map(|shard| shard.campaign_name()) {
+                Ok(Ok(found)) if found != name => {
+                    return Err(StoreError::OtherCampaign {
+                        path: path.clone(),
+                        found,
+                        wanted: name,
+                    });
+                }
+                // The key of a case tells what it is, where the name cannot be read.
+                Ok(_) => readable.push(path),
                 Err(error) => merged.damaged.push(Damaged::of(path, &error)),
             }
         }
-        let known = match mode {
-            MergeMode::Campaign => self.known_builds()?,
-            MergeMode::Task | MergeMode::Reuse => BTreeSet::from([crate::system::process::build()]),
-        };
-        let foreign = foreign(&known, &readable);
-        if let Some((shard, build)) = foreign.first().filter(|_| !mixed) {
-            return Err(StoreError::OtherBuild {
-                path: readable[*shard].path.clone(),
-                build: build.clone(),
-                known: known.into_iter().collect::<Vec<_>>().join(", "),
-            });
-        }
         let entered = self.entered()?;
-        for (number, shard) in readable.iter().enumerate() {
-            let mixed = foreign.iter().any(|(of, _)| *of == number);
-            // Once is enough: averages rarely differ in the discarded strain.
-            let is_last = number + 1 == readable.len();
-            self.merge_one(mode, shard, mixed, (&entered, is_last), &mut merged)?;
+        for path in readable {
+            self.merge_one(cases, path, &entered, &mut merged)?;
         }
         Ok(merged)
+    }
+
+    /// Merges one shard in one transaction.
+    fn merge_one(
+        &mut self,
+        cases: MergedCases,
+        path: &Path,
+        entered: &Entered,
+        merged: &mut Merged,
+    ) -> Result<(), StoreError> {
+        let shard = match Store::open_shard(path) {
+            Ok(shard) => shard,
+            Err(error) => {
+                merged.damaged.push(Damaged::of(path, &error));
+                return Ok(());
+            }
+        };
+        let mut damage = shard.missing_end();
+        let mut after = merged.clone();
+        self.write(|connection| {
+            let mut merging = Merging {
+                other: &shard.connection,
+                connection,
+                cases,
+                protocol: &entered.protocol,
+                processes: HashMap::new(),
+                merged: &mut after,
+            };
+            let ids = "SELECT id FROM cases";
+            match shard.connection.values::<i64, Vec<_>>(ids, []) {
+                Ok(ids) => ids.into_iter().try_for_each(|id| merging.case(id))?,
+                Err(error) => damage = Some(error.to_string()),
+            }
+            if after == *merged {
+                return Ok(());
+            }
+            rules::apply_all(connection, &entered.rules)
+        })?;
+        *merged = after;
+        merged.shards += 1;
+        let damage = damage.map(|reason| Damaged::of(path, &reason));
+        merged.damaged.extend(damage);
+        Ok(())
+    }
+
+    /// Says how much of the file is there, if its end is missing: `SQLite` reads the rest of the
+    /// last page as zeros. The contents of all others are checked by their digests.
+    fn missing_end(&self) -> Option<String> {
+        let there = std::fs::metadata(&self.path).ok()?.len();
+        let whole = self.number(SIZE, []).unwrap_or(there);
+        let is_cut = whole != there && !files::has_log(&self.path);
+        is_cut.then(|| format!("half-written: {there} bytes of {whole}"))
     }
 
     /// The text of the campaign file of a shard, or of a damaged store.
@@ -157,126 +172,11 @@ impl Store {
         Store::open_shard(shard)?.campaign_text()
     }
 
-    /// Whether a shard is recorded as merged and has not changed since.
-    fn has_merged(&self, stamp: &Stamp) -> Result<bool, StoreError> {
-        if stamp.changing {
-            return Ok(false);
-        }
-        self.read(self.connection.has(
-            "SELECT 1 FROM shards WHERE name = ?1 AND size = ?2 AND modified = ?3",
-            params![stamp.name, stamp.size, stamp.modified],
-        ))
-    }
-
-    /// Builds of the program that computed stored results or that jobs use.
-    pub(crate) fn known_builds(&self) -> Result<BTreeSet<String>, StoreError> {
-        let mut known = self.builds()?;
-        known.extend(self.submissions()?.into_iter().map(|job| job.build));
-        Ok(known)
-    }
-
-    /// Builds of the program that computed stored results.
-    fn builds(&self) -> Result<BTreeSet<String>, StoreError> {
+    /// Builds of the program that computed stored results. Bits repeat on the same build only.
+    pub(crate) fn builds(&self) -> Result<Vec<String>, StoreError> {
         let builds = "SELECT DISTINCT build FROM processes WHERE id IN
-             (SELECT process FROM results UNION SELECT process FROM checkpoints UNION SELECT process FROM failures)";
+             (SELECT process FROM results UNION SELECT process FROM checkpoints
+              UNION SELECT process FROM failures) ORDER BY build";
         self.read(self.connection.values(builds, []))
-    }
-
-    /// Merges one shard in one transaction.
-    fn merge_one(
-        &mut self,
-        mode: MergeMode,
-        shard: &Shard,
-        mixed: bool,
-        (entered, is_last): (&Entered, bool),
-        merged: &mut Merged,
-    ) -> Result<(), StoreError> {
-        let store = match Store::open_shard(&shard.path) {
-            Ok(store) => store,
-            Err(error) => {
-                merged.damaged.push(Damaged::of(&shard.path, &error));
-                return Ok(());
-            }
-        };
-        let builds = self.json(serde_json::to_string(&shard.builds))?;
-        let before = merged.clone();
-        let mut damage = shard.damage.clone();
-        let written = self.write(|connection| {
-            let mut merging = Merging {
-                other: &store.connection,
-                connection,
-                mode,
-                protocol: &entered.protocol,
-                processes: HashMap::new(),
-                merged,
-            };
-            let ids: rusqlite::Result<Vec<i64>> =
-                store.connection.values("SELECT id FROM cases", []);
-            match ids {
-                Ok(ids) => ids.into_iter().try_for_each(|id| merging.case(id))?,
-                Err(error) => damage = Some(error.to_string()),
-            }
-            if is_last {
-                settle::settle_all(connection, entered)?;
-                rules::apply_all(connection, &entered.rules)?;
-            }
-            if mode == MergeMode::Campaign && damage.is_none() {
-                connection.execute(
-                    "INSERT OR REPLACE INTO shards (name, size, modified, builds, mixed, merged_at)
-                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-                    params![
-                        shard.stamp.name,
-                        shard.stamp.size,
-                        shard.stamp.modified,
-                        builds,
-                        mixed,
-                        now()
-                    ],
-                )?;
-            }
-            Ok(())
-        });
-        if written.is_err() {
-            *merged = before;
-        }
-        written?;
-        merged.shards += 1;
-        let damage = damage.map(|reason| Damaged::of(&shard.path, &reason));
-        merged.damaged.extend(damage);
-        Ok(())
-    }
-
-    /// Number of disagreeing results found so far.
-    pub(crate) fn disagreements(&self) -> Result<Vec<Disagreement>, StoreError> {
-        let who = |of: &str| {
-            format!(
-                "CASE WHEN {of}.job IS NULL THEN 'process ' || {of}.pid
-                      ELSE 'job ' || {of}.job || ' task ' || {of}.task || ' restart ' || {of}.restart END || ' on ' || {of}.host"
-            )
-        };
-        let query = format!(
-            "SELECT c.key, {} AS kept, {} AS other, d.what FROM disagreements d JOIN cases c ON c.id = d.case_id
-             JOIN processes k ON k.id = d.kept JOIN processes o ON o.id = d.other
-             ORDER BY c.position, c.id",
-            who("k"),
-            who("o")
-        );
-        self.named(&query, [])
-    }
-
-    /// Number of these shards that were not merged, or have changed since.
-    pub(crate) fn unmerged(&self, shards: &[PathBuf]) -> Result<u64, StoreError> {
-        let mut number = 0;
-        for shard in shards {
-            let stamp = Stamp::of(shard).ok();
-            let is_merged = stamp.map_or(Ok(false), |stamp| self.has_merged(&stamp))?;
-            number += u64::from(!is_merged);
-        }
-        Ok(number)
-    }
-
-    /// Number of accepted shards of other builds.
-    pub(crate) fn mixed_shards(&self) -> Result<u64, StoreError> {
-        self.number("SELECT count(*) FROM shards WHERE mixed", [])
     }
 }

@@ -4,9 +4,9 @@
 //! count whenever a case of the point ends, in the same transaction, so that they depend only on
 //! the results.
 
-use super::database::Statements;
 use super::digest::DigestMismatch;
-use super::{Store, StoreError};
+use super::statements::Statements;
+use super::{Store, StoreError, points};
 use crate::measure::{Decision, Outcome};
 use crate::model::campaign::Campaign;
 use crate::model::precision::Precision;
@@ -134,20 +134,6 @@ fn seeds(connection: &Connection, point: usize, rule: &Precision) -> rusqlite::R
     )
 }
 
-/// The cases of the first batch of the point of a case, if it has a rule.
-pub(super) fn first_batch(
-    connection: &Connection,
-    rules: &[Precision],
-    case: i64,
-) -> rusqlite::Result<Option<Vec<i64>>> {
-    let rule = of_case(connection, rules, case)?;
-    rule.map(|(point, rule)| {
-        let batch = "SELECT id FROM cases WHERE rule = ?1 ORDER BY position LIMIT ?2";
-        connection.values(batch, params![point, rule.at_least])
-    })
-    .transpose()
-}
-
 /// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the
 /// grid.
 pub(super) fn check(connection: &Connection, rules: &[Precision]) -> rusqlite::Result<()> {
@@ -176,7 +162,7 @@ impl Store {
             let params = self.connection.one(
                 "SELECT p.params FROM cases c JOIN points p ON p.id = c.point WHERE c.rule = ?1 LIMIT 1",
                 [point],
-                |row| super::schema::params(row, 0),
+                |row| points::params(row, "params"),
             )?;
             let decision = decide(&rule, &seeds(&self.connection, point, &rule)?);
             Ok(PointState {

@@ -1,8 +1,9 @@
 //! What a store keeps of each run: its state, checkpoints, result and failures, under one digest.
 
-use super::database::Statements;
 use super::digest::{Digest, DigestMismatch, names_before, whole};
-use super::{Checkpoint, Damage, Store, StoreError, samples};
+use super::samples::stored;
+use super::statements::{Statements, as_json, json};
+use super::{BadCheckpoint, Checkpoint, Store, StoreError, samples};
 use crate::data;
 use crate::data::Kind;
 use crate::measure::doubt::Doubt;
@@ -15,10 +16,12 @@ use rusqlite::types::{Value, ValueRef};
 use rusqlite::{Connection, Row, ToSql, params, params_from_iter};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::LazyLock;
 
+/// Tables with results of cases.
+pub(super) const OF_CASES: [&str; 5] = ["samples", "frames", "checkpoints", "results", "failures"];
 /// After this many successive deaths a case waits until no other is pending.
 pub(super) const SUSPECT: u32 = 3;
 /// Offset added to the rank of a case that waits for all others, and subtracted for a started one.
@@ -46,7 +49,7 @@ static COVERED: LazyLock<String> = LazyLock::new(|| {
     format!("c.key, {ended}, r.{}", RESULT.replace(", ", ", r."))
 });
 
-/// A run in a list: its row, and places in it.
+/// A run in a list.
 pub(super) struct ListedRun<'r> {
     pub(super) row: &'r Row<'r>,
     pub(super) id: i64,
@@ -56,8 +59,6 @@ pub(super) struct ListedRun<'r> {
     right: Option<i64>,
     /// Column of the first number of its result.
     pub(super) numbers: usize,
-    /// First of the further columns.
-    pub(super) more: usize,
 }
 
 /// Calls `each` for all cases `c` that meet a condition, with further columns.
@@ -93,7 +94,6 @@ pub(super) fn each(
             is_whole: row.get(names.len()) == Ok(right),
             right,
             numbers: after_case,
-            more: names.len() + 2,
         })?;
     }
     Ok(())
@@ -211,6 +211,13 @@ pub(super) fn delete_data(connection: &Connection, case: i64) -> rusqlite::Resul
     seal(connection, "c.id = ?1", &[&case])
 }
 
+/// Resets a case to pending, without data.
+pub(super) fn forget(connection: &Connection, case: i64) -> rusqlite::Result<()> {
+    connection.run("DELETE FROM failures WHERE case_id = ?1", [case])?;
+    delete_data(connection, case)?;
+    reopen(connection, "id = ?1", [case]).map(drop)
+}
+
 /// The rank of a case by its steps done, as SQL: before the others if it was started, after them if
 /// it kills its processes.
 pub(super) fn turn(steps_done: &str) -> String {
@@ -229,7 +236,7 @@ pub(super) fn plain_turn(rank: u64) -> i64 {
 pub(super) fn checkpoints(
     connection: &Connection,
     case: i64,
-) -> rusqlite::Result<Vec<Result<Checkpoint, Damage>>> {
+) -> rusqlite::Result<Vec<Result<Checkpoint, BadCheckpoint>>> {
     connection.all(
         "SELECT data FROM checkpoints WHERE case_id = ?1 ORDER BY steps DESC, written_at DESC",
         [case],
@@ -237,17 +244,27 @@ pub(super) fn checkpoints(
     )
 }
 
-/// Replaces a checkpoint: generation, steps, process and data.
-pub(super) fn put_checkpoint(
-    connection: &Connection,
-    case: i64,
-    (generation, steps, process, data): (i64, u64, i64, &[u8]),
-) -> rusqlite::Result<()> {
-    connection.run(
-        "INSERT OR REPLACE INTO checkpoints (case_id, generation, steps, process, written_at, data)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-        params![case, generation, steps, process, now(), data],
-    )
+/// A checkpoint as it is stored.
+#[derive(Deserialize)]
+pub(super) struct StoredCheckpoint {
+    pub(super) generation: i64,
+    pub(super) steps: u64,
+    pub(super) process: i64,
+    pub(super) data: Vec<u8>,
+}
+
+impl StoredCheckpoint {
+    /// Replaces that of its generation of a case.
+    pub(super) fn put(&self, connection: &Connection, case: i64) -> rusqlite::Result<()> {
+        let put = "INSERT OR REPLACE INTO checkpoints
+                 (case_id, generation, steps, process, written_at, data)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6)";
+        let (generation, steps, process) = (self.generation, self.steps, self.process);
+        connection.run(
+            put,
+            params![case, generation, steps, process, now(), self.data],
+        )
+    }
 }
 
 /// Deletes the checkpoints of a run in progress up to a step.
@@ -266,11 +283,13 @@ fn counters() -> impl Iterator<Item = &'static Number> {
 }
 
 /// What is known of a completed run besides its samples.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Deserialize)]
 pub(super) struct RunEnd {
-    pub(super) steps: u64,
+    /// Its steps.
+    pub(super) computed: u64,
     pub(super) jammed: bool,
     /// Those of all its steps.
+    #[serde(deserialize_with = "read_counters")]
     pub(super) counters: Counters,
     pub(super) wall_time_s: f64,
     pub(super) cpu_time_s: f64,
@@ -279,6 +298,38 @@ pub(super) struct RunEnd {
     pub(super) finished_at: i64,
     /// A checkpoint of the last state.
     pub(super) state: Option<Vec<u8>>,
+}
+
+/// Counters from their texts by name, as [`counter_texts`] writes them.
+fn read_counters<'de, D: Deserializer<'de>>(column: D) -> Result<Counters, D::Error> {
+    let texts: BTreeMap<String, String> = json(column)?;
+    let mut last = Sample::default();
+    for counter in counters() {
+        let text = texts.get(counter.name).map_or("", String::as_str);
+        let value = if counter.kind(Level::Samples) == Kind::Count {
+            data::Value::Count(text.parse().unwrap_or(0))
+        } else {
+            data::Value::Number(text.parse().unwrap_or(f64::NAN))
+        };
+        counter.put(&mut last, value);
+    }
+    Ok(last.counters)
+}
+
+/// Counters as texts with all their digits, by name.
+fn counter_texts(counters_of_run: Counters) -> BTreeMap<&'static str, String> {
+    let all = Sample {
+        counters: counters_of_run,
+        ..Sample::default()
+    };
+    let text = |counter: &'static Number| match counter.of_sample(&all) {
+        data::Value::Count(count) => count.to_string(),
+        data::Value::Number(number) => format!("{number:?}"),
+        data::Value::Word(word) => word.to_owned(),
+    };
+    counters()
+        .map(|counter| (counter.name, text(counter)))
+        .collect()
 }
 
 impl RunEnd {
@@ -290,35 +341,9 @@ impl RunEnd {
         check(connection, "c.id = ?1", &[&case])?;
         let end = "SELECT computed, jammed, wall_time_s, cpu_time_s, resumed, process, finished_at,
                  counters, (SELECT data FROM checkpoints k
-                 WHERE k.case_id = r.case_id AND generation = ?2)
+                 WHERE k.case_id = r.case_id AND generation = ?2) AS state
              FROM results r WHERE case_id = ?1";
-        connection.find(end, [case, LAST], |row| {
-            let seconds = |column| row.get(column).map(|n: Option<f64>| n.unwrap_or(f64::NAN));
-            let unreadable = |_| DigestMismatch::error("the counters of a run");
-            let texts: BTreeMap<String, String> =
-                serde_json::from_str(row.get_ref(7)?.as_str()?).map_err(unreadable)?;
-            let mut last = Sample::default();
-            for counter in counters() {
-                let text = texts.get(counter.name).map_or("", String::as_str);
-                let value = if counter.kind(Level::Samples) == Kind::Count {
-                    data::Value::Count(text.parse().unwrap_or(0))
-                } else {
-                    data::Value::Number(text.parse().unwrap_or(f64::NAN))
-                };
-                counter.put(&mut last, value);
-            }
-            Ok(Self {
-                steps: row.get(0)?,
-                jammed: row.get(1)?,
-                counters: last.counters,
-                wall_time_s: seconds(2)?,
-                cpu_time_s: seconds(3)?,
-                resumed: row.get(4)?,
-                process: row.get(5)?,
-                finished_at: row.get(6)?,
-                state: row.get(8)?,
-            })
-        })
+        connection.first(end, [case, LAST])
     }
 
     /// Writes the result of a case: the averages of its first `steps`, some of them discarded. Its
@@ -345,7 +370,9 @@ impl RunEnd {
             })?,
         }
         // Of a run cut short those of its last sample.
-        run.counters = last.filter(|_| steps < self.steps).unwrap_or(self.counters);
+        run.counters = last
+            .filter(|_| steps < self.computed)
+            .unwrap_or(self.counters);
         run.steps = steps;
         run.wall_time_s = self.wall_time_s;
         run.cpu_time_s = self.cpu_time_s;
@@ -353,27 +380,13 @@ impl RunEnd {
         run.finished_at = u64::try_from(self.finished_at).unwrap_or(0);
         run.finish();
         let doubts = Doubt::write(&Doubt::of(&run));
-        let all = Sample {
-            counters: self.counters,
-            ..Sample::default()
-        };
-        let counters = counters().map(|counter| {
-            let text = match counter.of_sample(&all) {
-                data::Value::Count(count) => count.to_string(),
-                data::Value::Number(number) => format!("{number:?}"),
-                data::Value::Word(word) => word.to_owned(),
-            };
-            (counter.name, text)
-        });
-        let counters = serde_json::to_string(&counters.collect::<BTreeMap<_, _>>())
-            .map_err(|error| rusqlite::Error::ToSqlConversionFailure(Box::new(error)))?;
         let numbers = run.result().map(|value| value.map_or(Value::Null, stored));
         let others = [
             self.process.into(),
             Value::Text(doubts),
-            whole(self.steps),
+            whole(self.computed),
             self.jammed.into(),
-            counters.into(),
+            as_json(&counter_texts(self.counters))?,
         ];
         let row = std::iter::once(Value::Integer(case))
             .chain(numbers)
@@ -388,23 +401,6 @@ static INSERT: LazyLock<String> = LazyLock::new(|| {
     let places = vec!["?"; columns.split(", ").count() + 1].join(", ");
     format!("INSERT OR REPLACE INTO results (case_id, {columns}) VALUES ({places})")
 });
-
-/// A value of a column in its stored form.
-pub(super) fn stored(value: data::Value) -> Value {
-    match value {
-        data::Value::Number(number) => number.into(),
-        data::Value::Count(count) => whole(count),
-        data::Value::Word(word) => Value::Text(word.to_owned()),
-    }
-}
-
-/// A number of a row; 0 for a missing count, NaN for another missing number.
-pub(super) fn read(row: &Row<'_>, column: usize, kind: Kind) -> rusqlite::Result<data::Value> {
-    Ok(match kind {
-        Kind::Count => data::Value::Count(row.get::<_, Option<u64>>(column)?.unwrap_or(0)),
-        _ => data::Value::Number(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN)),
-    })
-}
 
 /// The columns of a failure, all but its number and its case.
 const COLUMNS: &str =
@@ -432,8 +428,13 @@ pub(super) fn digests(
     Ok(digests)
 }
 
+/// Selects the columns of [`Attempt`] from failures `f`.
+const ATTEMPT: &str =
+    "f.attempt, f.error, f.step, f.strain, f.gap, f.snapshot, f.process, f.failed_at,
+     CASE WHEN f.sphere_i IS NOT NULL THEN json_array(f.sphere_i, f.sphere_j) END AS pair";
+
 /// A failed attempt at a case.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
     /// Its number, from 1.
     pub attempt: u64,
@@ -444,27 +445,29 @@ pub struct Attempt {
     /// Strain at its start.
     pub strain: f64,
     /// Pair of spheres at which it failed, if known.
+    #[serde(deserialize_with = "json")]
     pub pair: Option<(u64, u64)>,
     /// Gap of that pair.
     pub gap: Option<f64>,
     /// The state before that step, as input of `sweep solve`; `None` if it failed before there was
     /// one.
-    #[serde(skip)]
+    #[serde(skip_serializing)]
     pub snapshot: Option<String>,
-    #[serde(skip)]
+    #[serde(skip_serializing)]
     pub(crate) process: i64,
-    #[serde(skip)]
+    #[serde(skip_serializing)]
     pub(crate) failed_at: i64,
 }
 
 /// A case that failed.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FailureLine {
     /// Its key.
     pub key: String,
     /// Its seed.
     pub seed: u64,
     /// Its parameters.
+    #[serde(deserialize_with = "json")]
     pub params: Params,
     /// Its last attempt.
     #[serde(flatten)]
@@ -508,25 +511,9 @@ pub(super) fn insert(connection: &Connection, case: i64, failed: &Attempt) -> ru
 }
 
 /// The failures of a case.
-pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Attempt>> {
-    let of_case = format!("SELECT {COLUMNS} FROM failures WHERE case_id = ?1 ORDER BY id");
-    connection.all(&of_case, [case], |row| attempt(row, 0))
-}
-
-/// Reads a failure from a row, starting at a column.
-fn attempt(row: &Row<'_>, from: usize) -> rusqlite::Result<Attempt> {
-    let (i, j): (Option<u64>, Option<u64>) = (row.get(from + 4)?, row.get(from + 5)?);
-    Ok(Attempt {
-        attempt: row.get(from)?,
-        error: row.get(from + 1)?,
-        step: row.get(from + 2)?,
-        strain: row.get(from + 3)?,
-        pair: i.zip(j),
-        gap: row.get(from + 6)?,
-        snapshot: row.get(from + 7)?,
-        process: row.get(from + 8)?,
-        failed_at: row.get(from + 9)?,
-    })
+pub(super) fn failures_of(connection: &Connection, case: i64) -> rusqlite::Result<Vec<Attempt>> {
+    let of_case = format!("SELECT {ATTEMPT} FROM failures f WHERE case_id = ?1 ORDER BY id");
+    connection.named(&of_case, [case])
 }
 
 impl Store {
@@ -535,7 +522,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Damaged`], and I/O or SQLite errors.
     pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
-        self.last_failures("c.counts", "NULL", params![limit])
+        self.last_failures("c.counts", "NULL AS snapshot", params![limit])
     }
 
     /// The last failures with the states before them, or that of the case with this key.
@@ -555,21 +542,12 @@ impl Store {
         parameters: impl rusqlite::Params,
     ) -> Result<Vec<FailureLine>, StoreError> {
         self.read(check(&self.connection, "c.state = 'failed'", &[]))?;
-        let columns = COLUMNS.replace(", ", ", f.");
-        let columns = columns.replace("f.snapshot", snapshot);
+        let attempt = ATTEMPT.replace("f.snapshot", snapshot);
         let query = format!(
-            "SELECT c.key, c.seed, p.params, f.{columns} FROM cases c
-                 JOIN points p ON p.id = c.point
+            "SELECT c.key, c.seed, p.params, {attempt} FROM cases c JOIN points p ON p.id = c.point
              JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
              WHERE c.state = 'failed' AND {which} ORDER BY c.position LIMIT ?1"
         );
-        self.rows(&query, parameters, |row| {
-            Ok(FailureLine {
-                key: row.get(0)?,
-                seed: row.get(1)?,
-                params: super::schema::params(row, 2)?,
-                failed: attempt(row, 3)?,
-            })
-        })
+        self.named(&query, parameters)
     }
 }

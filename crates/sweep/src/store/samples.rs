@@ -1,8 +1,9 @@
 //! Samples of runs.
 
-use super::database::Statements;
 use super::digest::{Digest, DigestMismatch, names_before, whole};
-use super::runs::{read, stored};
+use super::statements::Statements;
+use crate::data;
+use crate::data::Kind;
 use crate::measure::numbers;
 use crate::measure::numbers::{Level, Number};
 use rusqlite::types::Value;
@@ -232,6 +233,23 @@ fn shown(value: &Value) -> String {
         Value::Integer(whole) => whole.to_string(),
         _ => "nothing".into(),
     }
+}
+
+/// A value of a column in its stored form.
+pub(super) fn stored(value: data::Value) -> Value {
+    match value {
+        data::Value::Number(number) => number.into(),
+        data::Value::Count(count) => whole(count),
+        data::Value::Word(word) => Value::Text(word.to_owned()),
+    }
+}
+
+/// A number of a row; 0 for a missing count, NaN for another missing number.
+fn read(row: &Row<'_>, column: usize, kind: Kind) -> rusqlite::Result<data::Value> {
+    Ok(match kind {
+        Kind::Count => data::Value::Count(row.get::<_, Option<u64>>(column)?.unwrap_or(0)),
+        _ => data::Value::Number(row.get::<_, Option<f64>>(column)?.unwrap_or(f64::NAN)),
+    })
 }
 
 /// The values of a sample, in the order of the columns.

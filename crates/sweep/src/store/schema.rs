@@ -1,16 +1,12 @@
-//! The schema of a store: creation and recognition of its tables, and values of common columns.
+//! The schema of a store: creation and recognition of its tables, and copies of them for a reader.
 
-use super::database::Statements as _;
-use super::digest::DigestMismatch;
-use super::entry;
-use crate::data::{Kind, Value as AxisValue};
+use super::points;
+use super::statements::Statements as _;
+use crate::data::Kind;
 use crate::measure::numbers;
 use crate::measure::numbers::{Level, Number};
 use crate::model::axes::AXES;
-use crate::model::case::State;
-use rusqlite::types::{Type, ValueRef};
-use rusqlite::{Connection, Row};
-use sd_core::Params;
+use rusqlite::Connection;
 
 /// Application id of the file: `SWEP`.
 const APPLICATION_ID: i32 = 0x5357_4550;
@@ -135,22 +131,10 @@ impl Lack {
         let mut statements = self.statements.iter();
         statements.try_for_each(|statement| connection.execute_batch(statement))?;
         if self.has_other_axes {
-            renew_axes(connection)?;
+            points::renew_axes(connection)?;
         }
         Ok(())
     }
-}
-
-/// Writes the axes of all points as this program knows them.
-fn renew_axes(connection: &Connection) -> rusqlite::Result<()> {
-    let points = "SELECT id, params FROM points";
-    let points: Vec<(i64, Params)> =
-        connection.all(points, [], |row| Ok((row.get(0)?, params(row, 1)?)))?;
-    for (id, params) in points {
-        let update = "UPDATE points SET axes = ?2 WHERE id = ?1";
-        connection.run(update, (id, axes_of(&params)))?;
-    }
-    entry::POINTS.seal(connection, "true", [])
 }
 
 /// Names and types of columns.
@@ -229,40 +213,7 @@ pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
     }
     let [(axes, view), _] = views();
     if view_of(connection, axes)?.is_none_or(|there| there != view) {
-        renew_axes(connection)?;
+        points::renew_axes(connection)?;
     }
     Ok(())
-}
-
-/// The values of some parameters on all axes as JSON, for the views. Infinity is a number too large
-/// for `SQLite`.
-pub(super) fn axes_of(params: &Params) -> String {
-    let fragments = AXES.iter().map(|axis| {
-        let value = match axis.value(params) {
-            // Rate and stress are alternatives, and so are area fraction and volume fraction.
-            _ if axis.is_alternative() && !axis.means_something(params) => "null".into(),
-            AxisValue::Word(word) => format!("\"{word}\""),
-            AxisValue::Count(count) => count.to_string(),
-            AxisValue::Number(number) if number == f64::INFINITY => "9e999".into(),
-            AxisValue::Number(number) if number == f64::NEG_INFINITY => "-9e999".into(),
-            AxisValue::Number(number) => format!("{number:?}"),
-        };
-        format!("\"{}\":{value}", axis.key)
-    });
-    format!("{{{}}}", fragments.collect::<Vec<_>>().join(","))
-}
-
-/// The parameters in a column of JSON.
-pub(super) fn params(row: &Row<'_>, column: usize) -> rusqlite::Result<Params> {
-    let text: String = row.get(column)?;
-    serde_json::from_str(&text).map_err(|error| {
-        rusqlite::Error::FromSqlConversionFailure(column, Type::Text, Box::new(error))
-    })
-}
-
-/// The state of this name.
-pub(super) fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
-    let name = name.as_str()?;
-    State::of(name)
-        .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }

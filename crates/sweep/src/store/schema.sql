@@ -154,23 +154,3 @@ CREATE TABLE slices (
     task       INTEGER NOT NULL,
     PRIMARY KEY (submission, case_id)
 ) WITHOUT ROWID;
-
--- Shards merged, each as it was then: one that has not changed since is not read again.
-CREATE TABLE shards (
-    name      TEXT PRIMARY KEY,
-    size      INTEGER NOT NULL,
-    modified  INTEGER NOT NULL,         -- nanoseconds since 1970
-    builds    TEXT NOT NULL,            -- JSON: hashes of the executables that computed it
-    mixed     INTEGER NOT NULL,         -- whether it was let in although its build was another than the store's
-    merged_at INTEGER NOT NULL
-);
-
--- Results of one case that are not the same to the last bit, which no two attempts should give.
-CREATE TABLE disagreements (
-    case_id  INTEGER NOT NULL REFERENCES cases (id),
-    kept     INTEGER NOT NULL REFERENCES processes (id),
-    other    INTEGER NOT NULL REFERENCES processes (id),
-    what     TEXT NOT NULL,
-    found_at INTEGER NOT NULL,
-    PRIMARY KEY (case_id, kept, other)
-) WITHOUT ROWID;

@@ -4,22 +4,20 @@
 //! more.
 
 use super::claims::{Claim, NewRows, owns};
-use super::database::{Statements, json};
 use super::digest::whole;
-use super::entry::Entered;
-use super::runs::{Attempt, LAST, RunEnd};
+use super::entered::Entered;
+use super::runs::{Attempt, LAST, RunEnd, StoredCheckpoint};
+use super::statements::{Statements, json};
 use super::{Store, StoreError, frames, rules, runs, samples};
-use crate::measure::mser_5;
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, State};
 use crate::model::precision::Precision;
-use crate::model::protocol::{Discard, Protocol};
+use crate::model::protocol::Protocol;
 use crate::system::process;
 use rusqlite::Connection;
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use serde::Deserialize;
-use std::collections::HashMap;
 
 /// The new end of a run, and its samples if they are all at hand.
 type NewEnd<'r> = (&'r RunEnd, Option<&'r [(u64, Sample)]>);
@@ -28,12 +26,10 @@ type NewEnd<'r> = (&'r RunEnd, Option<&'r [(u64, Sample)]>);
 #[derive(Deserialize)]
 struct Computed {
     id: i64,
-    /// Number of its point.
-    point: i64,
     #[serde(deserialize_with = "json")]
     params: Params,
     requested: u64,
-    state: String,
+    state: State,
     /// Steps of its result now.
     steps_done: u64,
     /// Discarded steps of its result now.
@@ -51,7 +47,7 @@ impl Computed {
     ) -> rusqlite::Result<Vec<Self>> {
         connection.named(
             &format!(
-                "SELECT c.id, c.point, p.params, c.steps AS requested, c.state, c.steps_done,
+                "SELECT c.id, p.params, c.steps AS requested, c.state, c.steps_done,
                      r.discard_step AS discarded, coalesce(r.computed, 0) AS steps,
                      coalesce(r.jammed, 0) AS jammed
                  FROM cases c JOIN points p ON p.id = c.point LEFT JOIN results r ON r.case_id = c.id
@@ -77,9 +73,12 @@ impl Computed {
     fn settle(
         &self,
         connection: &Connection,
-        discard: u64,
+        protocol: &Protocol,
         run: Option<NewEnd<'_>>,
     ) -> rusqlite::Result<()> {
+        let discard = protocol
+            .with_time_step(self.params.time_step)
+            .discard_steps();
         let case = (self.id, &self.params);
         let Some((state, steps)) = self.outcome() else {
             if let Some((end, _)) = run {
@@ -87,15 +86,15 @@ impl Computed {
                 end.write(connection, case, (0, 0), Some(&[]))?;
             }
             // Others are pending already, or failed in a continuation.
-            if run.is_some() || matches!(self.state.as_str(), "done" | "jammed") {
+            if run.is_some() || matches!(self.state, State::Done | State::Jammed) {
                 let ended = "id = ?1 AND state IN ('done', 'jammed')";
                 runs::reopen(connection, ended, [self.id])?;
                 runs::seal(connection, "c.id = ?1", &[&self.id])?;
             }
             return Ok(());
         };
-        let known = (self.state.as_str(), self.steps_done, self.discarded);
-        if run.is_none() && known == (state.name(), steps, Some(discard)) {
+        let known = (self.state, self.steps_done, self.discarded);
+        if run.is_none() && known == (state, steps, Some(discard)) {
             return Ok(());
         }
         let averaged = (steps, discard);
@@ -106,22 +105,10 @@ impl Computed {
         }
         runs::end(connection, self.id, state, steps)
     }
-
-    /// Settles it if every run discards the same strain; otherwise nothing is discarded yet.
-    fn settle_alone(
-        &self,
-        connection: &Connection,
-        protocol: &Protocol,
-        run: Option<NewEnd<'_>>,
-    ) -> rusqlite::Result<()> {
-        let steps = protocol.with_time_step(self.params.time_step);
-        self.settle(connection, steps.discard_steps().unwrap_or(0), run)
-    }
 }
 
 /// Stores the end of a run whose samples are in the store, and sets the state and the result that
-/// the protocol requests. The samples are read again unless they are given. For a discarded strain
-/// chosen by point, see [`settle_point_of`].
+/// the protocol requests. The samples are read again unless they are given.
 pub(super) fn keep(
     connection: &Connection,
     case: i64,
@@ -129,20 +116,23 @@ pub(super) fn keep(
     samples: Option<&[(u64, Sample)]>,
     protocol: &Protocol,
 ) -> rusqlite::Result<()> {
-    runs::delete_checkpoints(connection, case, end.steps)?;
-    match &end.state {
-        Some(state) => {
-            let last = (LAST, end.steps, end.process, &state[..]);
-            runs::put_checkpoint(connection, case, last)?;
+    runs::delete_checkpoints(connection, case, end.computed)?;
+    match end.state.clone() {
+        Some(data) => StoredCheckpoint {
+            generation: LAST,
+            steps: end.computed,
+            process: end.process,
+            data,
         }
+        .put(connection, case)?,
         None => connection.run(
             "DELETE FROM checkpoints WHERE case_id = ?1 AND generation = ?2",
             [case, LAST],
         )?,
     }
     for mut computed in Computed::of(connection, "c.id = ?1", [case])? {
-        (computed.steps, computed.jammed) = (end.steps, end.jammed);
-        computed.settle_alone(connection, protocol, Some((end, samples)))?;
+        (computed.steps, computed.jammed) = (end.computed, end.jammed);
+        computed.settle(connection, protocol, Some((end, samples)))?;
     }
     Ok(())
 }
@@ -154,7 +144,7 @@ pub(super) fn continue_shorter_runs(
     entered: &Entered,
 ) -> rusqlite::Result<()> {
     each_shorter_run(connection, campaign, |(id, key), of, end| {
-        samples::copy((connection, of), (connection, id), end.steps)?;
+        samples::copy((connection, of), (connection, id), end.computed)?;
         if let Some(kept) = frames::of(connection, of)? {
             frames::take(connection, (id, key), kept)?;
         }
@@ -169,7 +159,7 @@ pub(super) fn count_shorter_runs(
     campaign: &Campaign,
 ) -> rusqlite::Result<()> {
     each_shorter_run(connection, campaign, |(id, _), _, end| {
-        let steps = end.state.as_ref().map_or(0, |_| end.steps);
+        let steps = end.state.as_ref().map_or(0, |_| end.computed);
         let done = "UPDATE cases SET steps_done = ?2 WHERE id = ?1";
         connection.run(done, (id, whole(steps)))
     })
@@ -206,7 +196,7 @@ fn each_shorter_run(
             };
             if let Some((of, end)) = end
                 && !end.jammed
-                && end.steps <= most
+                && end.computed <= most
             {
                 take((id, &key), of, &end)?;
                 break;
@@ -219,83 +209,17 @@ fn each_shorter_run(
 
 /// Sets the state and the result that the protocol requests for every completed case of the grid.
 /// Running cases are skipped.
-pub(super) fn settle_all(connection: &Connection, entered: &Entered) -> rusqlite::Result<()> {
+pub(super) fn settle_all(connection: &Connection, protocol: &Protocol) -> rusqlite::Result<()> {
     let of_grid = "c.position IS NOT NULL AND c.state != 'running' AND r.case_id IS NOT NULL";
     let computed = Computed::of(connection, of_grid, [])?;
-    let protocol = &entered.protocol;
-    if protocol.discard != Discard::Auto {
-        return computed
-            .iter()
-            .try_for_each(|case| case.settle_alone(connection, protocol, None));
-    }
-    let mut points: HashMap<i64, Vec<Computed>> = HashMap::new();
-    for case in computed {
-        points.entry(case.point).or_default().push(case);
-    }
-    let mut points = points.values();
-    points.try_for_each(|point| settle_point(connection, &entered.rules, point))
-}
-
-/// Updates the results of the point of a case, if its runs determine the discarded strain.
-fn settle_point_of(
-    connection: &Connection,
-    rules: &[Precision],
-    case: i64,
-) -> rusqlite::Result<()> {
-    let of_point = "c.point = (SELECT point FROM cases WHERE id = ?1)
-         AND (c.id = ?1 OR c.position IS NOT NULL AND c.state != 'running')
-         AND r.case_id IS NOT NULL";
-    let point = Computed::of(connection, of_point, [case])?;
-    settle_point(connection, rules, &point)
-}
-
-/// Updates the results of a point with the discarded strain that MSER-5 chooses from the mean over
-/// done runs. Under a requested precision only the first batch is used, so that the discarded
-/// strain does not change while seeds are added.
-fn settle_point(
-    connection: &Connection,
-    rules: &[Precision],
-    point: &[Computed],
-) -> rusqlite::Result<()> {
-    let Some(first) = point.first() else {
-        return Ok(());
-    };
-    let batch = rules::first_batch(connection, rules, first.id)?;
-    let mut total: Vec<f64> = Vec::new();
-    let mut steps: Vec<u64> = Vec::new();
-    for case in point {
-        let Some((State::Done, end)) = case.outcome() else {
-            continue;
-        };
-        if batch
-            .as_ref()
-            .is_some_and(|batch| !batch.contains(&case.id))
-        {
-            continue;
-        }
-        let is_first = steps.is_empty();
-        let mut place = 0;
-        samples::each(connection, case.id, |step, sample| {
-            if is_first && step < end {
-                steps.push(step);
-                total.push(0.0);
-            }
-            if let Some(total) = total.get_mut(place).filter(|_| step < end) {
-                *total += sample.viscosity;
-            }
-            place += 1;
-            Ok(())
-        })?;
-    }
-    let left_out = mser_5(&total).map_or(0, |(samples, _)| samples);
-    let discard = steps.get(left_out).copied().unwrap_or(0);
-    point
-        .iter()
-        .try_for_each(|case| case.settle(connection, discard, None))
+    let mut computed = computed.iter();
+    computed.try_for_each(|case| case.settle(connection, protocol, None))
 }
 
 /// The last state of a finished run.
+#[derive(Deserialize)]
 pub(crate) struct LastState {
+    #[serde(deserialize_with = "json")]
     pub(crate) params: Params,
     pub(crate) seed: u64,
     /// A checkpoint without samples.
@@ -310,18 +234,11 @@ impl Store {
             "c.counts AND c.state = 'done'",
             &[],
         ))?;
-        self.rows(
-            "SELECT p.params, c.seed, k.data FROM cases c JOIN points p ON p.id = c.point
+        self.named(
+            "SELECT p.params, c.seed, k.data AS state FROM cases c JOIN points p ON p.id = c.point
              JOIN checkpoints k ON k.case_id = c.id AND k.generation = ?1
              WHERE c.counts AND c.state = 'done' ORDER BY c.position",
             [LAST],
-            |row| {
-                Ok(LastState {
-                    params: super::schema::params(row, 0)?,
-                    seed: row.get(1)?,
-                    state: row.get(2)?,
-                })
-            },
         )
     }
 }
@@ -419,7 +336,7 @@ fn finish(
     let rows = &finished.rows;
     rows.append(connection, claim, finished.steps)?;
     let end = RunEnd {
-        steps: finished.steps,
+        computed: finished.steps,
         jammed: finished.state == State::Jammed,
         counters: finished.counters,
         wall_time_s: finished.wall_time_s,
@@ -432,8 +349,5 @@ fn finish(
     let begins = rows.samples.first().is_some_and(|(step, _)| *step == 0);
     let samples = begins.then_some(rows.samples.as_slice());
     keep(connection, claim.id, &end, samples, &entered.protocol)?;
-    if entered.protocol.discard == Discard::Auto {
-        settle_point_of(connection, &entered.rules, claim.id)?;
-    }
     rules::apply_to_case(connection, &entered.rules, claim.id)
 }

@@ -1,12 +1,12 @@
 //! What readers see of a store: all runs, one case, and the progress of the campaign.
 
-use super::database::Statements;
 use super::digest::DigestMismatch;
-use super::entry::Entered;
+use super::entered::{self, Entered};
+use super::points::{self, params};
+use super::processes::{self, program};
 use super::runs::{Attempt, ListedRun};
-use super::schema::{params, state};
-use super::workers::program;
-use super::{Store, StoreError, entry, rules, runs, samples, workers};
+use super::statements::{Statements, json};
+use super::{Store, StoreError, rules, runs, samples};
 use crate::data::{DataColumn, Kind};
 use crate::measure::doubt::Doubt;
 use crate::measure::numbers::Level;
@@ -14,9 +14,11 @@ use crate::measure::{PointRun, numbers, run_table};
 use crate::model::case::{CaseKey, State};
 use crate::model::protocol::Protocol;
 use crate::system::process;
+use rusqlite::types::ValueRef;
 use rusqlite::{Connection, Row};
 use sd_core::{Params, Sample};
-use serde::{Deserialize, Serialize};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -43,7 +45,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Damaged`].
     pub(crate) fn verify(&self) -> Result<(), StoreError> {
-        let checked = workers::SEALED.check(&self.connection).and_then(|()| {
+        let checked = processes::SEALED.check(&self.connection).and_then(|()| {
             look(&self.connection, |run, known| {
                 known.and_then(|_| run.check())
             })
@@ -58,9 +60,9 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     look(connection, |run, known| {
         let (key, point) = known?;
         run.check()?;
-        let position: Option<u64> = run.row.get(run.more + POSITION)?;
+        let position: Option<u64> = run.row.get("position")?;
         if let Some(position) = position
-            && run.row.get(run.more + COUNTS)?
+            && run.row.get("counts")?
         {
             runs.push(point_run(run, position, key, point)?);
         }
@@ -71,15 +73,8 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     Ok(runs)
 }
 
-/// Further columns of [`look`], and their places.
-const MORE: &str = ", c.seed, c.steps, c.sample_stride, c.state, c.position, c.counts, c.point";
-const SEED: usize = 0;
-const STEPS: usize = 1;
-const STRIDE: usize = 2;
-const STATE: usize = 3;
-const POSITION: usize = 4;
-const COUNTS: usize = 5;
-const POINT: usize = 6;
+/// Further columns of [`look`].
+const MORE: &str = ", c.seed, c.steps AS requested, c.sample_stride, c.state AS present, c.position, c.counts, c.point";
 
 /// Calls `each` for every case, with its key and point, or an error if these were changed. Checks
 /// the campaign and the seeds that count.
@@ -97,15 +92,15 @@ pub(super) fn look(
         ..
     } = Entered::read(connection)?;
     let mut points: HashMap<i64, rusqlite::Result<KnownPoint>> = HashMap::new();
-    entry::POINTS.each(connection, "true", [], |id, row, altered| {
-        let whole = DigestMismatch::unless(altered.is_none(), entry::POINTS.words);
+    points::SEALED.each(connection, "true", [], |id, row, altered| {
+        let whole = DigestMismatch::unless(altered.is_none(), points::SEALED.words);
         points.insert(id, whole.and_then(|()| KnownPoint::read(row, &protocol)));
         Ok(())
     })?;
     let (mut positions, mut keys) = (Vec::new(), Vec::new());
     runs::each(connection, MORE, "true", &[], |run| {
-        let position: Option<u64> = run.row.get(run.more + POSITION)?;
-        let known = match points.get(&run.row.get(run.more + POINT)?) {
+        let position: Option<u64> = run.row.get("position")?;
+        let known = match points.get(&run.row.get("point")?) {
             Some(Ok(point)) => point
                 .checked_key(&run, position.is_some())
                 .map(|key| (key, point)),
@@ -120,12 +115,19 @@ pub(super) fn look(
     })?;
     positions.sort_unstable();
     let numbers = 0..positions.len() as u64;
-    if !positions.into_iter().eq(numbers) || entry::grid(keys.into_iter()) != grid {
+    if !positions.into_iter().eq(numbers) || entered::grid(keys.into_iter()) != grid {
         return Err(DigestMismatch::error(
             "the grid of the campaign is incomplete: a case is missing",
         ));
     }
     rules::check(connection, &rules)
+}
+
+/// The state of this name.
+fn state(name: ValueRef<'_>) -> rusqlite::Result<State> {
+    let name = name.as_str()?;
+    State::of(name)
+        .ok_or_else(|| DigestMismatch::error(format!("there is no state {name:?} of a case")))
 }
 
 /// The point of a case.
@@ -138,11 +140,11 @@ pub(super) struct KnownPoint {
 impl KnownPoint {
     /// A row of the points.
     fn read(row: &Row<'_>, protocol: &Protocol) -> rusqlite::Result<Self> {
-        let mut params = params(row, 0)?;
+        let mut params = params(row, "params")?;
         // The store may be shown up to one of its segments.
         params.segments.truncate(protocol.segments.len());
         Ok(Self {
-            text: row.get(0)?,
+            text: row.get("params")?,
             steps: protocol.with_time_step(params.time_step).steps(),
             params: Arc::new(params),
         })
@@ -153,16 +155,16 @@ impl KnownPoint {
     /// # Errors
     /// [`DigestMismatch`] if the case was changed.
     fn checked_key(&self, run: &ListedRun<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
-        let (row, more) = (run.row, run.more);
-        let key = CaseKey::of_text(&self.text, row.get(more + SEED)?, row.get(more + STRIDE)?);
+        let row = run.row;
+        let key = CaseKey::of_text(&self.text, row.get("seed")?, row.get("sample_stride")?);
         let written = row.get_ref(0)?.as_str()?;
         if key.to_string() != written {
             return Err(DigestMismatch::error(format!(
                 "the parameters of case {written} are not those it was named for"
             )));
         }
-        state(row.get_ref(more + STATE)?)?;
-        if is_in_grid && row.get::<_, u64>(more + STEPS)? != self.steps {
+        state(row.get_ref("present")?)?;
+        if is_in_grid && row.get::<_, u64>("requested")? != self.steps {
             return Err(DigestMismatch::error(format!(
                 "case {written} has another length than the campaign requests"
             )));
@@ -178,8 +180,8 @@ fn point_run(
     key: CaseKey,
     point: &KnownPoint,
 ) -> rusqlite::Result<PointRun> {
-    let (row, more) = (run.row, run.more);
-    let state = state(row.get_ref(more + STATE)?)?;
+    let row = run.row;
+    let state = state(row.get_ref("present")?)?;
     let (mut numbers, mut doubts) = (Vec::new(), Vec::new());
     // An open run may have the result of a shorter one.
     if matches!(state, State::Done | State::Jammed) {
@@ -196,9 +198,9 @@ fn point_run(
     Ok(PointRun {
         position,
         key: key.to_string(),
-        sample_every: row.get::<_, u64>(more + STRIDE)? as f64 * params.time_step,
+        sample_every: row.get::<_, u64>("sample_stride")? as f64 * params.time_step,
         params,
-        seed: row.get(more + SEED)?,
+        seed: row.get("seed")?,
         state,
         doubts,
         numbers: numbers.into(),
@@ -206,13 +208,14 @@ fn point_run(
 }
 
 /// One case with its state and data.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CaseDetails {
     /// Its key.
     pub key: String,
     /// Its number in the campaign file, from 1; `None` once it has left the grid.
     pub number: Option<u64>,
     /// Its parameters.
+    #[serde(deserialize_with = "json")]
     pub params: Params,
     /// Its seed.
     pub seed: u64,
@@ -225,6 +228,7 @@ pub struct CaseDetails {
     /// Number of attempts.
     pub attempts: u64,
     /// Reasons why its numbers are doubtful, if any.
+    #[serde(deserialize_with = "doubts")]
     pub doubts: Vec<String>,
     /// Wall seconds, once it is done.
     pub wall_time_s: Option<f64>,
@@ -233,17 +237,30 @@ pub struct CaseDetails {
     /// Number of times it was resumed from a checkpoint.
     pub resumed: Option<u64>,
     /// The process that computed it, or computes it.
+    #[serde(skip_deserializing)]
     pub origin: Option<Origin>,
     /// Its failed attempts, the last one last.
+    #[serde(skip_deserializing)]
     pub failures: Vec<Attempt>,
     /// Number of frames.
+    #[serde(skip_deserializing)]
     pub frames: u64,
     /// Its samples so far, with their steps.
+    #[serde(skip_deserializing)]
     pub samples: Vec<(u64, Sample)>,
 }
 
+/// Meanings of the doubts of a column, empty where there is no result.
+fn doubts<'de, D: Deserializer<'de>>(column: D) -> Result<Vec<String>, D::Error> {
+    let names = Option::<String>::deserialize(column)?.unwrap_or_default();
+    Ok(Doubt::read(&names)
+        .into_iter()
+        .map(Doubt::meaning)
+        .collect())
+}
+
 /// Where a run was computed.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Origin {
     /// Host.
     pub host: String,
@@ -297,20 +314,36 @@ impl Store {
     pub(crate) fn details(&self, given: &str) -> Result<CaseDetails, StoreError> {
         self.verify()?;
         let key = self.key_of(given)?;
-        let query = "SELECT c.id, c.key, c.position, q.params, c.seed, c.state, c.steps, c.steps_done, c.attempts,
-                 r.wall_time_s, r.resumed, p.host, p.version, p.physics_version, p.build,
-                 coalesce(r.finished_at, p.heartbeat), coalesce(r.doubts, ''), r.cpu_time_s
-             FROM cases c JOIN points q ON q.id = c.point
-             LEFT JOIN results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')
-             LEFT JOIN processes p ON p.id = coalesce(r.process, c.owner,
-                 (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
-             WHERE c.key = ?1";
-        let (id, mut details) = self.read(self.connection.one(query, [&key], case))?;
-        self.read(runs::check(&self.connection, "c.id = ?1", &[&id]))?;
-        details.failures = self.read(runs::of(&self.connection, id))?;
-        details.samples = self.read(samples::of(&self.connection, id, details.steps))?;
-        details.frames = self.frame_count(&key)?;
-        Ok(details)
+        let id = "SELECT id FROM cases WHERE key = ?1";
+        let id: i64 = self.read(self.connection.one(id, [&key], |row| row.get(0)))?;
+        let found = || {
+            let result = "results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')";
+            let case = format!(
+                "SELECT c.key, c.position + 1 AS number, q.params, c.seed, c.state, c.steps, c.steps_done,
+                     c.attempts, r.doubts, r.wall_time_s, r.cpu_time_s, r.resumed
+                 FROM cases c JOIN points q ON q.id = c.point LEFT JOIN {result} WHERE c.id = ?1"
+            );
+            let origin = format!(
+                "SELECT p.host, p.version, p.physics_version, p.build,
+                     coalesce(r.finished_at, p.heartbeat) AS at
+                 FROM cases c LEFT JOIN {result} JOIN processes p ON p.id = coalesce(r.process, c.owner,
+                     (SELECT process FROM failures f WHERE f.case_id = c.id ORDER BY f.id DESC LIMIT 1))
+                 WHERE c.id = ?1"
+            );
+            let case: Option<CaseDetails> = self.connection.first(&case, [id])?;
+            let case = case.ok_or(rusqlite::Error::QueryReturnedNoRows)?;
+            runs::check(&self.connection, "c.id = ?1", &[&id])?;
+            Ok(CaseDetails {
+                origin: self.connection.first(&origin, [id])?,
+                failures: runs::failures_of(&self.connection, id)?,
+                samples: samples::of(&self.connection, id, case.steps)?,
+                ..case
+            })
+        };
+        Ok(CaseDetails {
+            frames: self.frame_count(&key)?,
+            ..self.read(found())?
+        })
     }
 
     /// Samples of a case so far, with their steps.
@@ -345,43 +378,6 @@ impl Origin {
     pub fn program(&self) -> String {
         program(&self.version, self.physics_version, &self.build)
     }
-}
-
-/// One row of [`Store::details`], and the number of its case.
-fn case(row: &Row<'_>) -> rusqlite::Result<(i64, CaseDetails)> {
-    let host: Option<String> = row.get(11)?;
-    let origin = match host {
-        None => None,
-        Some(host) => Some(Origin {
-            host,
-            version: row.get(12)?,
-            physics_version: row.get(13)?,
-            build: row.get(14)?,
-            at: row.get(15)?,
-        }),
-    };
-    let details = CaseDetails {
-        key: row.get(1)?,
-        number: row.get::<_, Option<u64>>(2)?.map(|position| position + 1),
-        params: params(row, 3)?,
-        seed: row.get(4)?,
-        state: row.get(5)?,
-        steps: row.get(6)?,
-        steps_done: row.get(7)?,
-        attempts: row.get(8)?,
-        doubts: Doubt::read(&row.get::<_, String>(16)?)
-            .into_iter()
-            .map(Doubt::meaning)
-            .collect(),
-        wall_time_s: row.get(9)?,
-        cpu_time_s: row.get(17)?,
-        resumed: row.get(10)?,
-        origin,
-        failures: Vec::new(),
-        frames: 0,
-        samples: Vec::new(),
-    };
-    Ok((row.get(0)?, details))
 }
 
 /// Cases of the grid by state.
@@ -532,40 +528,44 @@ impl Store {
 
     /// Wall and CPU seconds of finished runs, over their estimates; `None` without finished runs.
     fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
-        let mut sums = (0.0, 0.0, 0.0);
-        self.sampled_runs(
-            "SELECT r.case_id, r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps
-                 FROM results r
-             JOIN cases c ON c.id = r.case_id",
-            |row| {
-                sums.0 += row.get::<_, f64>(1)?;
-                sums.1 += row.get::<_, f64>(2)?;
-                sums.2 += row.get::<_, f64>(3)?;
-                Ok(())
-            },
+        #[derive(Deserialize)]
+        struct Computed {
+            wall_time_s: f64,
+            cpu_time_s: f64,
+            cost: f64,
+        }
+        let computed: Vec<Computed> = self.sampled_runs(
+            "r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps AS cost",
+            "cases c ON c.id = r.case_id",
         )?;
-        Ok((sums.2 > 0.0).then(|| (sums.0 / sums.2, sums.1 / sums.2)))
+        let sum = |of: fn(&Computed) -> f64| computed.iter().map(of).sum::<f64>();
+        let cost = sum(|run| run.cost);
+        let pace = (
+            sum(|run| run.wall_time_s) / cost,
+            sum(|run| run.cpu_time_s) / cost,
+        );
+        Ok((cost > 0.0).then_some(pace))
     }
 
-    /// Calls `each` with rows about finished runs, evenly spread over the store.
-    fn sampled_runs(
+    /// Columns of finished runs, evenly spread over the store, with another table.
+    fn sampled_runs<T: DeserializeOwned>(
         &self,
-        query: &str,
-        mut each: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
-    ) -> Result<(), StoreError> {
-        let mut read = || {
+        columns: &str,
+        joined: &str,
+    ) -> Result<Vec<T>, StoreError> {
+        let sampled = || {
             let last = "SELECT coalesce(max(case_id), 0) FROM results";
             let last: i64 = self.connection.one(last, [], |row| row.get(0))?;
-            let stride = (last / SAMPLED).max(1);
-            let query = format!("{query} WHERE r.case_id >= ?1 ORDER BY r.case_id LIMIT 1");
-            let mut from = 0;
-            let mut next = |row: &Row<'_>| each(row).and_then(|()| row.get::<_, i64>(0));
-            while let Some(found) = self.connection.find(&query, [from], &mut next)? {
-                from = found + stride;
+            let next = "SELECT case_id FROM results WHERE case_id >= ?1 ORDER BY case_id LIMIT 1";
+            let run = format!("SELECT {columns} FROM results r JOIN {joined} WHERE r.case_id = ?1");
+            let (mut from, mut found) = (0, Vec::new());
+            while let Some(id) = self.connection.value::<i64>(next, [from])? {
+                found.extend(self.connection.first(&run, [id])?);
+                from = id + (last / SAMPLED).max(1);
             }
-            Ok(())
+            Ok(found)
         };
-        self.read(read())
+        self.read(sampled())
     }
 
     /// Estimated remaining CPU seconds of open cases, scaled by finished ones.
@@ -599,25 +599,26 @@ impl Store {
     /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on
     /// this machine.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
+        #[derive(Deserialize)]
+        struct Measured {
+            #[serde(deserialize_with = "json")]
+            params: Params,
+            computed: u64,
+            cpu_time_s: f64,
+            host: String,
+            build: String,
+        }
         let here = (process::Identity::of_this_process().host, process::build());
-        let mut runs = Vec::new();
-        self.sampled_runs(
-            "SELECT r.case_id, p.params, r.computed, r.cpu_time_s, o.host, o.build
-                 FROM results r JOIN cases c ON c.id = r.case_id
-             JOIN points p ON p.id = c.point
+        let mut runs: Vec<Measured> = self.sampled_runs(
+            "p.params, r.computed, r.cpu_time_s, o.host, o.build",
+            "cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
              JOIN processes o ON o.id = r.process",
-            |row| {
-                let cpu_s: f64 = row.get(3)?;
-                if cpu_s > 0.0
-                    && row.get::<_, String>(4)? == here.0
-                    && row.get::<_, String>(5)? == here.1
-                {
-                    runs.push((params(row, 1)?, row.get(2)?, cpu_s));
-                }
-                Ok(())
-            },
         )?;
-        Ok(runs)
+        runs.retain(|run| run.cpu_time_s > 0.0 && run.host == here.0 && run.build == here.1);
+        let runs = runs.into_iter();
+        Ok(runs
+            .map(|run| (run.params, run.computed, run.cpu_time_s))
+            .collect())
     }
 
     /// Processes that own cases.

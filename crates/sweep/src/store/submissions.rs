@@ -1,7 +1,7 @@
 //! Submitted jobs, and the cases of their tasks.
 
-use super::database::Statements;
-use super::{Store, StoreError};
+use super::statements::Statements;
+use super::{MergedCases, Store, StoreError};
 use crate::model::campaign::Campaign;
 use crate::system::process;
 use rusqlite::params;
@@ -46,7 +46,7 @@ pub struct OpenCase {
 }
 
 /// Progress of a slice, according to the store.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct SliceState {
     /// Its cases.
     pub cases: u64,
@@ -144,25 +144,25 @@ impl Store {
         id: i64,
         tasks: usize,
     ) -> Result<Vec<SliceState>, StoreError> {
-        let rows: Vec<(usize, SliceState)> = self.rows(
-            "SELECT s.task, count(*), count(*) FILTER (WHERE c.state IN ('done', 'jammed', 'failed')),
+        #[derive(Deserialize)]
+        struct OfTask {
+            task: usize,
+            #[serde(flatten)]
+            state: SliceState,
+        }
+        let found: Vec<OfTask> = self.named(
+            "SELECT s.task, count(*) AS cases,
+                 count(*) FILTER (WHERE c.state IN ('done', 'jammed', 'failed')) AS ended,
                  total(CASE WHEN c.state IN ('done', 'jammed', 'failed') THEN c.cost
                             ELSE c.cost * c.steps_done / c.steps END) / max(total(c.cost), 1e-300)
+                     AS work_done
              FROM slices s JOIN cases c ON c.id = s.case_id WHERE s.submission = ?1 GROUP BY s.task",
             [id],
-            |row| {
-                let slice = SliceState {
-                    cases: row.get(1)?,
-                    ended: row.get(2)?,
-                    work_done: row.get(3)?,
-                };
-                Ok((row.get(0)?, slice))
-            },
         )?;
         let mut states = vec![SliceState::default(); tasks];
-        for (task, state) in rows {
-            if let Some(place) = states.get_mut(task) {
-                *place = state;
+        for found in found {
+            if let Some(state) = states.get_mut(found.task) {
+                *state = found.state;
             }
         }
         Ok(states)
@@ -196,11 +196,7 @@ impl Store {
         some.cases
             .retain(|(key, _)| keys.contains(key.to_string().as_str()));
         let (mut new, _) = Store::enter(to, &some)?;
-        new.merge_as(
-            super::merge::MergeMode::Task,
-            std::slice::from_ref(&self.path),
-            true,
-        )?;
+        new.merge(MergedCases::Own, std::slice::from_ref(&self.path))?;
         Ok(())
     }
 }

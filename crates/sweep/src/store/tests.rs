@@ -273,7 +273,7 @@ fn torn_checkpoint_falls_back_to_the_one_before() {
         .unwrap();
     store.release([&claim]).unwrap();
     let again = store.next().unwrap();
-    assert_eq!(again.checkpoints[0], Err(Damage::Checksum));
+    assert_eq!(again.checkpoints[0], Err(BadCheckpoint::Checksum));
     assert_eq!(again.checkpoints[1].as_ref().unwrap().snapshot.steps(), 20);
 }
 

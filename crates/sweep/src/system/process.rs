@@ -1,5 +1,6 @@
 //! Identity of processes, and whether another one still lives.
 
+use serde::Deserialize;
 use std::path::Path;
 use std::sync::LazyLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -8,7 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 pub(crate) const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
 /// Identity of a process.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub(crate) struct Identity {
     /// Name of the host.
     pub(crate) host: String,

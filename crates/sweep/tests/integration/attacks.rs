@@ -67,7 +67,6 @@ fn pipes_and_devices_are_no_stores() {
         &["serve", "pipe.sqlite", "--listen", "127.0.0.1:0"],
         &["check", "pipe.sqlite"],
         &["run", "small.toml", "--store", "pipe.sqlite"],
-        &["run", "small.toml", "--reuse", "pipe.sqlite"],
         &["status", "/dev/zero"],
     ] {
         let output = ends(at, arguments);

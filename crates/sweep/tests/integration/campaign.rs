@@ -127,34 +127,6 @@ fn plan_writes_nothing() {
     assert!(!directory.path().join("results").exists());
 }
 
-#[test]
-fn runs_of_another_campaign_are_taken_over() {
-    let whole = directory();
-    let at = whole.path();
-    sweep(at, &["run", "small.toml", "--quiet"]).code(0);
-    let other = CAMPAIGN
-        .replace("\"small\"", "\"other\"")
-        .replace("[0.1, inf]", "inf")
-        .replace("discard = 0.1", "discard = 0.2");
-    std::fs::write(at.join("other.toml"), other).unwrap();
-    sweep(at, &["run", "other.toml", "--quiet"]).code(0);
-    // A part of the first campaign from the second one's store; the rest is computed.
-    let fresh = directory();
-    let store = at.join("results/other.sqlite");
-    let run = ["run", "small.toml", "--reuse", store.to_str().unwrap()];
-    let ran = sweep(fresh.path(), &run).code(0);
-    let said = String::from_utf8_lossy(&ran.get_output().stderr).into_owned();
-    assert!(said.contains("reused: 2 runs"), "{said}");
-    assert_eq!(results(fresh.path()), results(at));
-    let nowhere = directory();
-    sweep(
-        nowhere.path(),
-        &["run", "small.toml", "--reuse", "no.sqlite"],
-    )
-    .code(2);
-    assert!(!nowhere.path().join("results").exists());
-}
-
 /// In published units the rate is that of the mean viscosity too.
 fn converted_points_belong_to(points: &[serde_json::Value], at: &Path) {
     let number = |point: &serde_json::Value, name: &str| point[name].as_f64().unwrap();

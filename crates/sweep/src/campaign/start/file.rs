@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path) -> Result<StartLayer, [String; 2]> {
 
 /// A layer as JSON; other keys of `sweep solve` are ignored.
 #[derive(Deserialize)]
-struct Written {
+struct LayerFile {
     centres: Vec<[f64; 2]>,
     radii: Option<Vec<f64>>,
     cell: [f64; 2],
@@ -53,7 +53,7 @@ struct Written {
 
 fn from_json(text: &str) -> Result<StartLayer, String> {
     // Excerpts of a file that is something else stay private.
-    let layer: Written = serde_json::from_str(text).map_err(|error| {
+    let layer: LayerFile = serde_json::from_str(text).map_err(|error| {
         let words = error.to_string();
         if words.starts_with("missing field") {
             format!("is not a layer: {words}")

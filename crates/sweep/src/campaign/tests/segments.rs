@@ -1,7 +1,6 @@
 //! Protocols of several segments.
 
 use super::*;
-use crate::model::protocol::Discard;
 use sd_core::model::{CrossShear, Segment};
 
 /// The campaign at Γ = 0.1 with segments in place of the length of its runs.
@@ -79,7 +78,7 @@ fn segments_follow_each_other() {
     let campaign = with(SEGMENTS).unwrap();
     let protocol = &campaign.protocol;
     assert_eq!(protocol.strain, 18.0);
-    assert_eq!(protocol.discard, Discard::Strain(17.2));
+    assert_eq!(protocol.discard, 17.2);
     let kept: Vec<[f64; 3]> = protocol
         .segments
         .iter()

@@ -60,7 +60,6 @@ fn options(all: &Arguments, campaign: &Campaign) -> TaskOptions {
         scratch: scratch.unwrap_or_else(|| folder.join("work")),
         folder,
         publish_every: arguments.publish_every,
-        mixed: arguments.allow_mixed_versions,
         retry_failed: all.retry_failed,
         trajectory: all.trajectory,
     }

@@ -1,16 +1,18 @@
 //! Merging one case by rank. All of it is read and checked by its digests before anything is
 //! written.
 
-use super::{MergeMode, Merged};
-use crate::model::case::{Case, State};
+use super::{Disagreement, Merged, MergedCases};
+use crate::model::case::State;
 use crate::model::protocol::Protocol;
-use crate::store::database::Statements;
 use crate::store::digest::whole;
-use crate::store::entry::Points;
-use crate::store::runs::{self, RunEnd};
-use crate::store::{Attempt, Checkpoint, frames, samples, schema, settle, workers};
+use crate::store::points::{CaseRow, Points};
+use crate::store::processes;
+use crate::store::runs::{self, RunEnd, StoredCheckpoint};
+use crate::store::statements::Statements;
+use crate::store::{Attempt, Checkpoint, frames, samples, settle};
 use crate::system::process::now;
 use rusqlite::{Connection, params};
+use serde::Deserialize;
 use std::collections::HashMap;
 
 /// The merge of one shard in progress.
@@ -19,55 +21,74 @@ pub(super) struct Merging<'m> {
     pub(super) other: &'m Connection,
     /// The store.
     pub(super) connection: &'m Connection,
-    pub(super) mode: MergeMode,
+    pub(super) cases: MergedCases,
     pub(super) protocol: &'m Protocol,
     /// Numbers of processes in the shard and in the store.
     pub(super) processes: HashMap<i64, i64>,
     pub(super) merged: &'m mut Merged,
 }
 
-/// A case in the shard.
-struct Theirs {
+/// A case in the shard or in the store, and the steps, outcome, counters and process of its run, if
+/// that is complete.
+#[derive(Deserialize)]
+struct Stored {
     id: i64,
     key: String,
-    case: Case,
     state: State,
+    steps: u64,
     steps_done: u64,
+    samples_digest: Option<i64>,
+    computed: Option<u64>,
+    jammed: Option<bool>,
+    counters: Option<String>,
+    process: Option<i64>,
 }
 
-/// A case in the store.
-struct Ours {
-    id: i64,
-    state: State,
-    steps_done: u64,
-    requested: u64,
-    /// If complete: its steps, whether it jammed, and its process.
-    end: Option<((u64, bool), i64)>,
-}
+impl Stored {
+    /// The case that meets a condition.
+    fn find(
+        connection: &Connection,
+        condition: &str,
+        parameters: impl rusqlite::Params,
+    ) -> rusqlite::Result<Option<Self>> {
+        let query =
+            "SELECT c.id, c.key, c.state, c.steps, c.steps_done, c.samples_digest, r.computed,
+                 r.jammed, r.counters, r.process
+             FROM cases c LEFT JOIN results r ON r.case_id = c.id WHERE";
+        connection.first(&format!("{query} {condition}"), parameters)
+    }
 
-/// A checkpoint: generation, steps, process, data.
-type Kept = (i64, u64, i64, Vec<u8>);
+    /// All that determines the bits of its run, if that is complete.
+    fn bits(&self) -> Option<(u64, bool, &str, Option<i64>)> {
+        let counters = self.counters.as_deref()?;
+        Some((self.computed?, self.jammed?, counters, self.samples_digest))
+    }
+}
 
 impl Merging<'_> {
-    /// Copies the data of a case.
+    /// Copies the data of a case with a number in the shard.
     pub(super) fn case(&mut self, id: i64) -> rusqlite::Result<()> {
-        let Ok(theirs) = Theirs::read(self.other, id) else {
+        let Some((theirs, case)) = self.theirs(id) else {
             self.merged.unreadable += 1;
             return Ok(());
         };
-        let has_something = theirs.state != State::Pending || theirs.steps_done > 0;
-        let Some(ours) = self.ours(&theirs, has_something)? else {
+        let Some(ours) = self.ours(&theirs, case)? else {
             return Ok(());
         };
-        match theirs.run(self.other) {
-            Ok(None) => {}
-            Ok(Some(end)) => self.run(&ours, &theirs, &end)?,
-            Err(_) => self.merged.unreadable += 1,
+        let is_finished = matches!(theirs.state, State::Done | State::Jammed);
+        if theirs.bits().is_some() && theirs.bits() == ours.bits() {
+            self.merged.duplicates += 1;
+            if ours.state != State::Running {
+                self.take_frames(&ours, &theirs)?;
+            }
+        } else if is_finished || theirs.computed.is_some() {
+            match complete_run(self.other, &theirs) {
+                Ok(end) => self.run(&ours, &theirs, &end)?,
+                Err(_) => self.merged.unreadable += 1,
+            }
         }
         // The copied data may have ended it.
-        let Some(ours) = self.ours(&theirs, false)? else {
-            return Ok(());
-        };
+        let ours = Stored::find(self.connection, "c.id = ?1", [ours.id])?.unwrap_or(ours);
         match theirs.state {
             State::Failed if matches!(ours.state, State::Pending | State::Failed) => {
                 self.take_failures(&ours, &theirs)
@@ -82,38 +103,31 @@ impl Merging<'_> {
         }
     }
 
-    /// The case in the store; a case outside the grid is added if the shard has data `worth` it.
-    fn ours(&self, theirs: &Theirs, worth: bool) -> rusqlite::Result<Option<Ours>> {
-        let look = || {
-            self.connection.find(
-                "SELECT c.id, c.state, c.steps_done, c.steps, r.computed, r.jammed, r.process
-                 FROM cases c LEFT JOIN results r ON r.case_id = c.id WHERE c.key = ?1",
-                [&theirs.key],
-                |row| {
-                    let end: (Option<u64>, Option<bool>, Option<i64>) =
-                        (row.get(4)?, row.get(5)?, row.get(6)?);
-                    Ok(Ours {
-                        id: row.get(0)?,
-                        state: schema::state(row.get_ref(1)?)?,
-                        steps_done: row.get(2)?,
-                        requested: row.get(3)?,
-                        end: end.0.zip(end.1).zip(end.2),
-                    })
-                },
-            )
-        };
-        let known = look()?;
-        if known.is_some() || self.mode != MergeMode::Campaign || !worth {
-            return Ok(known);
+    /// The case with a number in the shard, if its key is intact.
+    fn theirs(&self, id: i64) -> Option<(Stored, CaseRow)> {
+        let stored = Stored::find(self.other, "c.id = ?1", [id]).ok()??;
+        let case = "SELECT p.params, c.seed, c.steps, max(c.sample_stride, 1) AS sample_stride
+             FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1";
+        let case: CaseRow = self.other.first(case, [id]).ok()??;
+        (case.key() == stored.key).then_some((stored, case))
+    }
+
+    /// The case in the store; a case outside the grid is added if the shard has data of it.
+    fn ours(&self, theirs: &Stored, case: CaseRow) -> rusqlite::Result<Option<Stored>> {
+        let known = || Stored::find(self.connection, "c.key = ?1", [&theirs.key]);
+        let has_data = theirs.state != State::Pending || theirs.steps_done > 0;
+        let found = known()?;
+        if found.is_some() || self.cases == MergedCases::Own || !has_data {
+            return Ok(found);
         }
-        let case = &theirs.case;
+        let case = case.into_case();
         self.connection.execute(
             "INSERT INTO cases (key, point, seed, steps, sample_stride, counts, turn, cost,
                  changed_at)
              VALUES (?1, ?2, ?3, ?4, ?5, 0, 0, ?6, ?7)",
             params![
                 theirs.key,
-                Points::default().place(self.connection, &case.params)?,
+                Points::default().id(self.connection, &case.params)?,
                 case.seed,
                 case.steps,
                 case.sample_stride,
@@ -121,87 +135,78 @@ impl Merging<'_> {
                 now(),
             ],
         )?;
-        look()
+        known()
     }
 
     /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree,
     /// the later attempt.
-    fn run(&mut self, ours: &Ours, theirs: &Theirs, end: &RunEnd) -> rusqlite::Result<()> {
-        if ours.state == State::Running && !end.jammed && end.steps < ours.requested {
+    fn run(&mut self, ours: &Stored, theirs: &Stored, end: &RunEnd) -> rusqlite::Result<()> {
+        if ours.state == State::Running && !end.jammed && end.computed < ours.steps {
             // A process of this store continues it.
             return Ok(());
         }
-        let Some((own, process)) = ours.end else {
+        let (Some(computed), Some(process)) = (ours.computed, ours.process) else {
             return self.take_run(ours, theirs, end);
         };
-        let Some(what) = self.difference(ours.id, own, theirs, end)? else {
-            if end.steps > own.0 {
-                self.take_run(ours, theirs, end)?;
-            } else {
-                self.take_frames(ours, theirs)?;
-                self.merged.duplicates += 1;
+        let Some(what) = self.difference(ours, theirs, end)? else {
+            if end.computed > computed {
+                return self.take_run(ours, theirs, end);
             }
-            return Ok(());
+            self.merged.duplicates += 1;
+            return self.take_frames(ours, theirs);
         };
         let other = self.take_process(end.process)?;
-        if other == process {
-            // Merged before, and kept as the later attempt.
-            return Ok(());
-        }
-        let is_later = self.is_later(other, process)?;
+        let is_later = processes::is_later(self.connection, other, process)?;
         let (kept, other) = if is_later {
+            self.take_run(ours, theirs, end)?;
             (other, process)
         } else {
             (process, other)
         };
-        if is_later {
-            self.take_run(ours, theirs, end)?;
-        }
-        self.connection.run(
-            "INSERT OR IGNORE INTO disagreements (case_id, kept, other, what, found_at)
-                     VALUES (?1, ?2, ?3, ?4, ?5)",
-            params![ours.id, kept, other, what, now()],
-        )
+        self.merged.disagreements.push(Disagreement {
+            key: theirs.key.clone(),
+            kept: processes::name(self.connection, kept)?,
+            other: processes::name(self.connection, other)?,
+            what,
+        });
+        Ok(())
     }
 
     /// First difference between a run and the stored one over their common steps, if any; times may
     /// differ.
     fn difference(
         &self,
-        case: i64,
-        ours: (u64, bool),
-        of: &Theirs,
+        ours: &Stored,
+        theirs: &Stored,
         end: &RunEnd,
     ) -> rusqlite::Result<Option<String>> {
-        let theirs = (end.steps, end.jammed);
-        let jammed_early = |one: (u64, bool), other: u64| one.1 && one.0 < other;
-        if jammed_early(theirs, ours.0)
-            || jammed_early(ours, theirs.0)
-            || (theirs.0 == ours.0 && theirs.1 != ours.1)
-        {
-            let word = |jammed: bool| if jammed { "jammed" } else { "done" };
-            return Ok(Some(format!(
-                "{} after {} steps, and {} after {}",
-                word(theirs.1),
-                theirs.0,
-                word(ours.1),
-                ours.0
-            )));
+        let Some(own) = RunEnd::of(self.connection, ours.id)? else {
+            return Ok(None);
+        };
+        let jammed_early = |one: &RunEnd, other: &RunEnd| {
+            one.jammed
+                && (one.computed < other.computed || !other.jammed)
+                && one.computed <= other.computed
+        };
+        if jammed_early(end, &own) || jammed_early(&own, end) {
+            let words = |end: &RunEnd| {
+                let word = if end.jammed { "jammed" } else { "done" };
+                format!("{word} after {} steps", end.computed)
+            };
+            return Ok(Some(format!("{}, and {}", words(end), words(&own))));
         }
-        let common = theirs.0.min(ours.0);
-        let different = samples::difference((self.other, of.id), (self.connection, case), common)?;
-        if different.is_some() || theirs.0 != ours.0 {
+        let common = end.computed.min(own.computed);
+        let different =
+            samples::difference((self.other, theirs.id), (self.connection, ours.id), common)?;
+        if different.is_some() || end.computed != own.computed {
             return Ok(different);
         }
-        let counters = RunEnd::of(self.connection, case)?.map(|end| format!("{:?}", end.counters));
-        let found = format!("{:?}", end.counters);
-        Ok(counters
-            .filter(|counters| *counters != found)
-            .map(|counters| format!("counters are {found}, and {counters}")))
+        let [found, known] = [end, &own].map(|end| format!("{:?}", end.counters));
+        Ok((found != known).then(|| format!("counters are {found}, and {known}")))
     }
 
     /// Copies a complete run; one with damaged frames is to be computed again, with its frames.
-    fn take_run(&mut self, ours: &Ours, theirs: &Theirs, end: &RunEnd) -> rusqlite::Result<()> {
+    fn take_run(&mut self, ours: &Stored, theirs: &Stored, end: &RunEnd) -> rusqlite::Result<()> {
         let Ok(kept) = frames::of(self.other, theirs.id) else {
             self.merged.unreadable += 1;
             return frames::request(self.connection, ours.id);
@@ -210,7 +215,7 @@ impl Merging<'_> {
             process: self.take_process(end.process)?,
             ..end.clone()
         };
-        self.take_samples(ours, theirs, end.steps)?;
+        self.take_samples(ours, theirs, end.computed)?;
         settle::keep(self.connection, ours.id, &end, None, self.protocol)?;
         // It may be shorter than requested.
         let reopened = "id = ?1 AND state IN ('pending', 'failed')";
@@ -221,48 +226,35 @@ impl Merging<'_> {
     }
 
     /// Replaces the samples of a case by theirs before a step.
-    fn take_samples(&self, ours: &Ours, theirs: &Theirs, until: u64) -> rusqlite::Result<()> {
+    fn take_samples(&self, ours: &Stored, theirs: &Stored, until: u64) -> rusqlite::Result<()> {
         samples::copy((self.other, theirs.id), (self.connection, ours.id), until)
     }
 
-    /// Whether the attempt of a process is later than that of another. Processes of the store
-    /// itself count as the latest.
-    fn is_later(&self, one: i64, other: i64) -> rusqlite::Result<bool> {
-        // The name of a job starts with its number.
-        let attempt = "SELECT coalesce(CAST(job AS INTEGER), 0x7fffffffffffffff), coalesce(restart, 0), started_at, host, pid
-             FROM processes WHERE id";
-        let later = format!("SELECT ({attempt} = ?1) > ({attempt} = ?2)");
-        self.connection.one(&later, [one, other], |row| row.get(0))
-    }
-
     /// Copies failures that the store does not have.
-    fn take_failures(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
+    fn take_failures(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
         let found = runs::check(self.other, "c.id = ?1", &[&theirs.id])
-            .and_then(|()| samples::each(self.other, theirs.id, |_, _| Ok(())))
-            .and_then(|()| runs::of(self.other, theirs.id));
-        let Ok(found) = found else {
+            .and_then(|()| runs::failures_of(self.other, theirs.id));
+        let Ok(mut found) = found else {
             self.merged.unreadable += 1;
             return Ok(());
         };
-        let mut taken = false;
-        for failure in found {
-            // Compared without the process, which may be lost in the shard.
-            let is_there = self.connection.has(
-                "SELECT 1 FROM failures WHERE case_id = ?1 AND failed_at = ?2 AND step = ?3 AND error = ?4",
-                params![ours.id, failure.failed_at, failure.step, failure.error],
-            )?;
-            if !is_there {
-                let process = self.take_process(failure.process)?;
-                let failure = Attempt { process, ..failure };
-                runs::insert(self.connection, ours.id, &failure)?;
-                taken = true;
-            }
-        }
-        if !taken {
+        // Compared without the process, which may be lost in the shard.
+        let known = runs::failures_of(self.connection, ours.id)?;
+        let which = |failure: &Attempt| (failure.failed_at, failure.step, failure.error.clone());
+        found.retain(|failure| !known.iter().any(|known| which(known) == which(failure)));
+        if found.is_empty() {
             return Ok(());
         }
+        if samples::each(self.other, theirs.id, |_, _| Ok(())).is_err() {
+            self.merged.unreadable += 1;
+            return Ok(());
+        }
+        for failure in found {
+            let process = self.take_process(failure.process)?;
+            runs::insert(self.connection, ours.id, &Attempt { process, ..failure })?;
+        }
         self.merged.failures += 1;
-        if ours.end.is_none() {
+        if ours.computed.is_none() {
             self.take_samples(ours, theirs, u64::MAX)?;
         }
         self.take_frames(ours, theirs)?;
@@ -274,9 +266,9 @@ impl Merging<'_> {
     }
 
     /// Replaces the checkpoints of a running case by newer ones.
-    fn take_checkpoints(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
-        let whole = theirs.checkpoints(self.other).unwrap_or_default();
-        let Some(steps) = whole.iter().map(|checkpoint| checkpoint.1).max() else {
+    fn take_checkpoints(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
+        let intact = intact_checkpoints(self.other, theirs.id).unwrap_or_default();
+        let Some(steps) = intact.iter().map(|checkpoint| checkpoint.steps).max() else {
             self.merged.unreadable += 1;
             return Ok(());
         };
@@ -285,18 +277,28 @@ impl Merging<'_> {
         }
         runs::delete_checkpoints(self.connection, ours.id, u64::MAX)?;
         self.take_samples(ours, theirs, steps)?;
-        for (generation, steps, process, data) in whole {
-            let kept = (generation, steps, self.take_process(process)?, &data[..]);
-            runs::put_checkpoint(self.connection, ours.id, kept)?;
+        for mut checkpoint in intact {
+            checkpoint.process = self.take_process(checkpoint.process)?;
+            checkpoint.put(self.connection, ours.id)?;
         }
         runs::reopen(self.connection, "id = ?1", [ours.id])?;
         self.merged.checkpoints += 1;
         self.take_frames(ours, theirs)
     }
 
-    /// Copies frames. Those of one step are identical in all processes.
-    fn take_frames(&mut self, ours: &Ours, theirs: &Theirs) -> rusqlite::Result<()> {
-        match frames::of(self.other, theirs.id) {
+    /// Copies frames that the store lacks. Those of one step are identical in all processes.
+    fn take_frames(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
+        let kept = frames::kept(self.connection, ours.id)?;
+        let found = match (kept, frames::kept(self.other, theirs.id)) {
+            (Some(ours), Ok(Some(theirs)))
+                if ours.start <= theirs.start && theirs.end <= ours.end =>
+            {
+                return Ok(());
+            }
+            (_, Ok(_)) => frames::of(self.other, theirs.id),
+            (_, Err(error)) => Err(error),
+        };
+        match found {
             Ok(None) => {}
             Ok(Some(kept)) => frames::take(self.connection, (ours.id, &theirs.key), kept)?,
             Err(_) => self.merged.unreadable += 1,
@@ -309,95 +311,62 @@ impl Merging<'_> {
         if let Some(here) = self.processes.get(&there) {
             return Ok(*here);
         }
-        let described = workers::described(self.other, there);
+        let described = processes::described(self.other, there);
         let known = "SELECT id FROM processes WHERE digest = ?1";
         let known = self
             .connection
-            .value(known, [workers::SEALED.digest_of(&described)])?;
+            .value(known, [processes::SEALED.digest_of(&described)])?;
         let left = [("heartbeat", whole(0)), ("ended_at", now().into())];
-        let enter = || workers::put(self.connection, &described, &left);
+        let enter = || processes::SEALED.put(self.connection, None, &described, &left);
         let here = known.map_or_else(enter, Ok)?;
         self.processes.insert(there, here);
         Ok(here)
     }
 }
 
-impl Theirs {
-    /// The case with a number, if its key is intact.
-    fn read(other: &Connection, id: i64) -> rusqlite::Result<Self> {
-        let found = other.one(
-            "SELECT c.key, p.params, c.seed, c.steps, c.sample_stride, c.state, c.steps_done
-                 FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1",
-            [id],
-            |row| {
-                Ok(Self {
-                    id,
-                    key: row.get(0)?,
-                    case: Case {
-                        params: schema::params(row, 1)?,
-                        seed: row.get(2)?,
-                        steps: row.get(3)?,
-                        sample_stride: row.get::<_, u64>(4)?.max(1),
-                    },
-                    state: schema::state(row.get_ref(5)?)?,
-                    steps_done: row.get(6)?,
-                })
-            },
-        )?;
-        if found.case.key().to_string() == found.key {
-            Ok(found)
-        } else {
-            Err(rusqlite::Error::QueryReturnedNoRows)
+/// The end of a complete run of a shard: with the samples of all its steps, and a matching last
+/// state.
+///
+/// # Errors
+/// Those of the queries, and [`rusqlite::Error::QueryReturnedNoRows`] where something is missing.
+fn complete_run(other: &Connection, theirs: &Stored) -> rusqlite::Result<RunEnd> {
+    let untrusted = || rusqlite::Error::QueryReturnedNoRows;
+    let mut end = RunEnd::of(other, theirs.id)?.ok_or_else(untrusted)?;
+    let stride = "SELECT max(sample_stride, 1) FROM cases WHERE id = ?1";
+    let stride: u64 = other.one(stride, [theirs.id], |row| row.get(0))?;
+    let (mut number, mut in_order) = (0, true);
+    samples::each(other, theirs.id, |step, _| {
+        // A run that failed after a continuation has more samples.
+        if step < end.computed {
+            in_order &= step == number * stride;
+            number += 1;
         }
+        Ok(())
+    })?;
+    if !in_order || number != end.computed.div_ceil(stride) {
+        return Err(untrusted());
     }
+    let last = end.state.as_deref().map(Checkpoint::decode);
+    let is_last = |last: &Checkpoint| last.snapshot.steps() == end.computed;
+    if !matches!(last, Some(Ok(last)) if is_last(&last)) {
+        // The run cannot be continued from it, but its result is valid.
+        end.state = None;
+    }
+    Ok(end)
+}
 
-    /// The end of its run, if complete: with the samples of all its steps, and a matching last
-    /// state.
-    fn run(&self, other: &Connection) -> rusqlite::Result<Option<RunEnd>> {
-        let is_finished = matches!(self.state, State::Done | State::Jammed);
-        let untrusted = || rusqlite::Error::QueryReturnedNoRows;
-        let Some(mut end) = RunEnd::of(other, self.id)? else {
-            return if is_finished {
-                Err(untrusted())
-            } else {
-                Ok(None)
-            };
+/// The intact checkpoints of a run in progress.
+fn intact_checkpoints(other: &Connection, id: i64) -> rusqlite::Result<Vec<StoredCheckpoint>> {
+    let found = "SELECT generation, steps, process, data FROM checkpoints
+         WHERE case_id = ?1 AND generation IN (0, 1)";
+    let mut found: Vec<StoredCheckpoint> = other.named(found, [id])?;
+    found.retain_mut(|stored| {
+        let Ok(checkpoint) = Checkpoint::decode(&stored.data) else {
+            return false;
         };
-        let stride = self.case.sample_stride;
-        let (mut number, mut in_order) = (0, true);
-        samples::each(other, self.id, |step, _| {
-            // A run that failed after a continuation has more samples.
-            if step < end.steps {
-                in_order &= step == number * stride;
-                number += 1;
-            }
-            Ok(())
-        })?;
-        if !in_order || number != end.steps.div_ceil(stride) {
-            return Err(untrusted());
-        }
-        let last = end.state.as_deref().map(Checkpoint::decode);
-        let is_last = |last: &Checkpoint| last.snapshot.steps() == end.steps;
-        if !matches!(last, Some(Ok(last)) if is_last(&last)) {
-            // The run cannot be continued from it, but its result is valid.
-            end.state = None;
-        }
-        Ok(Some(end))
-    }
-
-    /// Its intact checkpoints.
-    fn checkpoints(&self, other: &Connection) -> rusqlite::Result<Vec<Kept>> {
-        let found: Vec<rusqlite::Result<Kept>> = other.all(
-            "SELECT generation, steps, process, data FROM checkpoints WHERE case_id = ?1",
-            [self.id],
-            |row| Ok(row.try_into()),
-        )?;
-        let whole = |mut kept: Kept| {
-            let checkpoint = Checkpoint::decode(&kept.3).ok()?;
-            kept.1 = checkpoint.snapshot.steps();
-            let samples = samples::digest_until(other, self.id, kept.1).ok()?;
-            (matches!(kept.0, 0 | 1) && samples == checkpoint.samples_digest).then_some(kept)
-        };
-        Ok(found.into_iter().flatten().filter_map(whole).collect())
-    }
+        stored.steps = checkpoint.snapshot.steps();
+        let samples = samples::digest_until(other, id, stored.steps);
+        samples.is_ok_and(|samples| samples == checkpoint.samples_digest)
+    });
+    Ok(found)
 }

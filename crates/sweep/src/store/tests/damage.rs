@@ -175,7 +175,9 @@ fn lost_frames_are_found_and_computed_again() {
         assert!(matches!(shown, Err(StoreError::Damaged { .. })), "{which}");
         // Neither a merge nor the store itself keeps the run without them.
         let mut new = Store::at(&directory.path().join("new.sqlite"), &campaign(CAMPAIGN));
-        let merged = new.merge(std::slice::from_ref(&path), true).unwrap();
+        let merged = new
+            .merge(MergedCases::All, std::slice::from_ref(&path))
+            .unwrap();
         assert_eq!((merged.results, merged.unreadable), (0, 1), "{which}");
         let mut store = Store::open(&path).unwrap();
         store.forget_damaged().unwrap();
@@ -276,7 +278,7 @@ fn no_altered_sample_is_averaged_shown_or_merged() {
             "{column}: {again:?}"
         );
         let mut new = Store::at(&directory.path().join("new.sqlite"), &campaign(CAMPAIGN));
-        let merged = new.merge(&[path], true).unwrap();
+        let merged = new.merge(MergedCases::All, &[path]).unwrap();
         assert_eq!((merged.results, merged.unreadable), (2, 1), "{column}");
     }
 }
@@ -292,7 +294,7 @@ fn no_altered_column_of_a_result_is_shown_or_merged() {
         assert_eq!(check(&path).unwrap().findings.len(), 1, "{column}");
         assert!(read(&path).is_err(), "{column}");
         let mut new = Store::at(&directory.path().join("new.sqlite"), &campaign(CAMPAIGN));
-        let merged = new.merge(&[path], true).unwrap();
+        let merged = new.merge(MergedCases::All, &[path]).unwrap();
         assert_eq!((merged.results, merged.unreadable), (2, 1), "{column}");
     }
 }
@@ -386,7 +388,7 @@ proptest::proptest! {
         let _ = check(&path);
         // The recovered part is intact: it holds only computed data.
         let mut saved = Store::at(&directory.path().join("saved.sqlite"), &campaign(CAMPAIGN));
-        if saved.merge(std::slice::from_ref(&path), true).is_ok() {
+        if saved.merge(MergedCases::All, std::slice::from_ref(&path)).is_ok() {
             let right = mean_viscosity(&first_samples(50));
             for run in saved.point_runs().unwrap() {
                 proptest::prop_assert!(run.number("viscosity").is_none_or(|v| (v - right).abs() < 1e-12));
@@ -442,7 +444,9 @@ fn values_of_types_that_no_store_has_are_not_taken_over() {
         let path = shard(directory.path());
         craft(&path, statement);
         let mut store = own(directory.path());
-        let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+        let merged = store
+            .merge(MergedCases::All, std::slice::from_ref(&path))
+            .unwrap();
         assert_eq!(merged.results, 0, "{statement}");
         assert_eq!(
             merged.unreadable + merged.damaged.len() as u64,
@@ -476,7 +480,9 @@ fn pipe_is_refused_without_blocking() {
         );
     }
     let mut store = own(directory.path());
-    let merged = store.merge(std::slice::from_ref(&pipe), true).unwrap();
+    let merged = store
+        .merge(MergedCases::All, std::slice::from_ref(&pipe))
+        .unwrap();
     assert_eq!(merged.damaged.len(), 1);
     assert!(Store::open_read_only(Path::new("/dev/zero")).is_err());
 }
@@ -496,7 +502,9 @@ fn failed_runs_bring_their_samples_and_frames() {
     let path = shard.path().to_owned();
     drop(shard);
     let mut store = open(directory.path());
-    let merged = store.merge(std::slice::from_ref(&path), true).unwrap();
+    let merged = store
+        .merge(MergedCases::All, std::slice::from_ref(&path))
+        .unwrap();
     assert_eq!(merged.failures, 1);
     let details = store.details(&claim.key).unwrap();
     assert_eq!((details.samples.len(), details.frames), (2, 2));
@@ -526,7 +534,7 @@ proptest::proptest! {
         let path = directory.path().join("damaged.sqlite");
         std::fs::write(&path, bytes).unwrap();
         let mut store = open(directory.path());
-        let _ = store.merge(std::slice::from_ref(&path), true);
+        let _ = store.merge(MergedCases::All, std::slice::from_ref(&path));
         drop(store);
         let store = Store::open(&directory.path().join("small.sqlite")).unwrap();
         proptest::prop_assert!(check(store.path()).unwrap().findings.is_empty());

@@ -121,21 +121,23 @@ fn a_longer_run_of_a_shard_takes_the_place_of_a_shorter_one_that_agrees() {
     let (mut store, key) = store_with_a_run(directory.path());
     assert_eq!(key, claim.key);
     let before = run(&store, &key).number("viscosity");
-    let merged = store.merge(std::slice::from_ref(&path), false).unwrap();
+    let merged = store
+        .merge(MergedCases::All, std::slice::from_ref(&path))
+        .unwrap();
     assert_eq!((merged.results, merged.duplicates), (1, 0));
     assert_eq!(
         run(&store, &key).number("viscosity"),
         before,
         "a strain of 1 is requested"
     );
-    assert!(store.disagreements().unwrap().is_empty());
+    assert!(merged.disagreements.is_empty());
     store.take_in(&of_strain("2.0")).unwrap();
     assert_eq!(run(&store, &key).number("samples"), Some(75.0));
     // The shorter one adds nothing to it.
     let small = directory.path().join("small.sqlite");
     let other = directory.path().join("other.sqlite");
     database::snapshot(&small, &other).unwrap();
-    let merged = store.merge(&[other], false).unwrap();
+    let merged = store.merge(MergedCases::All, &[other]).unwrap();
     assert_eq!((merged.results, merged.duplicates), (0, 1));
 }
 
@@ -173,7 +175,9 @@ fn resumable_runs_are_merged_with_their_last_state() {
     let (mut store, key) = store_with_a_run(directory.path());
     store.take_in(&of_strain("2.0")).unwrap();
     let mut new = Store::at(&directory.path().join("new.sqlite"), &of_strain("2.0"));
-    let merged = new.merge(&[store.path().to_owned()], false).unwrap();
+    let merged = new
+        .merge(MergedCases::All, &[store.path().to_owned()])
+        .unwrap();
     assert_eq!((merged.results, merged.unreadable), (1, 0));
     assert_eq!(new.counts().unwrap().pending, 4);
     let claim = new.next().unwrap();

@@ -19,7 +19,7 @@ fn shard(directory: &Path, name: &str, restart: u32) -> (Store, PathBuf) {
         .execute("UPDATE processes SET host = ?1", [name])
         .unwrap();
     let own = format!("t.id = {}", store.me());
-    workers::SEALED.seal(&store.connection, &own, []).unwrap();
+    processes::SEALED.seal(&store.connection, &own, []).unwrap();
     (store, path)
 }
 
@@ -51,7 +51,6 @@ fn content(store: &Store) -> Vec<Vec<Value>> {
         "SELECT c.key, s.* FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step",
         "SELECT c.key, k.steps, k.data FROM checkpoints k JOIN cases c ON c.id = k.case_id ORDER BY c.key, k.steps",
         "SELECT c.key, f.error FROM failures f JOIN cases c ON c.id = f.case_id ORDER BY c.key, f.error",
-        "SELECT name FROM shards ORDER BY name",
     ]
     .iter()
     .flat_map(|query| rows(store, query))
@@ -104,15 +103,14 @@ fn shards_merge_in_any_order_and_repeatedly() {
         let mut store = Store::at(&path, &campaign(CAMPAIGN));
         for number in order {
             let shards = [paths[number].clone()];
-            let first = store.merge(&shards, false).unwrap();
-            assert_eq!((first.shards, first.unchanged), (1, 0));
-            let again = store.merge(&shards, false).unwrap();
-            assert_eq!((again.shards, again.unchanged), (0, 1));
+            let first = store.merge(MergedCases::All, &shards).unwrap();
+            assert_eq!(first.shards, 1);
+            let again = store.merge(MergedCases::All, &shards).unwrap();
+            let copied = (again.results, again.checkpoints, again.failures);
+            assert_eq!((again.shards, copied), (1, (0, 0, 0)));
         }
         let once = content(&store);
-        // Deletes the records of merged shards.
-        store.connection.execute("DELETE FROM shards", []).unwrap();
-        let again = store.merge(&paths, false).unwrap();
+        let again = store.merge(MergedCases::All, &paths).unwrap();
         assert_eq!(
             (
                 again.shards,
@@ -125,7 +123,7 @@ fn shards_merge_in_any_order_and_repeatedly() {
         assert_eq!(content(&store), once);
         let counts = store.counts().unwrap();
         assert_eq!((counts.done, counts.failed, counts.pending), (1, 1, 2));
-        assert!(store.disagreements().unwrap().is_empty());
+        assert!(again.disagreements.is_empty());
         outcomes.push(once);
     }
     assert!(outcomes.iter().all(|outcome| *outcome == outcomes[0]));
@@ -140,7 +138,7 @@ fn merged_checkpoint_is_gone_on_from() {
     a.keep_state(&claim, 8, &checkpoint(8)).unwrap();
     a.keep_state(&claim, 16, &checkpoint(16)).unwrap();
     let mut store = open(directory.path());
-    store.merge(&[path], false).unwrap();
+    store.merge(MergedCases::All, &[path]).unwrap();
     store.register(1).unwrap();
     let claim = store.next().unwrap();
     assert_eq!(claim.checkpoints[0].as_ref().unwrap().snapshot.steps(), 40);
@@ -175,11 +173,20 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
             &at.join(order[0].file_stem().unwrap()).join("s.sqlite"),
             &campaign(CAMPAIGN),
         );
-        for shard in order {
-            store.merge(std::slice::from_ref(shard), false).unwrap();
-        }
-        let found = store.disagreements().unwrap();
+        let mut merge = |shard: &PathBuf| {
+            let shard = std::slice::from_ref(shard);
+            store.merge(MergedCases::All, shard).unwrap().disagreements
+        };
+        assert!(merge(order[0]).is_empty());
+        let found = merge(order[1]);
         assert_eq!(found.len(), 1);
+        // It is found again as long as both are there.
+        let again = merge(&early);
+        assert_eq!(
+            (&again[0].kept, &again[0].other),
+            (&found[0].kept, &found[0].other)
+        );
+        assert!(merge(&late).is_empty());
         assert_eq!(found[0].kept, "job 7 task 0 restart 1 on late");
         assert_eq!(found[0].other, "job 7 task 0 restart 0 on early");
         assert!(
@@ -191,13 +198,13 @@ fn results_that_differ_are_reported_and_the_later_attempt_is_kept() {
         assert_eq!(kept, [[Value::Real(7.000_000_000_000_001)]]);
     }
     let mut store = open(at);
-    let merged = store.merge(&[early, alike], false).unwrap();
+    let merged = store.merge(MergedCases::All, &[early, alike]).unwrap();
     assert_eq!((merged.results, merged.duplicates), (1, 1));
-    assert!(store.disagreements().unwrap().is_empty());
+    assert!(merged.disagreements.is_empty());
 }
 
 #[test]
-fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
+fn other_campaigns_are_refused_before_anything_is_merged_and_builds_are_named() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
     let (mut a, good) = shard(at, "a", 0);
@@ -209,28 +216,22 @@ fn other_campaigns_and_builds_are_refused_before_anything_is_merged() {
     b.connection
         .execute("UPDATE processes SET build = 'other'", [])
         .unwrap();
+    processes::SEALED.seal(&b.connection, "true", []).unwrap();
     drop((a, b));
     Store::at(
         &at.join("foreign.sqlite"),
         &campaign(&CAMPAIGN.replace("small", "else")),
     );
     let mut store = open(at);
-    let refused = store.merge(&[good.clone(), at.join("foreign.sqlite")], true);
+    let shards = [good.clone(), at.join("foreign.sqlite")];
+    let refused = store.merge(MergedCases::All, &shards);
     assert!(matches!(refused, Err(StoreError::OtherCampaign { .. })));
-    for shards in [[good.clone(), other.clone()], [other.clone(), good.clone()]] {
-        let refused = store.merge(&shards, false);
-        assert!(
-            matches!(refused, Err(StoreError::OtherBuild { .. })),
-            "{refused:?}"
-        );
-    }
     assert_eq!(store.counts().unwrap().done, 0, "nothing was merged");
-    store.merge(std::slice::from_ref(&good), false).unwrap();
-    assert!(store.merge(std::slice::from_ref(&other), false).is_err());
-    assert_eq!(store.mixed_shards().unwrap(), 0);
-    let merged = store.merge(&[other], true).unwrap();
-    assert_eq!(merged.checkpoints, 1);
-    assert_eq!(store.mixed_shards().unwrap(), 1);
+    let merged = store.merge(MergedCases::All, &[good, other]).unwrap();
+    assert_eq!((merged.results, merged.checkpoints), (1, 1));
+    let mut builds = [crate::system::process::build(), "other".into()];
+    builds.sort();
+    assert_eq!(store.builds().unwrap(), builds);
 }
 
 #[test]
@@ -251,13 +252,17 @@ fn half_a_shard_is_named_and_the_others_are_merged() {
             &at.join(format!("{length}/small.sqlite")),
             &campaign(CAMPAIGN),
         );
-        let merged = store.merge(&[half.clone(), good.clone()], false).unwrap();
+        let merged = store
+            .merge(MergedCases::All, &[half.clone(), good.clone()])
+            .unwrap();
         assert_eq!((merged.damaged.len(), merged.results), (1, 1), "{length}");
         assert_eq!(merged.damaged[0].path, half);
         // Once complete, it is merged by the same command.
         std::fs::write(&half, &bytes).unwrap();
-        let merged = store.merge(&[half, good.clone()], false).unwrap();
-        assert_eq!((merged.damaged.len(), merged.duplicates), (0, 1));
+        let merged = store
+            .merge(MergedCases::All, &[half, good.clone()])
+            .unwrap();
+        assert_eq!((merged.damaged.len(), merged.duplicates), (0, 2));
     }
 }
 
@@ -270,10 +275,12 @@ fn case_running_here_is_unchanged_by_a_partial_copy_and_ended_by_a_complete_one(
     let claim = begin(&mut store, 8);
     let (mut a, path) = shard(at, "a", 0);
     let theirs = begin(&mut a, 100);
-    store.merge(std::slice::from_ref(&path), false).unwrap();
+    store
+        .merge(MergedCases::All, std::slice::from_ref(&path))
+        .unwrap();
     store.keep_state(&claim, 12, &checkpoint(12)).unwrap();
     a.end(&theirs, &finished(State::Jammed)).unwrap();
-    store.merge(&[path], false).unwrap();
+    store.merge(MergedCases::All, &[path]).unwrap();
     let lost = store.keep_state(&claim, 16, &checkpoint(16));
     assert!(matches!(lost, Err(StoreError::ClaimLost { .. })));
     assert_eq!(store.counts().unwrap().jammed, 1);
@@ -299,14 +306,16 @@ fn complete_run_outranks_a_failure_and_retried_failures_stay_retried() {
             )),
             &campaign(CAMPAIGN),
         );
-        store.merge(&[order[0].clone()], false).unwrap();
-        store.merge(&[order[1].clone()], false).unwrap();
+        store.merge(MergedCases::All, &[order[0].clone()]).unwrap();
+        store.merge(MergedCases::All, &[order[1].clone()]).unwrap();
         let counts = store.counts().unwrap();
         assert_eq!((counts.done, counts.failed), (1, 0));
     }
     let mut store = open(at);
-    store.merge(std::slice::from_ref(&failed), false).unwrap();
+    store
+        .merge(MergedCases::All, std::slice::from_ref(&failed))
+        .unwrap();
     assert_eq!(store.retry_failed().unwrap(), 1);
-    store.merge(&[failed], false).unwrap();
+    store.merge(MergedCases::All, &[failed]).unwrap();
     assert_eq!(store.counts().unwrap().failed, 0);
 }

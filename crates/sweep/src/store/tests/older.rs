@@ -14,9 +14,7 @@ fn forget(path: &Path) {
          UPDATE points SET axes = json_remove(axes, '$.direction')";
     connection.execute_batch(views).unwrap();
     connection.execute_batch(forgotten).unwrap();
-    crate::store::entry::POINTS
-        .seal(&connection, "true", [])
-        .unwrap();
+    points::SEALED.seal(&connection, "true", []).unwrap();
 }
 
 /// A store of four runs with one result, of an earlier program.

@@ -195,7 +195,9 @@ fn whole_store_is_merged_whole() {
     let directory = tempfile::tempdir().unwrap();
     let store = mixed(directory.path());
     let mut new = Store::at(&directory.path().join("new.sqlite"), &campaign(CAMPAIGN));
-    let merged = new.merge(&[store.path().to_owned()], false).unwrap();
+    let merged = new
+        .merge(MergedCases::All, &[store.path().to_owned()])
+        .unwrap();
     assert_eq!(
         (
             merged.results,
@@ -247,7 +249,9 @@ fn damage_anywhere_neither_crashes_nor_lets_wrong_numbers_through() {
         std::fs::write(&broken, bytes).unwrap();
         let to = directory.path().join(format!("new-{page}-{cut}.sqlite"));
         let mut new = Store::at(&to, &campaign(CAMPAIGN));
-        let merged = new.merge(std::slice::from_ref(&broken), true).unwrap();
+        let merged = new
+            .merge(MergedCases::All, std::slice::from_ref(&broken))
+            .unwrap();
         for run in new.point_runs().unwrap() {
             if run.state == State::Done {
                 assert_eq!(format!("{:?}", Some(run)), good);

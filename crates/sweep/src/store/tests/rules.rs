@@ -128,7 +128,7 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
             shards.push(path);
         }
         shards.reverse();
-        merged.merge(&shards, true).unwrap();
+        merged.merge(MergedCases::All, &shards).unwrap();
     }
     assert_eq!(states(&merged), states(&store));
     let table = |store: &Store| -> Vec<(String, Option<u64>)> {
@@ -138,11 +138,6 @@ fn results_in_whatever_order_and_place_give_the_same_seeds() {
             .collect()
     };
     assert_eq!(table(&merged), table(&store));
-    // A new store that reuses the results of the first has nothing to compute.
-    let mut reusing = Store::at(&directory.path().join("reusing.sqlite"), &campaign(PRECISE));
-    reusing.reuse(&[store.path().to_owned()]).unwrap();
-    assert!(reusing.open_cases().unwrap().is_empty());
-    assert_eq!(table(&reusing), table(&store));
 }
 
 #[test]
@@ -195,44 +190,6 @@ fn failed_runs_use_up_their_seed_until_they_are_computed_again() {
         store.end(&claim, &run_of(10.0)).unwrap();
     }
     assert_eq!(store.counts().unwrap().done, 10);
-}
-
-#[test]
-fn discarded_strain_is_picked_for_each_point_and_recorded() {
-    let directory = tempfile::tempdir().unwrap();
-    let text = PRECISE
-        .replace("discard = 0.5", "discard = \"auto\"")
-        .replace(
-            "seeds = { precision = 0.05, at_least = 3, at_most = 8 }",
-            "seeds = 2",
-        );
-    let mut store = Store::at(&directory.path().join("small.sqlite"), &campaign(&text));
-    store.register(1).unwrap();
-    while let Some(claim) = store.next() {
-        // The first ten samples of the denser point are the initial transient; the steady part
-        // alternates slightly.
-        let run = run_of(10.0).with(|samples| {
-            for (n, (_, sample)) in samples.iter_mut().enumerate() {
-                let start = claim.case.params.area_fraction > 0.62 && n < 10;
-                sample.viscosity = if start {
-                    30.0
-                } else {
-                    10.0 + 0.01 * (n % 2) as f64
-                };
-            }
-        });
-        store.end(&claim, &run).unwrap();
-    }
-    let runs = store.point_runs().unwrap();
-    for run in runs {
-        let dense = run.params.area_fraction > 0.62;
-        let discard = run.discard().unwrap();
-        assert!(
-            (discard - if dense { 0.2 } else { 0.0 }).abs() < 1e-12,
-            "{discard}"
-        );
-        assert!((run.number("viscosity").unwrap() - 10.005).abs() < 1e-3);
-    }
 }
 
 #[test]
