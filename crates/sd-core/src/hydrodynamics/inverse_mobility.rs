@@ -5,18 +5,21 @@ use super::resistance::Fluid;
 use crate::error::Error;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::FixedArray as _;
+use crate::space::cell::Cell;
 
 /// Iterations after which a solve has failed. The condition number of M is some hundreds for
 /// spheres in contact, which takes a few dozen.
 const MAX_ITERATIONS: u32 = 1000;
 
-/// Force modes from velocity modes, `M q = x − V c` and `Vᵀ q = 0` with V the translations of a
-/// periodic layer, which no force can cause.
+/// Force modes from velocity modes, `M q = x`; on a periodic layer `M q = x − V c` and `Vᵀ q = 0`
+/// with V its translations, which no force can cause.
 pub(crate) struct InverseMobility<S: Fluid> {
     /// Drag of isolated spheres on all modes, which preconditions.
     drag: Vec<f64>,
     /// Sum of the drags on a translation of all spheres.
     uniform_drag: f64,
+    /// Number of directions of V.
+    drifts: usize,
     /// q.
     solution: Vec<f64>,
     residual: Vec<f64>,
@@ -27,11 +30,12 @@ pub(crate) struct InverseMobility<S: Fluid> {
 }
 
 impl<S: Fluid> InverseMobility<S> {
-    pub(crate) fn new(radii: &[f64]) -> Self {
+    pub(crate) fn new(cell: &Cell<S>, radii: &[f64]) -> Self {
         let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
         let drag = S::PerAnyMode::flat(&drag).to_vec();
         let vector = || vec![0.0; drag.len()];
         Self {
+            drifts: cell.lattice().map_or(0, |_| S::DRIFTS),
             uniform_drag: drag.iter().step_by(S::ALL_MODES).sum(),
             solution: vector(),
             residual: vector(),
@@ -88,7 +92,7 @@ impl<S: Fluid> InverseMobility<S> {
         let rows = self.residual.iter().zip(&self.drag);
         self.preconditioned.clear();
         self.preconditioned.extend(rows.map(|(r, drag)| r * drag));
-        for k in 0..S::DRIFTS {
+        for k in 0..self.drifts {
             let translations = || (k..self.drag.len()).step_by(S::ALL_MODES);
             let net: f64 = translations().map(|row| self.preconditioned[row]).sum();
             for row in translations() {

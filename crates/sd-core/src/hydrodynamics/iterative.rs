@@ -86,6 +86,13 @@ impl<S: Fluid> IterativeFarField<S> {
                 allowed: "1e-7 to 1e-2",
             });
         }
+        if *cell == Cell::Unbounded {
+            return Err(Error::OutOfRange {
+                field: "cell",
+                value: f64::INFINITY,
+                allowed: "periodic",
+            });
+        }
         let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
         let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
         Ok(Self {

@@ -42,8 +42,9 @@ use crate::space::neighbours::NeighbourList;
 use crate::space::{IncidentFlow, Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 
-/// The mobility of all force modes of the spheres of a periodic cell: forces, torques and
-/// stresslets, without lubrication. A product takes O(N log N).
+/// The mobility of all force modes of the spheres: forces, torques and stresslets, without
+/// lubrication. A product takes O(N log N) in a periodic cell, and O(N²) in unbounded fluid, where
+/// the blocks of all pairs are kept.
 ///
 /// ```
 /// use sd_core::cell::Cell;
@@ -79,14 +80,14 @@ impl<S: Fluid> Mobility<S> {
     /// Plans for cells of the sides of this one and for these spheres, at their first positions.
     ///
     /// # Arguments
-    /// - `cell`: periodic.
+    /// - `cell`: periodic or unbounded.
     /// - `radii`: one per sphere, in a.
     /// - `centres`: one per sphere, in a.
-    /// - `tolerance`: error of products over the largest entry of M, and relative residual of
-    ///   solves, 1e-8 to 1e-3.
+    /// - `tolerance`: error of products over the largest entry of M, which in unbounded fluid have
+    ///   none, and relative residual of solves, 1e-8 to 1e-3.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for unbounded fluid, a radius or the tolerance; [`Error::Length`];
+    /// [`Error::OutOfRange`] for a radius or the tolerance; [`Error::Length`];
     /// [`Error::OfSphere`] for a position that is not finite; [`Error::Overlap`].
     pub fn new(
         cell: &Cell<S>,
@@ -96,7 +97,7 @@ impl<S: Fluid> Mobility<S> {
     ) -> Result<Self, Error> {
         let mut mobility = Self {
             operator: FarOperator::new(cell, radii, tolerance)?,
-            inverse: InverseMobility::new(radii),
+            inverse: InverseMobility::new(cell, radii),
             radii: radii.to_vec(),
             tolerance,
             cell: *cell,
@@ -134,7 +135,7 @@ impl<S: Fluid> Mobility<S> {
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite; [`Error::NetForce`]
-    /// in a layer.
+    /// in a periodic layer.
     pub fn apply(&mut self, forces: &[f64], velocities: &mut [f64]) -> Result<(), Error> {
         let modes = S::ALL_MODES;
         check_lengths(forces, velocities, modes, self.radii.len())?;
@@ -145,7 +146,8 @@ impl<S: Fluid> Mobility<S> {
     }
 
     /// Force modes from velocity modes: the inverse of [`Mobility::apply`], by conjugate gradients.
-    /// In a layer the forces sum to zero, and a translation common to all spheres takes none.
+    /// In a periodic layer the forces sum to zero, and a translation common to all spheres takes
+    /// none.
     ///
     /// # Errors
     /// [`Error::Length`]; [`Error::OfSphere`] for a number that is not finite;
@@ -254,7 +256,7 @@ impl<S: Fluid> Resistance<S> {
         stage.assemble(cell, centres)?;
         Ok(Self {
             stage,
-            inverse: InverseMobility::new(radii),
+            inverse: InverseMobility::new(cell, radii),
             hydrodynamics,
             residual: settings.far_field_residual,
             cell: *cell,

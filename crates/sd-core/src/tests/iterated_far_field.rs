@@ -251,6 +251,7 @@ fn solves_repeat_their_bits_and_refuse_bad_input() {
     assert_eq!(solve(&forces).unwrap(), solve(&forces).unwrap());
     assert!(matches!(solve(&forces[1..]), Err(Error::Length { .. })));
     assert!(IterativeFarField::new(&cell, &radii, 1e-12).is_err());
+    assert!(IterativeFarField::<Layer>::new(&Cell::Unbounded, &radii, 1e-6).is_err());
 }
 
 #[test]

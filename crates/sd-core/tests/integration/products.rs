@@ -1,11 +1,12 @@
 //! Products and solves with the mobility and the resistance, planned once.
 
 use crate::common::spheres::{Spheres, difference, dot, spheres, vector};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 use sd_core::cell::Cell;
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::model::SolverSettings;
 use sd_core::products::{Mobility, Resistance};
+use sd_core::two_sphere::two_sphere_resistance;
 use sd_core::{
     Bulk, Error, Hydrodynamics, Layer, LeadingOrder, NearFields, RunSpace, VelocityGradient,
 };
@@ -77,19 +78,36 @@ fn resistance_of_a_suspension_is_symmetric_positive_definite_and_inverted() {
     resistance_is_symmetric_positive_definite_and_inverted::<Bulk>();
 }
 
+/// Spheres on a disordered lattice, in a cell and in unbounded fluid.
+fn with_and_without_images<S: RunSpace>(seed: f64) -> [Spheres<S>; 2] {
+    let unbounded = Spheres {
+        cell: Cell::Unbounded,
+        ..spheres(5, 2.2, seed)
+    };
+    [spheres(5, 2.2, seed), unbounded]
+}
+
 fn mobility_is_symmetric_positive_definite_and_inverted<S: RunSpace>() {
-    let (spheres, modes) = (spheres::<S>(5, 2.2, 0.0), S::MODES + S::STRAINS);
-    let (n, mut mobility) = (spheres.radii.len(), mobility(&spheres));
-    let [x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, modes, seed));
-    let [mut mx, mut my, mut back] = [(); 3].map(|()| vec![0.0; modes * n]);
-    mobility.apply(&x, &mut mx).unwrap();
-    mobility.apply(&y, &mut my).unwrap();
-    let size = (dot(&x, &mx) * dot(&y, &my)).sqrt();
-    assert!((dot(&y, &mx) - dot(&x, &my)).abs() < 1e-7 * size);
-    assert!(dot(&x, &mx) > 0.0 && dot(&y, &my) > 0.0);
-    mobility.solve(&mx, &mut back).unwrap();
-    let error = difference(&back, &x);
-    assert!(error < 1e-6, "{error:e}");
+    for spheres in with_and_without_images::<S>(0.0) {
+        let (n, mut mobility) = (spheres.radii.len(), mobility(&spheres));
+        let [mut x, y] = [0.4, 2.9].map(|seed| vector::<S>(n, S::ALL_MODES, seed));
+        if spheres.cell == Cell::Unbounded {
+            // A net force.
+            x[0] += 5.0;
+        }
+        let [mut mx, mut my, mut back] = [(); 3].map(|()| vec![0.0; S::ALL_MODES * n]);
+        mobility.apply(&x, &mut mx).unwrap();
+        mobility.apply(&y, &mut my).unwrap();
+        let size = (dot(&x, &mx) * dot(&y, &my)).sqrt();
+        assert!((dot(&y, &mx) - dot(&x, &my)).abs() < 1e-7 * size);
+        assert!(dot(&x, &mx) > 0.0 && dot(&y, &my) > 0.0);
+        mobility.solve(&mx, &mut back).unwrap();
+        let error = difference(&back, &x);
+        assert!(error < 1e-6, "{error:e}");
+        mobility.apply(&back, &mut my).unwrap();
+        let error = difference(&my, &mx);
+        assert!(error < 1e-6, "{error:e}");
+    }
 }
 
 #[test]
@@ -240,18 +258,20 @@ fn moved_spheres_have_the_bits_of_a_new_plan<S: RunSpace>() {
         );
         assert_eq!(numbers(&mut planned, n), moved, "{what}");
     }
-    let [before, after] = [0.0, 4.0].map(|seed| spheres::<S>(5, 2.2, seed));
-    let (n, modes) = (before.radii.len(), S::MODES + S::STRAINS);
-    let x = vector::<S>(n, modes, 0.4);
-    let mut planned = mobility(&before);
-    planned.set_positions(&after.cell, &after.centres).unwrap();
-    let [mut moved, mut new] = [(); 2].map(|()| vec![0.0; modes * n]);
-    planned.apply(&x, &mut moved).unwrap();
-    mobility(&after).apply(&x, &mut new).unwrap();
-    assert_eq!(moved, new);
-    planned.solve(&x, &mut moved).unwrap();
-    mobility(&after).solve(&x, &mut new).unwrap();
-    assert_eq!(moved, new);
+    let [before, after] = [0.0, 4.0].map(with_and_without_images::<S>);
+    for (before, after) in before.into_iter().zip(after) {
+        let n = before.radii.len();
+        let x = vector::<S>(n, S::ALL_MODES, 0.4);
+        let mut planned = mobility(&before);
+        planned.set_positions(&after.cell, &after.centres).unwrap();
+        let [mut moved, mut new] = [(); 2].map(|()| vec![0.0; S::ALL_MODES * n]);
+        planned.apply(&x, &mut moved).unwrap();
+        mobility(&after).apply(&x, &mut new).unwrap();
+        assert_eq!(moved, new);
+        planned.solve(&x, &mut moved).unwrap();
+        mobility(&after).solve(&x, &mut new).unwrap();
+        assert_eq!(moved, new);
+    }
 }
 
 #[test]
@@ -262,6 +282,40 @@ fn moved_spheres_of_a_layer_have_the_bits_of_a_new_plan() {
 #[test]
 fn moved_spheres_of_a_suspension_have_the_bits_of_a_new_plan() {
     moved_spheres_have_the_bits_of_a_new_plan::<Bulk>();
+}
+
+/// The mobility has the first multipoles of a sphere: what it neglects falls with the distance.
+#[test]
+fn mobility_of_two_spheres_far_apart_is_that_of_the_exact_functions() {
+    let radii = [1.0, 0.7];
+    let x: [f64; 12] = vector::<Bulk>(2, 6, 0.3).try_into().unwrap();
+    let errors = [5.0, 10.0, 20.0].map(|distance| {
+        let exact = two_sphere_resistance(radii[0], radii[1], distance).unwrap();
+        let expected = exact * SVector::from(x);
+        let centres = [Vector2::zeros(), Vector2::new(distance, 0.0)];
+        let mut layer = Mobility::<Layer>::new(&Cell::Unbounded, &radii, &centres, 1e-8).unwrap();
+        let mut forces = vec![0.0; 12];
+        layer.solve(&x, &mut forces).unwrap();
+
+        // The same modes in three dimensions.
+        let centres = [Vector3::zeros(), Vector3::new(distance, 0.0, 0.0)];
+        let mut pair = Mobility::<Bulk>::new(&Cell::Unbounded, &radii, &centres, 1e-8).unwrap();
+        let planar = [0, 1, 5, 6, 7, 8];
+        let (mut all, mut found) = ([0.0; 22], [0.0; 22]);
+        for (k, x) in x.iter().enumerate() {
+            all[11 * (k / 6) + planar[k % 6]] = *x;
+        }
+        pair.solve(&all, &mut found).unwrap();
+        let found: Vec<f64> = (0..12)
+            .map(|k| found[11 * (k / 6) + planar[k % 6]])
+            .collect();
+        assert!(difference(&found, &forces) < 1e-7, "{distance}");
+        difference(&forces, expected.as_slice())
+    });
+    assert!(errors[0] < 1e-3, "{errors:?}");
+    for pair in errors.windows(2) {
+        assert!(pair[1] < pair[0] / 16.0, "{errors:?}");
+    }
 }
 
 #[test]
@@ -361,9 +415,7 @@ fn bad_input_is_refused_with_the_sphere_and_the_number() {
         .err()
         .unwrap();
     assert!(matches!(error, Error::Overlap { .. }), "{error}");
-    let error = Mobility::<Bulk>::new(&Cell::Unbounded, &[1.0], &[Vector3::zeros()], 1e-6);
-    assert!(matches!(
-        error.err().unwrap(),
-        Error::OutOfRange { field: "cell", .. }
-    ));
+    let mut alone = Mobility::new(&Cell::Unbounded, &[1.0], &[Vector3::zeros()], 1e-6).unwrap();
+    let error = alone.set_positions(&cell, &[Vector3::zeros()]).unwrap_err();
+    assert!(matches!(error, Error::OutOfRange { .. }), "{error}");
 }

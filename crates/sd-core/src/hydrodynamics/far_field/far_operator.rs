@@ -1,9 +1,10 @@
-//! The periodic mobility as an operator: `M x` in O(N log N), M never formed.
+//! The mobility as an operator, M never formed: `M x` takes O(N log N) in a periodic cell, and in
+//! unbounded fluid a sum over all pairs.
 //!
-//! The short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part goes
-//! through a grid (`wave_grid`). Kernels, modes and order of rows are those of the dense mobility,
-//! but **without the uniform force mode** of a layer: a force common to all spheres moves none of
-//! them here, where the dense matrix has an arbitrary constant.
+//! In a cell the short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part
+//! goes through a grid (`wave_grid`). Kernels and modes are those of the dense mobility, but
+//! **without the uniform force mode** of a periodic layer: a force common to all spheres moves none
+//! of them here, where the dense matrix has an arbitrary constant.
 
 use super::ewald;
 use super::real_space::RealSpace;
@@ -13,7 +14,7 @@ use super::{Splitting, check, check_content, wave_space};
 use crate::error::Error;
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
 use crate::hydrodynamics::free_space::kernels::{self, FiniteSize};
-use crate::hydrodynamics::free_space::planar::RadialChain;
+use crate::hydrodynamics::free_space::planar::{RadialChain, pair_lanes};
 use crate::hydrodynamics::free_space::spatial::{couplings, finite_size, self_mobility};
 use crate::linalg::simd::vectorised;
 use crate::space::cell::{Cell, Lattice};
@@ -23,11 +24,11 @@ use crate::space::{Bulk, FixedArray, Layer, Space};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The parts of the periodic mobility that differ between layers and suspensions.
+/// The parts of the mobility that differ between layers and suspensions.
 pub trait FarSpace: Space {
     /// A value for each component of a vector.
     type PerComponent<T: Copy>: FixedArray<T>;
-    /// The short-ranged part of M.
+    /// The short-ranged part of M in a periodic cell.
     type NearPart: NearPart<Self>;
     /// Measured nanoseconds of a near pair, and of the wave vectors in one cell of the reciprocal
     /// lattice with their share of the grid, in an application.
@@ -52,7 +53,7 @@ pub trait FarSpace: Space {
     fn transforms(k: &Self::Vector, alpha: f64) -> [f64; 3];
 }
 
-/// The short-ranged part of M.
+/// The short-ranged part of M in a periodic cell.
 pub trait NearPart<S: FarSpace>: Sized {
     /// What a pair adds to M.
     type Block: Copy;
@@ -62,6 +63,9 @@ pub trait NearPart<S: FarSpace>: Sized {
 
     /// The block of sphere i from sphere j; `x`: from j to i.
     fn block(&self, x: &S::Vector, i: &FiniteSize, j: &FiniteSize) -> Self::Block;
+
+    /// The block of sphere i from sphere j in unbounded fluid.
+    fn unbounded(x: &S::Vector, i: &FiniteSize, j: &FiniteSize) -> Self::Block;
 
     /// Adds the product of a block, and of its transpose, with the modes of both spheres.
     fn add(
@@ -80,10 +84,19 @@ type NearPair<S> = (
     <<S as FarSpace>::NearPart as NearPart<S>>::Block,
 );
 
-/// The periodic mobility, planned for a cell's area or volume, radii and a tolerance; applied at
-/// the positions last given.
+/// The mobility, planned for a cell's area or volume, radii and a tolerance; applied at the
+/// positions last given.
 pub(crate) struct FarOperator<S: FarSpace> {
     sizes: Vec<FiniteSize>,
+    /// The sums over images; `None` in unbounded fluid.
+    periodic: Option<Periodic<S>>,
+    pairs: Vec<NearPair<S>>,
+    /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
+    own: Vec<S::PerAnyMode<f64>>,
+}
+
+/// The sums over all images.
+struct Periodic<S: FarSpace> {
     /// Area or volume of the cell that was planned for, in a² or a³.
     content: f64,
     /// Range of the near pairs, in a.
@@ -93,27 +106,25 @@ pub(crate) struct FarOperator<S: FarSpace> {
     list: NeighbourList<S>,
     /// Unit radii for the list of pairs, so that its range is a distance.
     units: Vec<f64>,
-    pairs: Vec<NearPair<S>>,
-    /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
-    own: Vec<S::PerAnyMode<f64>>,
 }
 
 impl<S: FarSpace> FarOperator<S> {
     /// Makes the plan with the cheapest applications.
     ///
     /// # Arguments
-    /// - `cell`: periodic; may differ in every call of [`FarOperator::update`], if its area or
-    ///   volume stays the same.
+    /// - `cell`: may differ in every call of [`FarOperator::update`], if its area or volume stays
+    ///   the same.
     /// - `radii`: one per sphere, in a.
     /// - `tolerance`: of M, relative to its largest entry, 1e-8 to 1e-3: the grid's window leaves a
     ///   few 1e-9.
     ///
     /// # Errors
-    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance, or a cell without
-    /// bounds.
+    /// [`Error::NoSpheres`]; [`Error::OutOfRange`] for a radius or tolerance.
     pub(crate) fn new(cell: &Cell<S>, radii: &[f64], tolerance: f64) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
-        let lattice = periodic(cell)?;
+        let Some(lattice) = cell.lattice() else {
+            return Self::with_splitting(cell, radii, tolerance, 0.0);
+        };
         let (n, content) = (radii.len() as f64, lattice.content());
         let [pair_cost, wave_cost] = S::COSTS;
         let mut best = (f64::INFINITY, 0.0);
@@ -140,7 +151,7 @@ impl<S: FarSpace> FarOperator<S> {
         Self::with_splitting(cell, radii, tolerance, best.1)
     }
 
-    /// As [`FarOperator::new`] with a given splitting parameter α, in 1/a: for tests of the sums.
+    /// As [`FarOperator::new`] with a given splitting parameter α, in 1/a; 0 in unbounded fluid.
     ///
     /// # Errors
     /// As [`FarOperator::new`].
@@ -151,9 +162,6 @@ impl<S: FarSpace> FarOperator<S> {
         alpha: f64,
     ) -> Result<Self, Error> {
         check_plan(radii, tolerance)?;
-        let lattice = periodic(cell)?;
-        let content = lattice.content();
-        let splitting = S::splitting(alpha, content, radii, tolerance);
         let sizes: Vec<_> = radii.iter().map(|&a| FiniteSize::new(a)).collect();
         let image = couplings(&RadialChain::own_image(alpha));
         let own = sizes.iter().zip(radii).map(|(size, &radius)| {
@@ -165,13 +173,20 @@ impl<S: FarSpace> FarOperator<S> {
             ];
             S::restricted(&std::array::from_fn(|k| numbers[(k / 3).min(2)]))
         });
+        let periodic = cell.lattice().map(|lattice| {
+            let content = lattice.content();
+            let splitting = S::splitting(alpha, content, radii, tolerance);
+            Periodic {
+                content,
+                reach: splitting.distance,
+                near: S::NearPart::new(splitting, radii, tolerance),
+                grid: Grid::new(lattice, &sizes, splitting, tolerance),
+                list: NeighbourList::new(radii.len()),
+                units: vec![1.0; radii.len()],
+            }
+        });
         Ok(Self {
-            content,
-            reach: splitting.distance,
-            near: S::NearPart::new(splitting, radii, tolerance),
-            grid: Grid::new(lattice, &sizes, splitting, tolerance),
-            list: NeighbourList::new(radii.len()),
-            units: vec![1.0; radii.len()],
+            periodic,
             pairs: Vec::new(),
             own: own.collect(),
             sizes,
@@ -181,7 +196,10 @@ impl<S: FarSpace> FarOperator<S> {
     /// Whether no sphere has two images of another in range.
     #[cfg(test)]
     pub(super) fn is_within_one_image(&self, cell: &Cell<S>) -> bool {
-        is_within_one_image(self.reach, cell.lattice().unwrap())
+        is_within_one_image(
+            self.periodic.as_ref().unwrap().reach,
+            cell.lattice().unwrap(),
+        )
     }
 
     /// Sets new positions. Allocates only when the number of near pairs exceeds its previous
@@ -197,22 +215,32 @@ impl<S: FarSpace> FarOperator<S> {
                 expected: self.sizes.len(),
             });
         }
-        check_content(cell, Some(self.content))?;
-        let lattice = periodic(cell)?;
-        self.grid.update(lattice, centres);
-        let is_within_one_image = is_within_one_image(self.reach, lattice);
-        if is_within_one_image {
-            self.list.find(cell, centres, &self.units, self.reach);
-        }
-        let Self {
-            pairs,
-            list,
-            near,
-            sizes,
-            reach,
-            ..
-        } = self;
+        let planned = self.periodic.as_ref();
+        check_content(cell, planned.map(|periodic| periodic.content))?;
+        let (pairs, sizes) = (&mut self.pairs, &self.sizes);
         pairs.clear();
+        let (Some(periodic), Some(lattice)) = (&mut self.periodic, cell.lattice()) else {
+            for i in 0..centres.len() {
+                pairs.extend((i + 1..centres.len()).map(|j| {
+                    let x = centres[i] - centres[j];
+                    (i, j, S::NearPart::unbounded(&x, &sizes[i], &sizes[j]))
+                }));
+            }
+            return Ok(());
+        };
+        let Periodic {
+            reach,
+            near,
+            grid,
+            list,
+            units,
+            ..
+        } = periodic;
+        grid.update(lattice, centres);
+        let is_within_one_image = is_within_one_image(*reach, lattice);
+        if is_within_one_image {
+            list.find(cell, centres, units, *reach);
+        }
         vectorised(
             #[inline(always)]
             || {
@@ -247,11 +275,9 @@ impl<S: FarSpace> FarOperator<S> {
     /// `operator_is_the_dense_mobility` of layers and of suspensions.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let (n, x, y) = (self.sizes.len(), S::all_modes(x), S::all_modes_mut(y));
-        let Self {
-            grid, pairs, own, ..
-        } = self;
+        let (pairs, own) = (&self.pairs, &self.own);
         for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
-            for ((x, y), own) in x.iter().zip(y).zip(&*own) {
+            for ((x, y), own) in x.iter().zip(y).zip(own) {
                 for k in 0..S::ALL_MODES {
                     y[k] = x[k] * own[k];
                 }
@@ -260,7 +286,7 @@ impl<S: FarSpace> FarOperator<S> {
         vectorised(
             #[inline(always)]
             || {
-                for (i, j, block) in &*pairs {
+                for (i, j, block) in pairs {
                     for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
                         let (mut to_i, mut to_j) = (y[*i], FixedArray::each(0.0));
                         S::NearPart::add(block, &x[*i], &x[*j], &mut to_i, &mut to_j);
@@ -272,8 +298,10 @@ impl<S: FarSpace> FarOperator<S> {
                 }
             },
         );
-        for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
-            grid.add(x, y);
+        if let Some(periodic) = &mut self.periodic {
+            for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+                periodic.grid.add(x, y);
+            }
         }
     }
 }
@@ -328,6 +356,11 @@ impl NearPart<Layer> for RealSpace {
         }
         let ij = kernels::finite_size(&point, &laplacian, &i.factors(j));
         let ji = kernels::finite_size(&point, &laplacian, &j.factors(i));
+        kernels::blocks(&ij, &ji).to_modes()
+    }
+
+    fn unbounded(x: &Vec2, i: &FiniteSize, j: &FiniteSize) -> ModeBlock {
+        let [ij, ji] = pair_lanes(*x, i, j);
         kernels::blocks(&ij, &ji).to_modes()
     }
 
@@ -391,6 +424,15 @@ pub struct Directed {
     coupling: Coupling,
 }
 
+/// The block of two spheres from a Green's function.
+#[inline(always)]
+fn directed(x: &Vector3<f64>, chain: &RadialChain, i: &FiniteSize, j: &FiniteSize) -> Directed {
+    Directed {
+        normal: x.normalize(),
+        coupling: finite_size(&couplings(chain), i, j),
+    }
+}
+
 impl NearPart<Bulk> for Screened {
     type Block = Directed;
 
@@ -402,11 +444,16 @@ impl NearPart<Bulk> for Screened {
 
     #[inline(always)]
     fn block(&self, x: &Vector3<f64>, i: &FiniteSize, j: &FiniteSize) -> Directed {
-        let chain = RadialChain::screened(x.norm_squared(), self.alpha);
-        Directed {
-            normal: x.normalize(),
-            coupling: finite_size(&couplings(&chain), i, j),
-        }
+        directed(
+            x,
+            &RadialChain::screened(x.norm_squared(), self.alpha),
+            i,
+            j,
+        )
+    }
+
+    fn unbounded(x: &Vector3<f64>, i: &FiniteSize, j: &FiniteSize) -> Directed {
+        directed(x, &RadialChain::distance(x.norm_squared()), i, j)
     }
 
     #[inline(always)]
@@ -486,15 +533,6 @@ fn check_plan(radii: &[f64], tolerance: f64) -> Result<(), Error> {
         });
     }
     Ok(())
-}
-
-/// The lattice of a periodic cell.
-fn periodic<S: Space>(cell: &Cell<S>) -> Result<&Lattice<S>, Error> {
-    cell.lattice().ok_or(Error::OutOfRange {
-        field: "cell",
-        value: f64::INFINITY,
-        allowed: "periodic",
-    })
 }
 
 #[cfg(test)]

@@ -91,6 +91,23 @@ fn operator_is_the_dense_mobility() {
 }
 
 #[test]
+fn operator_is_the_dense_mobility_in_unbounded_fluid() {
+    let (_, centres) = layer(5, 6, 0.6, 0.2, 0.0);
+    for unequal in [false, true] {
+        let radii = radii(unequal);
+        let mut field = FarField::new(&Cell::Unbounded, &radii, 1e-8).unwrap();
+        let expected = mobility(&mut field, &Cell::Unbounded, &centres);
+        let mut operator = FarOperator::new(&Cell::Unbounded, &radii, 1e-8).unwrap();
+        operator.update(&Cell::Unbounded, &centres).unwrap();
+        let found = whole(&mut operator);
+        for (i, j) in (0..180).flat_map(|i| (0..180).map(move |j| (i, j))) {
+            let error = (expected[(i, j)] - found[(i, j)]).abs();
+            assert!(error < 1e-15, "{unequal} {i} {j}: {error:e}");
+        }
+    }
+}
+
+#[test]
 fn operator_does_not_depend_on_the_splitting() {
     let (cell, centres) = layer(5, 6, 0.6, 0.2, -3.3);
     let radii = radii(true);
@@ -133,7 +150,10 @@ fn cost_grows_with_the_number_of_spheres_alone() {
         let radii = vec![1.0; side * side];
         let mut operator = FarOperator::new(&cell, &radii, 1e-7).unwrap();
         operator.update(&cell, &centres).unwrap();
-        let (pairs, points) = (operator.pairs.len(), operator.grid.points());
+        let (pairs, points) = (
+            operator.pairs.len(),
+            operator.periodic.as_ref().unwrap().grid.points(),
+        );
         (pairs + points) as f64 / radii.len() as f64
     });
     assert!(
@@ -146,7 +166,6 @@ fn cost_grows_with_the_number_of_spheres_alone() {
 fn bad_input_is_refused() {
     let (cell, centres) = layer(5, 6, 0.6, 0.2, 1.0);
     let radii = radii(false);
-    assert!(FarOperator::<Layer>::new(&Cell::Unbounded, &radii, 1e-8).is_err());
     assert!(FarOperator::new(&cell, &[], 1e-8).is_err());
     assert!(FarOperator::new(&cell, &radii, f64::NAN).is_err());
     assert!(FarOperator::new(&cell, &radii, 1e-9).is_err());
@@ -154,4 +173,7 @@ fn bad_input_is_refused() {
     assert!(operator.update(&cell, &centres[1..]).is_err());
     let other = Cell::equal_sides(20.0, 0.0).unwrap();
     assert!(operator.update(&other, &centres).is_err());
+    assert!(operator.update(&Cell::Unbounded, &centres).is_err());
+    let mut unbounded = FarOperator::new(&Cell::Unbounded, &radii, 1e-8).unwrap();
+    assert!(unbounded.update(&other, &centres).is_err());
 }
