@@ -32,7 +32,7 @@ mod twist;
 pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;
-pub use pair_term::{PairTerm, PairVector};
+pub use pair_term::PairTerm;
 pub use table::{NEAR_FIELD_VERSION, NearField, NearFieldRange};
 pub(crate) use table::{RANGES, range_of};
 pub use twist::twist;

@@ -35,7 +35,7 @@ use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::inverse_mobility::InverseMobility;
-use crate::hydrodynamics::resistance::{Fluid, NearFields, NearTerm as _};
+use crate::hydrodynamics::resistance::{Fluid, NearFields, NearTerm as _, modes_in_strain};
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
@@ -330,33 +330,32 @@ impl<S: Fluid> Resistance<S> {
         // these give way to the far field itself.
         self.modes.clear();
         for (sphere, velocity) in S::by_sphere(velocities).iter().enumerate() {
-            let strain = incident.at(sphere);
-            self.modes.extend_from_slice(velocity.as_ref());
-            self.modes.extend((0..S::STRAINS).map(|k| -strain[k]));
+            let modes = modes_in_strain::<S>(velocity, incident.at(sphere));
+            self.modes.extend_from_slice(modes.as_ref());
         }
         let far = self.inverse.solve(operator, &self.modes, self.residual)?;
         let near = &self.stage.resistance;
-        let (of_spheres, motions) = (S::by_sphere_mut(forces), S::by_sphere(velocities));
+        let (of_spheres, modes) = (S::by_sphere_mut(forces), S::all_modes(&self.modes));
         for (pair, term) in near.far_pairs() {
-            let (i, j) = (pair.i, pair.j);
-            let both = [motions[i], motions[j]];
-            let strains = [incident.at(i), incident.at(j)];
-            let (force, stresslet) = term.counterforces(&pair.normal, &both, strains);
-            for (sphere, k) in [(i, 0), (j, 1)] {
+            let both = [pair.i, pair.j];
+            let approximate = term.apply(&pair.normal, &both.map(|sphere| modes[sphere]));
+            for (sphere, approximate) in both.into_iter().zip(approximate) {
                 for m in 0..S::MODES {
-                    of_spheres[sphere][m] -= force[k][m];
+                    of_spheres[sphere][m] -= approximate[m];
                 }
-                self.stresslets[sphere] -= stresslet[k];
+                for k in 0..S::STRAINS {
+                    self.stresslets[sphere][k] += approximate[S::MODES + k];
+                }
             }
         }
         for (sphere, (far, &radius)) in S::all_modes(far).iter().zip(near.radii()).enumerate() {
             let (drag, of_strain) = S::isolated(radius);
             for m in 0..S::MODES {
-                of_spheres[sphere][m] += far[m] - drag[m] * motions[sphere][m];
+                of_spheres[sphere][m] += far[m] - drag[m] * modes[sphere][m];
             }
-            let strain = incident.at(sphere);
-            for k in 0..S::STRAINS {
-                self.stresslets[sphere][k] -= far[S::MODES + k] + of_strain * strain[k];
+            for k in S::MODES..S::ALL_MODES {
+                let approximate = of_strain * modes[sphere][k];
+                self.stresslets[sphere][k - S::MODES] -= far[k] - approximate;
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! The hydrodynamics of a suspension.
 
-use super::fluid::{Both, FarMatrix, Fluid, NearTerm};
+use super::fluid::{FarMatrix, Fluid, NearTerm};
 use super::reach::Reach;
 use crate::error::Error;
 use crate::hydrodynamics::far_field::suspension::DenseMobility;
@@ -11,7 +11,6 @@ use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::cholesky::trailing::trailing_inverse;
 use crate::linalg::dense::Matrix;
 use crate::space::Bulk;
-use crate::space::bulk::Strain;
 use crate::space::cell::Cell;
 use nalgebra::Vector3;
 
@@ -75,23 +74,6 @@ impl BulkTerm {
             _ => self.0[p + q],
         }
     }
-
-    /// All modes of both spheres.
-    #[inline(always)]
-    fn apply(&self, n: &Vector3<f64>, x: &[Modes; 2]) -> [Modes; 2] {
-        let mut y = [[0.0; MODES]; 2];
-        let [own_i, coupling, own_j] = &self.0;
-        own_i.add(n, &x[0], &mut y[0]);
-        own_j.add(n, &x[1], &mut y[1]);
-        coupling.add(n, &x[0], &mut y[1]);
-        coupling.transposed().add(n, &x[1], &mut y[0]);
-        y
-    }
-}
-
-/// Velocities of a sphere in an incident strain.
-fn in_strain(v: &[f64; 6], strain: &Strain) -> Modes {
-    std::array::from_fn(|k| if k < 6 { v[k] } else { -strain[k - 6] })
 }
 
 impl NearTerm<Bulk> for BulkTerm {
@@ -117,24 +99,14 @@ impl NearTerm<Bulk> for BulkTerm {
     }
 
     #[inline(always)]
-    fn background_forces(&self, n: &Vector3<f64>, strains: [&Strain; 2]) -> Both<Bulk> {
-        let y = self.apply(n, &strains.map(|strain| in_strain(&[0.0; 6], strain)));
-        y.map(|y| std::array::from_fn(|k| -y[k]))
-    }
-
-    #[inline(always)]
-    fn counterforces(
-        &self,
-        n: &Vector3<f64>,
-        v: &Both<Bulk>,
-        strains: [&Strain; 2],
-    ) -> (Both<Bulk>, [Strain; 2]) {
-        let y = self.apply(
-            n,
-            &[in_strain(&v[0], strains[0]), in_strain(&v[1], strains[1])],
-        );
-        let forces = y.map(|y| std::array::from_fn(|k| y[k]));
-        (forces, y.map(|y| -Strain::from_column_slice(&y[6..])))
+    fn apply(&self, n: &Vector3<f64>, x: &[Modes; 2]) -> [Modes; 2] {
+        let mut y = [[0.0; MODES]; 2];
+        let [own_i, coupling, own_j] = &self.0;
+        own_i.add(n, &x[0], &mut y[0]);
+        own_j.add(n, &x[1], &mut y[1]);
+        coupling.add(n, &x[0], &mut y[1]);
+        coupling.transposed().add(n, &x[1], &mut y[0]);
+        y
     }
 }
 

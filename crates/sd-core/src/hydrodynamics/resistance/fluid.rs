@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarSpace;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
-use crate::space::Space;
 use crate::space::cell::Cell;
+use crate::space::{FixedArray as _, Space};
 
 /// A space with its hydrodynamics.
 pub trait Fluid: FarSpace {
@@ -35,8 +35,6 @@ pub trait Fluid: FarSpace {
     fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
 }
 
-/// Forces and torques, or velocities, of two spheres.
-pub(crate) type Both<S> = [<S as Space>::PerMode<f64>; 2];
 /// Modes of one sphere from those of another, by columns.
 pub(crate) type ModeBlock<S> = <S as Space>::PerAnyMode<<S as Space>::PerAnyMode<f64>>;
 
@@ -54,16 +52,24 @@ pub trait NearTerm<S: Fluid>: Copy {
     /// All modes of sphere p from those of q.
     fn mode_block(&self, n: &S::Vector, p: usize, q: usize) -> ModeBlock<S>;
 
-    /// The forces with which the incident strains drive both spheres.
-    fn background_forces(&self, n: &S::Vector, strains: [&S::Strain; 2]) -> Both<S>;
+    /// Force modes of both spheres from their velocity modes, `(U, Ω, −e)`.
+    fn apply(&self, n: &S::Vector, x: &[S::PerAnyMode<f64>; 2]) -> [S::PerAnyMode<f64>; 2];
+}
 
-    /// Counterforces and stresslets for disturbances v in the incident strains.
-    fn counterforces(
-        &self,
-        n: &S::Vector,
-        v: &Both<S>,
-        strains: [&S::Strain; 2],
-    ) -> (Both<S>, [S::Strain; 2]);
+/// The velocity modes `(v, −e)` of a sphere in an incident strain.
+#[inline(always)]
+pub(crate) fn modes_in_strain<S: Space>(
+    v: &S::PerMode<f64>,
+    strain: &S::Strain,
+) -> S::PerAnyMode<f64> {
+    let mut modes = S::PerAnyMode::each(0.0);
+    for k in 0..S::MODES {
+        modes[k] = v[k];
+    }
+    for k in 0..S::STRAINS {
+        modes[S::MODES + k] = -strain[k];
+    }
+    modes
 }
 
 /// The far field in full matrices.

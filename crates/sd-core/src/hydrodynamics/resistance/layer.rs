@@ -1,17 +1,16 @@
 //! The hydrodynamics of a layer.
 
-use super::fluid::{Both, FarMatrix, Fluid, NearTerm};
+use super::fluid::{FarMatrix, Fluid, NearTerm};
 use super::isolated;
 use super::reach::Reach;
 use crate::error::Error;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
 use crate::hydrodynamics::free_space::planar::self_mobility;
-use crate::hydrodynamics::two_sphere::{PairTerm, PairVector};
+use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
 use crate::space::Layer;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
-use nalgebra::Vector3;
 use std::f64::consts::PI;
 
 /// Drag, over that of free spheres, on the uniform translation of a periodic layer. The fluid does
@@ -57,19 +56,6 @@ impl Fluid for Layer {
     }
 }
 
-/// `(U_x, U_y, Ω)` of both spheres in one vector.
-fn joined(both: &Both<Layer>) -> PairVector {
-    let mut vector = PairVector::zeros();
-    vector.as_mut_slice()[..3].copy_from_slice(&both[0]);
-    vector.as_mut_slice()[3..].copy_from_slice(&both[1]);
-    vector
-}
-
-/// Splits such a vector by sphere.
-fn parted(vector: &PairVector) -> Both<Layer> {
-    [0, 3].map(|k| [vector[k], vector[k + 1], vector[k + 2]])
-}
-
 impl NearTerm<Layer> for PairTerm {
     #[inline]
     fn add(&mut self, other: &Self) {
@@ -93,21 +79,9 @@ impl NearTerm<Layer> for PairTerm {
         Self::mode_block(self, *n, p, q)
     }
 
-    fn background_forces(&self, n: &Vec2, [e_i, e_j]: [&Vector3<f64>; 2]) -> Both<Layer> {
-        parted(&self.force_from_strain(*n, e_i, e_j))
-    }
-
-    fn counterforces(
-        &self,
-        &n: &Vec2,
-        v: &Both<Layer>,
-        [e_i, e_j]: [&Vector3<f64>; 2],
-    ) -> (Both<Layer>, [Vector3<f64>; 2]) {
-        let v = joined(v);
-        let force = self.force_velocity(n) * v - self.force_from_strain(n, e_i, e_j);
-        let s = self.stresslet_from_strain(n, e_i, e_j) - self.stresslet_from_velocity(n, &v);
-        let stresslets = [s.fixed_rows::<3>(0).into(), s.fixed_rows::<3>(3).into()];
-        (parted(&force), stresslets)
+    #[inline(always)]
+    fn apply(&self, n: &Vec2, x: &[[f64; 6]; 2]) -> [[f64; 6]; 2] {
+        Self::apply(self, *n, x)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The near-field terms of all pairs in range, and their contributions to matrices and vectors.
 
-use super::fluid::{Both, Fluid, NearTerm};
+use super::fluid::{Fluid, NearTerm, modes_in_strain};
 use crate::linalg::dense::Matrix;
 use crate::space::pair::Neighbours;
 use crate::space::{Space, Strains};
@@ -68,9 +68,15 @@ pub(super) fn add_background_forces<S: Fluid>(
     strains: Strains<'_, S>,
     forces: &mut [f64],
 ) {
+    let (forces, at_rest) = (S::by_sphere_mut(forces), S::each(0.0));
     for (pair, term) in pairs.iter().zip(terms) {
-        let strains = [strains.at(pair.i), strains.at(pair.j)];
-        add_pair(forces, pair, &term.background_forces(&pair.normal, strains));
+        let both = [pair.i, pair.j];
+        let x = both.map(|sphere| modes_in_strain::<S>(&at_rest, strains.at(sphere)));
+        for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
+            for k in 0..S::MODES {
+                forces[sphere][k] -= y[k];
+            }
+        }
     }
 }
 
@@ -84,23 +90,17 @@ pub(super) fn add_counterforces<S: Fluid>(
     forces: &mut [f64],
     stresslets: &mut [S::Strain],
 ) {
-    let velocities = S::by_sphere(velocities);
+    let (velocities, forces) = (S::by_sphere(velocities), S::by_sphere_mut(forces));
     for (pair, term) in pairs.iter().zip(terms) {
-        let (i, j) = (pair.i, pair.j);
-        let v = [velocities[i], velocities[j]];
-        let strains = [strains.at(i), strains.at(j)];
-        let (force, stresslet) = term.counterforces(&pair.normal, &v, strains);
-        add_pair(forces, pair, &force);
-        stresslets[i] += stresslet[0];
-        stresslets[j] += stresslet[1];
-    }
-}
-
-/// Adds the forces on both spheres of a pair.
-fn add_pair<S: Space>(forces: &mut [f64], pair: &Neighbours<S>, added: &Both<S>) {
-    let forces = S::by_sphere_mut(forces);
-    for m in 0..S::MODES {
-        forces[pair.i][m] += added[0][m];
-        forces[pair.j][m] += added[1][m];
+        let both = [pair.i, pair.j];
+        let x = both.map(|sphere| modes_in_strain::<S>(&velocities[sphere], strains.at(sphere)));
+        for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
+            for k in 0..S::MODES {
+                forces[sphere][k] += y[k];
+            }
+            for k in 0..S::STRAINS {
+                stresslets[sphere][k] -= y[S::MODES + k];
+            }
+        }
     }
 }
