@@ -49,6 +49,16 @@ pub(crate) fn horner<const N: usize, const L: usize>(powers: &[[f64; L]; N], x: 
     sums
 }
 
+/// The values at (x, y) of polynomials in both, from coefficients by the power of x, then of y.
+#[inline(always)]
+pub(crate) fn horner_of_two<const N: usize, const M: usize, const L: usize>(
+    powers: &[[[f64; L]; M]; N],
+    x: f64,
+    y: f64,
+) -> [f64; L] {
+    horner(&powers.each_ref().map(|powers| horner(powers, y)), x)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

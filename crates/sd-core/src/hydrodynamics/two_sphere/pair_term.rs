@@ -40,11 +40,7 @@ fn rotated([x, y, spin, e1, e2, e3]: [f64; 6], n: Vec2) -> [f64; 6] {
 /// A row of a matrix times a vector.
 #[inline(always)]
 fn product<const N: usize>(row: impl Fn(usize) -> f64, x: &[f64; N]) -> f64 {
-    let mut sum = row(0) * x[0];
-    for k in 1..N {
-        sum += row(k) * x[k];
-    }
-    sum
+    x.iter().enumerate().map(|(k, x)| row(k) * x).sum()
 }
 
 impl PairTerm {

@@ -152,17 +152,52 @@ pub(super) fn fit_intervals<const L: usize>(
     (0..INTERVALS).map(fit).collect()
 }
 
-/// The matrix from values at the nodes to coefficients of powers.
-pub(super) fn powers_from_nodes() -> [[f64; NODES]; NODES] {
-    powers_from_values(&positions())
+/// The lanes of one block.
+fn lanes_of(block: usize, lanes: &[f64; LANES]) -> [f64; BLOCK] {
+    std::array::from_fn(|lane| lanes[block * BLOCK + lane])
 }
 
-/// The matrix from values at these points to coefficients of powers.
-fn powers_from_values<const N: usize>(positions: &[f64; N]) -> [[f64; N]; N] {
-    let units: [[f64; N]; N] =
-        std::array::from_fn(|node| std::array::from_fn(|other| f64::from(u8::from(node == other))));
-    let powers = interpolate(positions, units);
-    std::array::from_fn(|node| powers.map(|power| power[node]))
+/// The coefficients of the singular terms; the smaller sphere is i, of radius 1.
+fn singular_lanes(size_ratio: f64) -> [[f64; LANES]; 3] {
+    let both = [size_ratio, 1.0 / size_ratio].map(near_contact::singular);
+    std::array::from_fn(|k| {
+        let entries = pair_frame::resistance_entries(&[both[0][k], both[1][k]], [1.0, size_ratio]);
+        let mut lanes = [0.0; LANES];
+        lanes[..ENTRIES].copy_from_slice(&entries);
+        lanes
+    })
+}
+
+/// The term of a pair, summed block by block.
+///
+/// `regular`: p of a block at a position in an interval; `singular`: g1, g2 and g3 of a block.
+#[inline(always)]
+fn evaluate(
+    [radius_i, radius_j]: [f64; 2],
+    gap: f64,
+    regular: impl Fn(usize, f64, usize) -> [f64; BLOCK],
+    singular: impl Fn(usize) -> [[f64; BLOCK]; 3],
+) -> PairTerm {
+    let xi = 2.0 * gap / (radius_i + radius_j);
+    let logarithm = xi.ln();
+    if logarithm > LAST {
+        return PairTerm::new(&[0.0; ENTRIES]);
+    }
+    let (interval, x) = locate(logarithm);
+    let mut sums = [0.0_f64; LANES];
+    for block in 0..BLOCKS {
+        let mut sum = regular(interval, x, block);
+        if interval < SPLIT {
+            let functions = [1.0 / xi, -logarithm, -xi * logarithm];
+            for (g, f) in singular(block).iter().zip(functions) {
+                for lane in 0..BLOCK {
+                    sum[lane] = g[lane].mul_add(f, sum[lane]);
+                }
+            }
+        }
+        sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
+    }
+    scaled(&sums, radius_i, radius_j)
 }
 
 /// The term with these entries of the smaller sphere as i and of radius 1, for spheres of these
@@ -258,18 +293,7 @@ impl NearField {
     fn assemble(size_ratio: f64, solved: Solved) -> Self {
         let radii = [1.0, size_ratio];
         let mean = 0.5 * (1.0 + size_ratio);
-        let coefficients = [
-            near_contact::singular(size_ratio),
-            near_contact::singular(1.0 / size_ratio),
-        ];
-        let mut singular = [[[0.0; BLOCK]; 3]; BLOCKS];
-        for k in 0..3 {
-            let both = [coefficients[0][k], coefficients[1][k]];
-            let entries = pair_frame::resistance_entries(&both, radii);
-            for (lane, entry) in entries.into_iter().enumerate() {
-                singular[lane / BLOCK][k][lane % BLOCK] = entry;
-            }
-        }
+        let singular = singular_lanes(size_ratio);
         let mut beyond = solved.nodes.iter();
         let least = near_contact::switch(size_ratio);
         let fitted = fit_intervals::<LANES>(|interval, node| {
@@ -288,24 +312,22 @@ impl NearField {
             };
             let mut values = [0.0; LANES];
             for lane in 0..ENTRIES {
-                let g = &singular[lane / BLOCK];
-                let known: f64 = (0..3).map(|k| g[k][lane % BLOCK] * functions[k]).sum();
+                let known: f64 = (0..3).map(|k| singular[k][lane] * functions[k]).sum();
                 values[lane] = resistance[lane] - known - far[lane];
             }
             values[SLIP] = pair_frame::slip_resistance(&resistance, radii, mean * xi);
             values
         });
         let in_blocks = |powers: [[f64; LANES]; NODES]| {
-            std::array::from_fn(|block| {
-                powers.map(|power| std::array::from_fn(|lane| power[block * BLOCK + lane]))
-            })
+            std::array::from_fn(|block| powers.each_ref().map(|power| lanes_of(block, power)))
         };
-        let regular = fitted.into_iter().map(in_blocks).collect();
         Self {
             size_ratio,
             solved,
-            singular,
-            regular,
+            singular: std::array::from_fn(|block| {
+                singular.each_ref().map(|lanes| lanes_of(block, lanes))
+            }),
+            regular: fitted.into_iter().map(in_blocks).collect(),
         }
     }
 
@@ -322,29 +344,14 @@ impl NearField {
     ///   1e-8.
     #[inline(always)]
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
-        let xi = 2.0 * gap / (radius_i + radius_j);
-        let logarithm = xi.ln();
-        if logarithm > LAST {
-            return PairTerm::new(&[0.0; ENTRIES]);
-        }
-        let (interval, x) = locate(logarithm);
-        let powers = &self.regular[interval];
-        let singular = if interval < SPLIT {
-            [1.0 / xi, -logarithm, -xi * logarithm]
-        } else {
-            [0.0; 3]
-        };
-        let mut sums = [0.0_f64; LANES];
-        for block in 0..BLOCKS {
-            let mut sum = horner(&powers[block], x);
-            for (g, f) in self.singular[block].iter().zip(singular) {
-                for lane in 0..BLOCK {
-                    sum[lane] = g[lane].mul_add(f, sum[lane]);
-                }
-            }
-            sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
-        }
-        scaled(&sums, radius_i, radius_j)
+        evaluate(
+            [radius_i, radius_j],
+            gap,
+            #[inline(always)]
+            |interval, x, block| horner(&self.regular[interval][block], x),
+            #[inline(always)]
+            |block| self.singular[block],
+        )
     }
 
     /// Resistance K to slip at the contact of a free pair, from the whole two-sphere resistance.

@@ -17,11 +17,9 @@
 //! Jeffery, Proc. London Math. Soc. 14, 327 (1915), in the normalisation of [`super::Scalars`].
 
 use super::check_size_ratio;
-use super::table::{
-    Cells, INTERVALS, LAST, NODES, fit_intervals, locate, node_xi, powers_from_nodes,
-};
+use super::table::{Cells, INTERVALS, LAST, NODES, fit_intervals, locate, node_xi};
 use crate::error::Error;
-use crate::linalg::polynomial::horner;
+use crate::linalg::polynomial::{horner, horner_of_two};
 use std::f64::consts::PI;
 
 /// Terms summed one by one; the rest is an integral with its end corrections, whose error is 1e-15.
@@ -147,32 +145,19 @@ const COARSE: usize = 7;
 #[derive(Debug)]
 pub(crate) struct TwistRange {
     cells: Cells,
-    /// By cell in ln λ and in ln ξ, power of ln ξ and of ln λ; the smaller sphere is i, of
-    /// radius 1.
-    powers: Vec<[[[f64; 3]; COARSE]; NODES]>,
+    /// By cell in ln λ, interval of ln ξ and power of ln ξ: the powers of ln λ; the smaller sphere
+    /// is i, of radius 1.
+    powers: Vec<[[f64; 3]; COARSE]>,
 }
 
 impl TwistRange {
     /// Takes 0.1 s up to size ratio 4, 0.3 s up to 26.
     pub(crate) fn new(largest: f64) -> Self {
         let cells = Cells::new(largest);
-        let to_powers = powers_from_nodes();
-        let mut powers = Vec::new();
-        for (cell, t, coarse) in cells.nodes::<COARSE>() {
-            powers.resize((cell + 1) * INTERVALS, [[[0.0; 3]; COARSE]; NODES]);
-            for interval in 0..INTERVALS {
-                for (node, fine) in to_powers.iter().enumerate() {
-                    let values = entries([1.0, t.exp()], node_xi(interval, node));
-                    for (powers, fine) in powers[cell * INTERVALS + interval].iter_mut().zip(fine) {
-                        for (power, coarse) in powers.iter_mut().zip(coarse) {
-                            for (power, value) in power.iter_mut().zip(values) {
-                                *power += fine * coarse * value;
-                            }
-                        }
-                    }
-                }
-            }
-        }
+        let powers = cells.fit(|t| {
+            let values = |interval, node| entries([1.0, t.exp()], node_xi(interval, node));
+            fit_intervals(values).into_flattened()
+        });
         Self { cells, powers }
     }
 
@@ -186,9 +171,9 @@ impl TwistRange {
         let length = radius_i.min(radius_j);
         let (interval, x) = locate(logarithm);
         let (cell, y) = self.cells.locate(radius_i.max(radius_j) / length);
-        let powers = &self.powers[cell * INTERVALS + interval];
-        let [own, coupling, other] = horner(&powers.each_ref().map(|powers| horner(powers, y)), x)
-            .map(|entry| length * length * length * entry);
+        let powers: &[_; NODES] = &self.powers.as_chunks().0[cell * INTERVALS + interval];
+        let [own, coupling, other] =
+            horner_of_two(powers, x, y).map(|entry| length * length * length * entry);
         if radius_i > radius_j {
             [other, coupling, own]
         } else {

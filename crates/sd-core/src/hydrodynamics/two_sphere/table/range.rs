@@ -8,15 +8,15 @@
 //! |Im t| < π, so that the interpolation converges as `(ρ + √(ρ² + 1))^−2M` with `ρ = π/L`. The evaluated form is a polynomial in ln λ and ln ξ on every cell of a uniform grid.
 
 use super::{
-    BLOCK, BLOCKS, INTERVALS, LANES, LAST, NODES, NearField, SLIP, SPLIT, locate, node_xi,
-    positions, powers_from_nodes, powers_from_values, scaled,
+    BLOCK, BLOCKS, INTERVALS, LANES, NODES, NearField, SLIP, SPLIT, evaluate, fit_intervals,
+    lanes_of, locate, node_xi, positions, singular_lanes,
 };
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::near_contact::{self, singular, singular_part};
-use crate::hydrodynamics::two_sphere::pair_frame::{self, ENTRIES};
+use crate::hydrodynamics::two_sphere::pair_frame;
 use crate::hydrodynamics::two_sphere::pair_term::PairTerm;
 use crate::hydrodynamics::two_sphere::{Scalars, check_size_ratio};
-use crate::linalg::polynomial::horner;
+use crate::linalg::polynomial::{horner, horner_of_two, interpolate};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -148,18 +148,21 @@ impl Cells {
         }
     }
 
-    /// ln λ at the nodes of all cells, with the numbers of their cells and their weights for each
-    /// power.
-    pub(in crate::hydrodynamics::two_sphere) fn nodes<const N: usize>(
+    /// Coefficients of powers of ln λ on each cell of the polynomials with these values at its
+    /// nodes: of a list of functions for the first cell, then for the next.
+    pub(in crate::hydrodynamics::two_sphere) fn fit<const N: usize, const L: usize>(
         self,
-    ) -> impl Iterator<Item = (usize, f64, [f64; N])> {
-        let positions = positions::<N>();
-        let weights = powers_from_values(&positions);
-        (0..self.count).flat_map(move |cell| {
-            let place = move |position: f64| self.width * (cell as f64 + 0.5 + 0.5 * position);
-            let nodes = positions.into_iter().zip(weights);
-            nodes.map(move |(position, weights)| (cell, place(position), weights))
-        })
+        mut values: impl FnMut(f64) -> Vec<[f64; L]>,
+    ) -> Vec<[[f64; L]; N]> {
+        let (nodes, mut powers) = (positions::<N>(), Vec::new());
+        for cell in 0..self.count {
+            let at_nodes = nodes.map(|node| values(self.width * (cell as f64 + 0.5 + 0.5 * node)));
+            powers.extend(
+                (0..at_nodes[0].len())
+                    .map(|k| interpolate(&nodes, at_nodes.each_ref().map(|values| values[k]))),
+            );
+        }
+        powers
     }
 
     /// The cell of a size ratio ≥ 1, and the position in it, clamped to the ends.
@@ -193,60 +196,39 @@ impl NearFieldRange {
         let range = RANGES[range_of(largest)?];
         let cells = Cells::new(range.0);
         let values = values_at_nodes(tables);
-        let to_powers = powers_from_nodes();
-        let mut regular = vec![[[[[0.0; BLOCK]; COARSE]; NODES]; BLOCKS]; cells.count * INTERVALS];
-        for (cell, t, coarse) in cells.nodes::<COARSE>() {
+        let regular = cells.fit::<COARSE, LANES>(|t| {
             let weights = weights(range, t);
-            for (gap, values) in values.iter().enumerate() {
-                let (interval, node) = (gap / NODES, gap % NODES);
-                let lanes = lanes(t, interval, node_xi(interval, node), &weights, values);
-                let powers = &mut regular[cell * INTERVALS + interval];
-                for (kx, fine) in to_powers[node].iter().enumerate() {
-                    for (ky, coarse) in coarse.iter().enumerate() {
-                        let weight = fine * coarse;
-                        for (lane, value) in lanes.iter().enumerate() {
-                            powers[lane / BLOCK][kx][ky][lane % BLOCK] += weight * value;
-                        }
-                    }
-                }
-            }
-        }
+            let fitted = fit_intervals(|interval, node| {
+                let values = &values[interval * NODES + node];
+                lanes(t, interval, node_xi(interval, node), &weights, values)
+            });
+            fitted.into_flattened()
+        });
+        let singular = cells.fit::<FINE, LANES>(|t| singular_lanes(t.exp()).to_vec());
         Ok(Self {
             cells,
-            singular: singular_powers(cells),
-            regular,
+            singular: singular.as_chunks().0.iter().map(in_blocks).collect(),
+            regular: regular.as_chunks().0.iter().map(in_blocks).collect(),
         })
     }
 
     /// The term of one pair: as [`NearField::evaluate`], at any size ratio of the range.
     #[inline(always)]
     pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
-        let xi = 2.0 * gap / (radius_i + radius_j);
-        let logarithm = xi.ln();
-        if logarithm > LAST {
-            return PairTerm::new(&[0.0; ENTRIES]);
-        }
-        let (interval, x) = locate(logarithm);
-        let (cell, y) = self
-            .cells
-            .locate(radius_i.max(radius_j) / radius_i.min(radius_j));
-        let powers = &self.regular[cell * INTERVALS + interval];
-        let mut sums = [0.0_f64; LANES];
-        for block in 0..BLOCKS {
-            let coefficients = powers[block].each_ref().map(|powers| horner(powers, y));
-            let mut sum = horner(&coefficients, x);
-            if interval < SPLIT {
-                let functions = [1.0 / xi, -logarithm, -xi * logarithm];
-                for (powers, f) in self.singular[cell][block].iter().zip(functions) {
-                    let g = horner(powers, y);
-                    for lane in 0..BLOCK {
-                        sum[lane] = g[lane].mul_add(f, sum[lane]);
-                    }
-                }
-            }
-            sums[block * BLOCK..(block + 1) * BLOCK].copy_from_slice(&sum);
-        }
-        scaled(&sums, radius_i, radius_j)
+        let ratio = radius_i.max(radius_j) / radius_i.min(radius_j);
+        let (cell, y) = self.cells.locate(ratio);
+        let regular = &self.regular[cell * INTERVALS..];
+        evaluate(
+            [radius_i, radius_j],
+            gap,
+            #[inline(always)]
+            |interval, x, block| horner_of_two(&regular[interval][block], x, y),
+            #[inline(always)]
+            |block| {
+                let powers = &self.singular[cell][block];
+                powers.each_ref().map(|powers| horner(powers, y))
+            },
+        )
     }
 
     /// Resistance to slip of a free pair: as [`NearField::slip_resistance`].
@@ -257,12 +239,22 @@ impl NearFieldRange {
             .cells
             .locate(radius_i.max(radius_j) / radius_i.min(radius_j));
         let powers = &self.regular[cell * INTERVALS + interval][SLIP / BLOCK];
-        let coefficients = powers.each_ref().map(|powers| {
-            let of_lane = powers.iter().rev().map(|power| power[SLIP % BLOCK]);
-            of_lane.fold(0.0, |sum, power| sum * y + power)
-        });
+        let coefficients = powers
+            .each_ref()
+            .map(|powers| horner(powers, y)[SLIP % BLOCK]);
         radius_i.min(radius_j) * super::with_tail(&coefficients, logarithm, x)
     }
+}
+
+/// The lanes of coefficients by block.
+fn in_blocks<const A: usize, const B: usize>(
+    powers: &[[[f64; LANES]; B]; A],
+) -> [[[[f64; BLOCK]; B]; A]; BLOCKS] {
+    std::array::from_fn(|block| {
+        powers
+            .each_ref()
+            .map(|powers| powers.each_ref().map(|power| lanes_of(block, power)))
+    })
 }
 
 /// h at the nodes and at their negatives, by gap and table.
@@ -325,24 +317,4 @@ fn lanes(
     }
     lanes[SLIP] = pair_frame::slip_resistance(&entries(&both), radii, mean * xi);
     lanes
-}
-
-/// The polynomials of the coefficients of the singular terms.
-fn singular_powers(cells: Cells) -> Vec<[[[[f64; BLOCK]; FINE]; 3]; BLOCKS]> {
-    let mut all = vec![[[[[0.0; BLOCK]; FINE]; 3]; BLOCKS]; cells.count];
-    for (cell, t, weights) in cells.nodes::<FINE>() {
-        let ratio = t.exp();
-        let both = [singular(ratio), singular(1.0 / ratio)];
-        for k in 0..3 {
-            let both = [both[0][k], both[1][k]];
-            let entries = pair_frame::resistance_entries(&both, [1.0, ratio]);
-            for (lane, entry) in entries.into_iter().enumerate() {
-                let powers = &mut all[cell][lane / BLOCK][k];
-                for (power, weight) in powers.iter_mut().zip(weights) {
-                    power[lane % BLOCK] += weight * entry;
-                }
-            }
-        }
-    }
-    all
 }
