@@ -107,7 +107,7 @@ static HELP: LazyLock<String> = LazyLock::new(|| {
                   Examples:\n  \
                   sweep plan sweeps/quickstart.toml && sweep run sweeps/quickstart.toml\n  \
                   sweep report sweeps/quickstart.toml --figure curves.svg\n  \
-                  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00\n  \
+                  sweep submit sweeps/figure-11.toml --tasks 200 --time 4h\n  \
                   sweep scalars --size-ratio 1 --separation 2.01"
 )]
 pub struct Cli {

@@ -3,9 +3,9 @@
 use super::Output;
 use super::place::{StoreArguments, positive, print_warning, store_of, workers};
 use crate::cluster::merge::{Joined, join, shards_in, store_for};
-use crate::cluster::slurm::{SCRIPT_OPTIONS, TimeLimit};
+use crate::cluster::slurm::SCRIPT_OPTIONS;
 use crate::cluster::submit::{self, SubmitOptions};
-use crate::cluster::{ClusterError, Engine, quoted, status};
+use crate::cluster::{ClusterError, quoted, status};
 use crate::error::Error;
 use crate::system::exit;
 use crate::text::format::{counted, parse_duration, parse_positive_duration};
@@ -28,17 +28,13 @@ use std::time::Duration;
     reason = "switches of the command line"
 )]
 #[command(
-    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4:00:00 --dry-run\n  \
-                  sweep submit sweeps/figure-11.toml --time 12:00:00 --throttle 50 --sbatch-arg=--partition=short\n  \
-                  sweep submit sweeps/figure-11.toml --engine local\n  \
+    after_help = "Examples:\n  sweep submit sweeps/figure-11.toml --tasks 200 --time 4h --dry-run\n  \
+                  sweep submit sweeps/figure-11.toml --time 12h --throttle 50 --sbatch-arg=--partition=short\n  \
                   sweep status sweeps/figure-11.toml && sweep merge sweeps/figure-11.toml && sweep report sweeps/figure-11.toml"
 )]
 pub(crate) struct SubmitArguments {
     /// The campaign file
     campaign: PathBuf,
-    /// Scheduler of the tasks
-    #[arg(long, default_value = "slurm", value_parser = engine)]
-    engine: Engine,
     /// The store; shards go to the folder beside it [default: results/NAME.sqlite in the folder
     /// that holds `sweeps/`, or beside the file]
     #[arg(long, value_name = "FILE")]
@@ -52,10 +48,9 @@ pub(crate) struct SubmitArguments {
     /// Maximum number of tasks that run at the same time
     #[arg(long, value_name = "N", value_parser = positive)]
     throttle: Option<NonZeroUsize>,
-    /// Time limit of a task, as 90m or 12h, or as for sbatch: minutes, HH:MM:SS or D-HH [default:
-    /// the site's]
-    #[arg(long, value_name = "TIME")]
-    time: Option<TimeLimit>,
+    /// Time limit of a task, as 90m or 12h [default: the site's]
+    #[arg(long, value_name = "TIME", value_parser = parse_positive_duration)]
+    time: Option<Duration>,
     /// Argument of sbatch, as in --sbatch-arg=--partition=short, --sbatch-arg=--account=mine or
     /// --sbatch-arg=--mem=4G; repeatable
     #[arg(long, value_name = "ARG", allow_hyphen_values = true)]
@@ -83,14 +78,6 @@ pub(crate) struct SubmitArguments {
     dry_run: bool,
 }
 
-/// Reads the name of a scheduler.
-fn engine(text: &str) -> Result<Engine, String> {
-    Engine::by_name(text).ok_or_else(|| {
-        let names = Engine::ALL.map(Engine::name);
-        format!("choose one of {}", names.join(", "))
-    })
-}
-
 #[derive(Default, Serialize)]
 struct SubmitAnswer<'a> {
     /// The job, once it is submitted.
@@ -109,11 +96,10 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
     let campaign = crate::campaign::read(&arguments.campaign)?;
     check(arguments)?;
     let wanted = SubmitOptions {
-        engine: arguments.engine,
         tasks: arguments.tasks.map(NonZeroUsize::get),
         workers: arguments.workers_per_task.get(),
         throttle: arguments.throttle.map(NonZeroUsize::get),
-        time: arguments.time.clone(),
+        time: arguments.time,
         submit_arguments: arguments.sbatch_arg.clone(),
         run_arguments: run_arguments(arguments)?,
         retry_failed: arguments.retry_failed,
@@ -156,11 +142,7 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
             job.plan_folder.display()
         )?;
     } else {
-        let words: Vec<String> = submitted
-            .command
-            .iter()
-            .map(|word| quoted(word))
-            .collect::<Result<_, _>>()?;
+        let words: Vec<String> = submitted.command.iter().map(|word| quoted(word)).collect();
         let script = &submitted.script;
         write!(output.out, "{}\n\n{script}", words.join(" "))?;
     }
@@ -172,7 +154,7 @@ pub(crate) fn submit(arguments: &SubmitArguments, output: &mut Output<'_>) -> Re
     Ok(exit::DONE)
 }
 
-/// Refuses arguments that the engine does not know, or that the script sets.
+/// Refuses options of sbatch that the script sets.
 fn check(arguments: &SubmitArguments) -> Result<(), Error> {
     let refused = |argument, message: String| Err(Error::Argument { argument, message });
     for argument in &arguments.sbatch_arg {
@@ -184,15 +166,6 @@ fn check(arguments: &SubmitArguments) -> Result<(), Error> {
         if !name.starts_with('-') {
             let message = "write an option with its value, as in --sbatch-arg=--mem=4G, not";
             return refused("--sbatch-arg", format!("{message} {argument:?}"));
-        }
-    }
-    let is_slurm = arguments.engine == Engine::Slurm;
-    for (argument, given) in [
-        ("--time", arguments.time.is_some()),
-        ("--sbatch-arg", !arguments.sbatch_arg.is_empty()),
-    ] {
-        if given && !is_slurm {
-            return refused(argument, "it requires --engine slurm".into());
         }
     }
     Ok(())

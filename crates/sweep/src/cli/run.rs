@@ -6,7 +6,7 @@ use super::Output;
 use super::place::{print_warning, store_of, workers, workers_or_all};
 use super::words::choice;
 use crate::cluster::status::jobs;
-use crate::cluster::task::Part;
+use crate::cluster::task::TaskOf;
 use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::runner::{
@@ -86,7 +86,7 @@ pub(crate) struct ClusterArguments {
     /// Compute slice I (from 0) of N in a separate store and publish it as a shard. TERM and USR1
     /// checkpoint, publish, and have Slurm restart the task if work is left
     #[arg(long, value_name = "I/N", conflicts_with = "store", value_parser = part, hide_short_help = true)]
-    shard: Option<Part>,
+    shard: Option<TaskOf>,
     /// File of slices from `sweep submit` [default: cut all cases of the file]
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     slices: Option<PathBuf>,
@@ -102,10 +102,10 @@ pub(crate) struct ClusterArguments {
 }
 
 /// Reads `I/N`.
-fn part(text: &str) -> Result<Part, String> {
+fn part(text: &str) -> Result<TaskOf, String> {
     text.split_once('/')
         .and_then(|(task, tasks)| {
-            Some(Part {
+            Some(TaskOf {
                 task: task.parse().ok()?,
                 tasks: tasks.parse().ok()?,
             })

@@ -131,9 +131,8 @@ fn write_tasks(
         let done = |task: &&TaskStatus| task.slice.ended == task.slice.cases;
         writeln!(
             out,
-            "job {} on {}{}: {} tasks, {} of their slices done",
+            "job {}{}: {} tasks, {} of their slices done",
             s.job.as_deref().unwrap_or("without a number"),
-            s.engine,
             if s.cancelled_at.is_some() {
                 ", cancelled"
             } else {

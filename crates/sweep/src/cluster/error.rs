@@ -14,7 +14,7 @@ pub enum ClusterError {
     #[error("there is no `{program}` on this machine")]
     #[diagnostic(help(
         "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
-         on any machine `sweep submit --engine local` runs the tasks in the background"
+         on a single machine `sweep run` computes the campaign"
     ))]
     Missing { program: String },
     /// The scheduler refused.
@@ -50,17 +50,10 @@ pub enum ClusterError {
         #[source]
         source: Box<ClusterError>,
     },
-    /// A word that no command line can hold.
-    #[error("{word:?} holds a NUL byte, and cannot be an argument of a command")]
-    Word { word: String },
     /// A path that a script cannot name.
     #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
     #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
     Path { path: PathBuf },
-    /// A folder that cannot be made.
-    #[error("cannot make the folder {}: {source}", path.display())]
-    #[diagnostic(help("nothing was computed; make it writable, then repeat the command"))]
-    Folder { path: PathBuf, source: io::Error },
     /// The folder of shards is gone.
     #[error("there is no folder of shards at {}", path.display())]
     #[diagnostic(help(
@@ -68,10 +61,6 @@ pub enum ClusterError {
          with it, with the same digits"
     ))]
     Vanished { path: PathBuf },
-    /// A missing file of slices.
-    #[error("there are no slices at {}: the folder of shards was deleted", path.display())]
-    #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
-    NoSlices { path: PathBuf },
     /// A file of slices that cannot be used.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]

@@ -64,9 +64,7 @@ impl Slices {
             reason,
         };
         let bytes = read_whole(path, SIZE_LIMIT).map_err(|error| match error.kind() {
-            ErrorKind::NotFound => ClusterError::NoSlices {
-                path: path.to_owned(),
-            },
+            ErrorKind::NotFound => broken("no slices: the folder of shards was deleted".into()),
             _ => broken(error.to_string()),
         })?;
         let slices: Self = serde_json::from_slice(&bytes)

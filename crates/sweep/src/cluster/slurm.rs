@@ -1,8 +1,8 @@
 //! Slurm: one array job, submitted with `sbatch`, without queries to an accounting database.
 
-use super::{ActiveTask, ClusterError, Job, Requeue, quoted_path};
+use super::{ClusterError, Job, quoted_path};
 use crate::store::TaskName;
-use crate::text::format::{counted, parse_duration};
+use crate::text::format::counted;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -32,62 +32,36 @@ const CHOICES: [&str; 7] = [
     "SBATCH_TIMELIMIT",
 ];
 
-/// A time limit as Slurm writes it.
+/// A task that has not ended: pending, running, or ending.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct TimeLimit {
-    /// As written.
-    pub text: String,
-    /// Its value.
-    pub time: Duration,
+pub(crate) struct ActiveTask {
+    pub task: usize,
+    /// Its state, as named by the scheduler.
+    pub state: String,
+    /// The node it runs on, if any.
+    pub node: String,
 }
 
-impl std::str::FromStr for TimeLimit {
-    type Err = String;
-
-    /// Reads 90m or 12h, or as sbatch: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            "write a time such as 90m or 12h, or as for sbatch: minutes, HH:MM:SS, D-HH or D-HH:MM:SS".to_owned()
-        };
-        if text.ends_with(|c: char| c.is_ascii_alphabetic()) {
-            let seconds = parse_duration(text).map_err(|_| wrong())?.as_secs();
-            let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-            return format!("{hours}:{minutes:02}:{:02}", seconds % 60).parse();
-        }
-        let (days, rest) = text
-            .split_once('-')
-            .map_or((None, text), |(days, rest)| (Some(days), rest));
-        let number = |text: &str| text.parse::<u32>().map(u64::from).map_err(|_| wrong());
-        let parts: Vec<u64> = rest.split(':').map(number).collect::<Result<_, _>>()?;
-        let seconds = match (days, parts.as_slice()) {
-            (Some(_), [h]) => h * 3600,
-            (Some(_), [h, m]) => h * 3600 + m * 60,
-            (None, [m]) => m * 60,
-            (None, [m, s]) => m * 60 + s,
-            (_, [h, m, s]) => h * 3600 + m * 60 + s,
-            _ => return Err(wrong()),
-        };
-        let seconds = seconds + 86400 * days.map_or(Ok(0), number)?;
-        if seconds == 0 {
-            return Err(wrong());
-        }
-        Ok(Self {
-            text: text.to_owned(),
-            time: Duration::from_secs(seconds),
-        })
-    }
+/// The outcome for a task that was stopped with work left.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Requeue {
+    /// It will be restarted.
+    Yes,
+    /// It was cancelled, and stays so.
+    Cancelled,
+    /// The scheduler refused to restart it, with a reason.
+    No(String),
 }
 
 /// Seconds before the time limit at which a task is signalled. Slurm checks once a minute: the
 /// signal may come a minute early, and with less than a minute of warning it may never come.
-fn warning_s(time: Option<&TimeLimit>) -> u64 {
-    let limit = time.map_or(1200, |limit| limit.time.as_secs());
+fn warning_s(time: Option<Duration>) -> u64 {
+    let limit = time.map_or(1200, |limit| limit.as_secs());
     (limit / 10).clamp(60, 300)
 }
 
 /// The script of an array job.
 pub(super) fn script(job: &Job) -> Result<String, ClusterError> {
-    let time = job.time.as_ref();
     let throttle = job.throttle.map(|most| format!("%{most}"));
     let mut script = format!(
         "#!/bin/sh
@@ -102,8 +76,9 @@ pub(super) fn script(job: &Job) -> Result<String, ClusterError> {
         job.workers
     );
     // Writing to a string cannot fail.
-    if let Some(limit) = time {
-        let _ = writeln!(script, "#SBATCH --time={}", limit.text);
+    if let Some(limit) = job.time {
+        let (minutes, seconds) = (limit.as_secs() / 60, limit.as_secs() % 60);
+        let _ = writeln!(script, "#SBATCH --time={minutes}:{seconds:02}");
     }
     // sweep replaces the shell, so that signals reach it. The environment of the submitting user is
     // not exported, so Slurm's programs are searched for in the folder where they were found at
@@ -118,7 +93,7 @@ PATH=${{PATH:-/usr/bin:/bin}}:{}
 export PATH
 exec {}
 ",
-        warning_s(time),
+        warning_s(job.time),
         job.campaign,
         counted(job.tasks, "task"),
         quoted_path(&folder_of_slurm())?,
@@ -138,14 +113,14 @@ pub(super) fn command(job: &Job) -> Vec<String> {
     command
 }
 
-/// Submits it; returns the number of the job: `12`, or `12;cluster` where there are several
-/// clusters.
+/// Submits it; returns the number of the job.
 pub(super) fn submit(job: &Job) -> Result<String, ClusterError> {
     let command = command(job);
     let arguments: Vec<&str> = command[1..].iter().map(String::as_str).collect();
     let answer = ask(&command[0], &arguments)?;
+    // With several clusters the name of one follows.
     let number = answer.lines().last().unwrap_or_default().trim();
-    let digits = parts(number).0;
+    let digits = number.split(';').next().unwrap_or_default();
     if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err(ClusterError::Answer {
             command: command.join(" "),
@@ -173,18 +148,13 @@ pub(super) fn task_limit() -> Result<usize, ClusterError> {
 
 /// Tasks of a job that `squeue` lists.
 pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
-    let lines = ask_about(
-        job,
-        "squeue",
-        &["-h", "-r", "-o", "%K|%T|%N"],
-        &["-j", parts(job).0],
-    )?;
+    let lines = ask_about("squeue", &["-h", "-r", "-o", "%K|%T|%N", "-j"], job)?;
     Ok(lines
         .lines()
         .filter_map(|line| {
             let mut parts = line.trim().split('|');
             Some(ActiveTask {
-                task: Some(parts.next()?.parse().ok()?),
+                task: parts.next()?.parse().ok()?,
                 state: parts.next()?.to_owned(),
                 node: parts.next().unwrap_or_default().to_owned(),
             })
@@ -192,9 +162,9 @@ pub(super) fn active(job: &str) -> Result<Vec<ActiveTask>, ClusterError> {
         .collect())
 }
 
-/// Ends a job.
+/// Ends all tasks of a job; they checkpoint first.
 pub(super) fn cancel(job: &str) -> Result<(), ClusterError> {
-    ask_about(job, "scancel", &[parts(job).0], &[]).map(|_| ())
+    ask_about("scancel", &[], job).map(drop)
 }
 
 /// Name of this process as task number `task` of an array, if it is that task.
@@ -239,25 +209,16 @@ fn folder_of_slurm() -> PathBuf {
         .unwrap_or_else(|| PathBuf::from("/usr/bin"))
 }
 
-/// A job and its cluster, if named.
-fn parts(job: &str) -> (&str, Option<&str>) {
-    match job.split_once(';') {
-        Some((number, cluster)) => (number, Some(cluster)),
-        None => (job, None),
-    }
-}
-
-/// Asks about a job on its cluster. The answer is empty if it ended some minutes ago, so that Slurm
-/// has forgotten it.
-fn ask_about(
-    job: &str,
-    program: &str,
-    first: &[&str],
-    then: &[&str],
-) -> Result<String, ClusterError> {
-    let cluster = parts(job).1.map(|cluster| ["-M", cluster]);
-    let arguments = [first, then, cluster.as_ref().map_or(&[], |words| words)].concat();
-    match ask(program, &arguments) {
+/// Asks about a job, on its cluster if there are several. The answer is empty if it ended some
+/// minutes ago, so that Slurm has forgotten it.
+fn ask_about(program: &str, options: &[&str], job: &str) -> Result<String, ClusterError> {
+    let (number, cluster) = job.split_once(';').unzip();
+    let cluster = cluster.map(|cluster| ["-M", cluster]);
+    let cluster = cluster.as_ref().map_or(&[][..], |words| words);
+    match ask(
+        program,
+        &[options, &[number.unwrap_or(job)], cluster].concat(),
+    ) {
         Err(ClusterError::Refused { said, .. }) if said.contains("Invalid job id") => {
             Ok(String::new())
         }
@@ -308,43 +269,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_limits_are_read_as_slurm_reads_them() {
-        for (text, seconds) in [
-            ("90", 5400),
-            ("1:30", 90),
-            ("12:00:00", 43200),
-            ("2-12", 216_000),
-            ("1-0:30", 88200),
-            ("0-00:00:10", 10),
-            ("90m", 5400),
-            ("1day 2h 5s", 93605),
-        ] {
-            let limit: TimeLimit = text.parse().unwrap();
-            assert_eq!(limit.time.as_secs(), seconds, "{text}");
-            assert!(!limit.text.contains(char::is_alphabetic), "{text}");
-        }
-        for text in [
-            "",
-            "0",
-            "soon",
-            "1:2:3:4",
-            "-1",
-            "1-",
-            "0s",
-            "1 fortnight",
-            "90\n#SBATCH",
-        ] {
-            assert!(text.parse::<TimeLimit>().is_err(), "{text:?}");
-        }
-    }
-
-    #[test]
     fn warning_comes_at_least_a_minute_ahead() {
-        let warning = |text: &str| warning_s(text.parse().ok().as_ref());
-        assert_eq!(
-            [warning("2"), warning("30"), warning("2-0")],
-            [60, 180, 300]
-        );
+        let warning = |minutes| warning_s(Some(Duration::from_mins(minutes)));
+        assert_eq!([2, 30, 2880].map(warning), [60, 180, 300]);
         assert_eq!(warning_s(None), 120);
     }
 }

@@ -1,13 +1,14 @@
 //! Progress of a campaign and of its submitted jobs, and cancelling these.
 
-use super::{ActiveTask, ClusterError, Engine, shard};
+use super::slurm::{self, ActiveTask};
+use super::{ClusterError, shard};
 use crate::measure::Verdict;
 use crate::store::{
     Counts, FailureLine, PointState, ProcessLine, SliceState, Store, StoreError, Submission,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 /// Maximum time to wait for tasks that are ending.
 const WAIT: Duration = Duration::from_mins(2);
@@ -124,10 +125,10 @@ pub(crate) fn jobs(store: &Store) -> Result<Vec<JobStatus>, ClusterError> {
 fn job(store: &Store, submission: Submission) -> Result<JobStatus, ClusterError> {
     let slices = store.slice_states(submission.id, submission.tasks)?;
     let is_over = slices.iter().all(|slice| slice.ended == slice.cases);
-    let asked = match (&submission.job, Engine::by_name(&submission.engine)) {
+    let asked = match &submission.job {
         _ if is_over => Ok(Vec::new()),
-        (Some(job), Some(engine)) => engine.active(job).map_err(|error| error.to_string()),
-        _ => Err("submitting was cut short before its number was known".into()),
+        Some(job) => slurm::active(job).map_err(|error| error.to_string()),
+        None => Err("submitting was cut short before its number was known".into()),
     };
     let (active, problem) = match asked {
         Ok(active) => (active, None),
@@ -140,11 +141,6 @@ fn job(store: &Store, submission: Submission) -> Result<JobStatus, ClusterError>
             .filter(|shard| shard.plan == submission.plan && shard.task.task == number)
             .max_by_key(|shard| shard.at);
         let published = last.and_then(|shard| shard.at);
-        // A task publishes as soon as it begins. Some file systems cut times to a second.
-        let since_1970 = published.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-        let has_begun = since_1970.is_some_and(|at| {
-            at.as_millis() + 1000 >= submission.submitted_at.unsigned_abs().into()
-        });
         // Published results count, merged or not.
         let found = last.and_then(|shard| Store::slice_of_shard(&shard.path).ok());
         let slice = match found {
@@ -154,14 +150,12 @@ fn job(store: &Store, submission: Submission) -> Result<JobStatus, ClusterError>
             },
             _ => slice,
         };
-        let at_work = active
-            .iter()
-            .find(|task| task.task.is_none_or(|task| task == number));
+        let at_work = active.iter().find(|task| task.task == number);
         let node = at_work.map(|task| &task.node);
         let node = node.filter(|node| !node.is_empty());
         TaskStatus {
             number,
-            state: state(at_work, problem.is_some(), slice, has_begun),
+            state: state(at_work, problem.is_some(), slice),
             node: node
                 .or(last.map(|shard| &shard.task.node))
                 .cloned()
@@ -182,16 +176,9 @@ fn job(store: &Store, submission: Submission) -> Result<JobStatus, ClusterError>
 }
 
 /// The state of a task in a word.
-fn state(
-    at_work: Option<&ActiveTask>,
-    unknown: bool,
-    slice: SliceState,
-    has_begun: bool,
-) -> String {
+fn state(at_work: Option<&ActiveTask>, unknown: bool, slice: SliceState) -> String {
     match at_work {
         _ if slice.ended == slice.cases => "done".into(),
-        // The local scheduler knows its tasks only together.
-        Some(task) if task.task.is_none() && !has_begun => "pending".into(),
         Some(task) => task.state.to_lowercase(),
         None if unknown => "unknown".into(),
         None => "ended".into(),
@@ -209,13 +196,12 @@ pub(crate) struct Cancelled {
 /// Ends the tasks of a campaign, and waits for them, for some time.
 pub(crate) fn cancel(path: &Path) -> Result<Cancelled, ClusterError> {
     let mut store = Store::open(path)?;
-    let mut cancelled: Vec<(String, Engine)> = Vec::new();
+    let mut cancelled = Vec::new();
     for submission in store.submissions()? {
-        let engine = Engine::by_name(&submission.engine);
-        let (Some(job), Some(engine)) = (submission.job, engine) else {
+        let Some(job) = submission.job else {
             continue;
         };
-        if engine.active(&job)?.is_empty() {
+        if slurm::active(&job)?.is_empty() {
             continue;
         }
         // Written before the tasks are signalled: a task that finds the mark does not request a
@@ -225,23 +211,20 @@ pub(crate) fn cancel(path: &Path) -> Result<Cancelled, ClusterError> {
             let _ = std::fs::create_dir_all(folder);
         }
         let _ = std::fs::write(&mark, "");
-        engine.cancel(&job)?;
+        slurm::cancel(&job)?;
         store.cancelled(submission.id)?;
-        cancelled.push((job, engine));
+        cancelled.push(job);
     }
     let begun = Instant::now();
     let ending = loop {
         let mut ending = 0;
-        for (job, engine) in &cancelled {
-            ending += engine.active(job)?.len();
+        for job in &cancelled {
+            ending += slurm::active(job)?.len();
         }
         if ending == 0 || begun.elapsed() >= WAIT {
             break ending;
         }
         std::thread::sleep(LOOK);
     };
-    Ok(Cancelled {
-        cancelled: cancelled.into_iter().map(|(job, _)| job).collect(),
-        ending,
-    })
+    Ok(Cancelled { cancelled, ending })
 }

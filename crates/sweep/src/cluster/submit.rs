@@ -1,8 +1,7 @@
 //! Submits the open cases of a campaign to a scheduler, as one array of tasks.
 
 use super::slices::Slices;
-use super::slurm::TimeLimit;
-use super::{ClusterError, Engine, Job, merge, shard};
+use super::{ClusterError, Job, merge, shard, slurm};
 use crate::model::campaign::Campaign;
 use crate::store::{self, MergedCases, OpenCase, Store, Submission};
 use crate::system::files::{is_left_behind, temporary_file, write_whole};
@@ -10,19 +9,19 @@ use crate::system::process::build;
 use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::Path;
+use std::time::Duration;
 
 /// Target duration of a task where no time limit is given, in seconds.
 const DEFAULT_TIME_S: f64 = 3600.0;
 
 /// How the open cases of a campaign are submitted.
 pub(crate) struct SubmitOptions {
-    pub(crate) engine: Engine,
     /// Number of tasks; by default so many that each needs about half of its time.
     pub(crate) tasks: Option<usize>,
     pub(crate) workers: usize,
     /// Maximum number of tasks that run at the same time.
     pub(crate) throttle: Option<usize>,
-    pub(crate) time: Option<TimeLimit>,
+    pub(crate) time: Option<Duration>,
     /// Further arguments of the command that submits.
     pub(crate) submit_arguments: Vec<String>,
     /// Further arguments of `sweep run`.
@@ -56,9 +55,8 @@ pub(crate) fn submit(
     dry_run: bool,
     note: &dyn Fn(&str),
 ) -> Result<Option<Submitted>, ClusterError> {
-    let engine = wanted.engine;
-    let limit = match engine.task_limit() {
-        Err(ClusterError::Missing { .. }) if dry_run => super::slurm::DEFAULT_ARRAY,
+    let limit = match slurm::task_limit() {
+        Err(ClusterError::Missing { .. }) if dry_run => slurm::DEFAULT_ARRAY,
         limit => limit?,
     };
     let folder = shard::folder_of(path);
@@ -98,7 +96,7 @@ pub(crate) fn submit(
         submit_arguments: wanted.submit_arguments,
         run_arguments: wanted.run_arguments,
     };
-    let script = engine.script(&job)?;
+    let script = slurm::script(&job)?;
     let mut name = None;
     if !dry_run {
         clear_unsubmitted(&job.folder, &store)?;
@@ -110,11 +108,11 @@ pub(crate) fn submit(
         let _unsubmitted = temporary_file(plan).map_err(of_plan)?;
         write_plan(&job, &text, &slices, &script)?;
         write_begun(&job, &store, campaign, &open)?;
-        name = Some(submit_job(engine, &job, &slices, &mut store)?);
+        name = Some(submit_job(&job, &slices, &mut store)?);
     }
     Ok(Some(Submitted {
         name,
-        command: engine.command(&job),
+        command: slurm::command(&job),
         cases: open.len(),
         plan: slices.plan,
         script,
@@ -156,17 +154,14 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
             continue;
         };
         let cases = store.open_of(submission.id)?;
-        let engine = Engine::by_name(&submission.engine).filter(|_| !cases.is_empty());
-        let active = engine.map_or(Ok(Vec::new()), |engine| engine.active(job));
-        let active = active.map_err(|error| ClusterError::Unclear {
+        if cases.is_empty() {
+            continue;
+        }
+        let active = slurm::active(job).map_err(|error| ClusterError::Unclear {
             job: job.clone(),
             source: Box::new(error),
         })?;
-        let has = |number| {
-            active
-                .iter()
-                .any(|task| task.task.is_none_or(|task| task == number))
-        };
+        let has = |number| active.iter().any(|task| task.task == number);
         let cases = cases.into_iter().filter(|(_, task)| has(*task));
         taken.extend(cases.map(|(key, _)| key));
     }
@@ -179,8 +174,9 @@ fn open(again: bool, store: &Store, note: &dyn Fn(&str)) -> Result<Vec<OpenCase>
 /// each needs about half of its time by the estimate, which may be wrong.
 fn tasks(wanted: &SubmitOptions, open: &[OpenCase], limit: usize) -> Result<usize, ClusterError> {
     let usual = || {
-        let time = wanted.time.as_ref();
-        let time = time.map_or(DEFAULT_TIME_S, |limit| limit.time.as_secs_f64());
+        let time = wanted
+            .time
+            .map_or(DEFAULT_TIME_S, |limit| limit.as_secs_f64());
         let cost: f64 = open.iter().map(|case| case.cost).sum();
         let tasks = (cost / (wanted.workers as f64 * time / 2.0)).ceil();
         let most = limit.min(open.len().div_ceil(wanted.workers)).max(1);
@@ -264,15 +260,9 @@ fn write_begun(
 }
 
 /// Records the job and submits it to the scheduler; returns its name.
-fn submit_job(
-    engine: Engine,
-    job: &Job,
-    slices: &Slices,
-    store: &mut Store,
-) -> Result<String, ClusterError> {
+fn submit_job(job: &Job, slices: &Slices, store: &mut Store) -> Result<String, ClusterError> {
     let submission = Submission {
         id: 0,
-        engine: engine.name().into(),
         job: None,
         plan: slices.plan.clone(),
         folder: job.folder.clone(),
@@ -283,7 +273,7 @@ fn submit_job(
         cancelled_at: None,
     };
     let id = store.submit(&submission, &slices.tasks)?;
-    let submitted = engine.submit(job);
+    let submitted = slurm::submit(job);
     match &submitted {
         Ok(name) => store.submitted(id, name)?,
         // The job may exist although the answer could not be parsed.

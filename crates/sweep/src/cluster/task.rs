@@ -2,7 +2,8 @@
 
 use super::shard::Publisher;
 use super::slices::Slices;
-use super::{ClusterError, Requeue, shard, slurm};
+use super::slurm::{self, Requeue};
+use super::{ClusterError, shard};
 use crate::model::campaign::Campaign;
 use crate::runner::{Progress, RunObserver};
 use crate::store::{MergedCases, OpenCase, Store, StoreError, TaskName};
@@ -14,7 +15,7 @@ use std::time::Duration;
 
 /// A task of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Part {
+pub(crate) struct TaskOf {
     pub(crate) task: usize,
     pub(crate) tasks: usize,
 }
@@ -89,10 +90,8 @@ impl Task {
     ) -> Result<(Store, Self), ClusterError> {
         let folder = &options.folder;
         for folder in [folder, &options.scratch] {
-            std::fs::create_dir_all(folder).map_err(|source| ClusterError::Folder {
-                path: folder.clone(),
-                source,
-            })?;
+            std::fs::create_dir_all(folder)
+                .map_err(|source| ClusterError::of_plan(folder, source))?;
         }
         let at_slurm = slurm::this_task(task);
         let name = at_slurm.clone().unwrap_or_else(|| TaskName {
@@ -147,7 +146,7 @@ impl Task {
 /// Returns the name of the plan.
 pub(crate) fn restrict(
     slices: Option<&Path>,
-    part: Part,
+    part: TaskOf,
     campaign: &mut Campaign,
 ) -> Result<String, ClusterError> {
     let mut cut = if let Some(path) = slices {

@@ -76,32 +76,6 @@ impl Campaign {
             })
     }
 
-    /// The campaign as far as one of its segments, by its number from 1, whose kept strain is
-    /// averaged.
-    ///
-    /// # Errors
-    /// A message, where there is no such segment.
-    pub fn of_segment(mut self, number: usize) -> Result<Self, String> {
-        let count = self.protocol.segments.len();
-        let Some(segment) = number
-            .checked_sub(1)
-            .and_then(|k| self.protocol.segments.get(k))
-        else {
-            return Err(match count {
-                0 => "the campaign has no segments: [[protocol.segment]] in its file defines them"
-                    .into(),
-                _ => format!("the campaign has segments 1 to {count}, and no segment {number}"),
-            });
-        };
-        self.protocol.strain = segment.end();
-        self.protocol.discard = segment.kept_from();
-        self.protocol.segments.truncate(number);
-        for (_, case) in &mut self.cases {
-            case.steps = self.protocol.with_time_step(case.params.time_step).steps();
-        }
-        Ok(self)
-    }
-
     /// The text of its file for a copy in another folder: relative paths become absolute; nothing
     /// else changes.
     pub fn text_elsewhere(&self) -> String {

@@ -105,6 +105,30 @@ impl Protocol {
         }
     }
 
+    /// The protocol as far as one of its segments, by its number from 1, whose kept strain is
+    /// averaged.
+    ///
+    /// # Errors
+    /// A message, where there is no such segment.
+    pub fn of_segment(mut self, number: usize) -> Result<Self, String> {
+        let count = self.segments.len();
+        self.segments.truncate(number);
+        match self.segments.last() {
+            Some(segment) if (1..=count).contains(&number) => {
+                self.strain = segment.end();
+                self.discard = segment.kept_from();
+                Ok(self)
+            }
+            _ if count == 0 => Err(
+                "the campaign has no segments: [[protocol.segment]] in its file defines them"
+                    .into(),
+            ),
+            _ => Err(format!(
+                "the campaign has segments 1 to {count}, and no segment {number}"
+            )),
+        }
+    }
+
     /// The imposed shear in the segments of a run; empty without segments.
     pub fn imposed(&self) -> Vec<Segment> {
         self.segments

@@ -100,9 +100,9 @@ mod tests {
         );
         parse("two.toml", text)
             .unwrap()
+            .protocol
             .of_segment(2)
             .unwrap()
-            .protocol
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Entering a campaign file into its store, and showing a store by a campaign file.
 
+use super::digest::whole;
 use super::entered::{self, Entered, LastRun};
-use super::points::{CaseRow, Points};
+use super::points::{self, Points};
 use super::processes::{self, ActiveProcess};
 use super::runs::OF_CASES;
 use super::statements::Statements;
 use super::{Store, StoreError, files, rules, runs, schema, settle};
-use crate::model::campaign::{AsWritten, Campaign, PointRule};
+use crate::model::campaign::{AsWritten, Campaign};
 use crate::model::order;
 use crate::model::protocol::Protocol;
 use crate::system::files::{folder_of, temporary_file};
@@ -234,51 +235,31 @@ impl Store {
         Ok(self.last_run()?.written)
     }
 
-    /// The campaign last run.
-    fn campaign(&self) -> Result<Campaign, StoreError> {
+    /// Shows a read-only store up to one of the segments of its runs, by its number from 1, whose
+    /// kept strain is averaged. The inner error is a message about a missing segment.
+    fn show_segment(&mut self, number: usize) -> Result<Result<(), String>, StoreError> {
+        let entered = self.last_run()?.entered;
+        let protocol = match entered.protocol.clone().of_segment(number) {
+            Ok(protocol) => protocol,
+            Err(message) => return Ok(Err(message)),
+        };
         self.point_runs()?;
-        let cases: Vec<Requested> = self.named(
-            "SELECT c.rule, p.params, c.seed, c.steps, c.sample_stride FROM cases c
-                 JOIN points p ON p.id = c.point
-             WHERE c.position IS NOT NULL ORDER BY c.position",
-            [],
-        )?;
-        let last = self.last_run()?;
-        let rules = last.entered.rules.into_iter().enumerate();
-        let rules = rules.filter_map(|(number, precision)| {
-            let is_ruled = |case: &Requested| case.rule == Some(number);
-            let start = cases.iter().position(is_ruled)?;
-            let end = cases.iter().rposition(is_ruled)? + 1;
-            Some(PointRule {
-                precision,
-                cases: start..end,
-            })
-        });
-        let rules = rules.collect();
-        let cases = cases.into_iter().map(|requested| {
-            let case = requested.case.into_case();
-            (case.key(), case)
-        });
-        Ok(Campaign {
-            name: last.name,
-            file: last.entered.file.into(),
-            text: last.text,
-            protocol: last.entered.protocol,
-            cases: cases.collect(),
-            rules,
-            folded: 0,
-            written: last.written,
-            start_files: Vec::new(),
-        })
+        let shown = || {
+            schema::shadow(&self.connection)?;
+            let cut = Entered {
+                protocol,
+                ..entered
+            };
+            cut.write(&self.connection)?;
+            for (point, params) in points::all(&self.connection)? {
+                let steps = "UPDATE cases SET steps = ?2 WHERE point = ?1 AND position IS NOT NULL";
+                let there = cut.protocol.with_time_step(params.time_step);
+                self.connection.run(steps, (point, whole(there.steps())))?;
+            }
+            settle_request(&self.connection, &cut)
+        };
+        self.read(shown()).map(Ok)
     }
-}
-
-/// A case of the grid, with the number of its precision.
-#[derive(Deserialize)]
-struct Requested {
-    rule: Option<usize>,
-    #[serde(flatten)]
-    case: CaseRow,
 }
 
 /// Sets the cases of a store to those of a campaign.
@@ -294,6 +275,11 @@ fn enter(
         schema::index(connection)?;
     }
     rules::enter(connection, campaign)?;
+    settle_request(connection, entered)
+}
+
+/// Sets the states and results of all cases to those that a campaign requests.
+fn settle_request(connection: &Connection, entered: &Entered) -> rusqlite::Result<()> {
     // Runs that failed beyond the strain requested now can reach that strain.
     runs::reopen(
         connection,
@@ -519,17 +505,7 @@ impl StoreSource {
     /// # Errors
     /// As [`StoreSource::open`]; the inner error is a message about a missing segment.
     pub fn open_segment(&self, number: usize) -> Result<Result<Store, String>, StoreError> {
-        let mut store = Store::open_read_only(&self.path)?;
-        let campaign = match &self.campaign {
-            Some(campaign) => campaign.clone(),
-            None => store.campaign()?,
-        };
-        Ok(match campaign.of_segment(number) {
-            Ok(campaign) => {
-                store.show_as_requested(&campaign)?;
-                Ok(store)
-            }
-            Err(message) => Err(message),
-        })
+        let mut store = self.open()?;
+        Ok(store.show_segment(number)?.map(|()| store))
     }
 }

@@ -75,18 +75,18 @@ impl Points {
     }
 }
 
+/// All points, with their numbers.
+pub(super) fn all(connection: &Connection) -> rusqlite::Result<Vec<(i64, Params)>> {
+    connection.all("SELECT id, params FROM points", [], |row| {
+        Ok((row.get("id")?, params(row, "params")?))
+    })
+}
+
 /// Writes the axes of all points as this program knows them.
 pub(super) fn renew_axes(connection: &Connection) -> rusqlite::Result<()> {
-    #[derive(Deserialize)]
-    struct Point {
-        id: i64,
-        #[serde(deserialize_with = "json")]
-        params: Params,
-    }
-    let points: Vec<Point> = connection.named("SELECT id, params FROM points", [])?;
-    for point in points {
+    for (id, params) in all(connection)? {
         let update = "UPDATE points SET axes = ?2 WHERE id = ?1";
-        connection.run(update, (point.id, axes_of(&point.params)))?;
+        connection.run(update, (id, axes_of(&params)))?;
     }
     SEALED.seal(connection, "true", [])
 }

@@ -522,7 +522,8 @@ impl Store {
     /// # Errors
     /// [`StoreError::Damaged`], and I/O or SQLite errors.
     pub fn failures(&self, limit: u32) -> Result<Vec<FailureLine>, StoreError> {
-        self.last_failures("c.counts", "NULL AS snapshot", params![limit])
+        let without = ATTEMPT.replace("f.snapshot", "NULL AS snapshot");
+        self.last_failures(&without, None, limit)
     }
 
     /// The last failures with the states before them, or that of the case with this key.
@@ -531,23 +532,22 @@ impl Store {
         key: Option<&str>,
         limit: u32,
     ) -> Result<Vec<FailureLine>, StoreError> {
-        let which = "c.key IS coalesce(?2, c.key) AND (?2 IS NOT NULL OR c.counts)";
-        self.last_failures(which, "f.snapshot", params![limit, key])
+        self.last_failures(ATTEMPT, key, limit)
     }
 
     fn last_failures(
         &self,
-        which: &str,
-        snapshot: &str,
-        parameters: impl rusqlite::Params,
+        columns: &str,
+        key: Option<&str>,
+        limit: u32,
     ) -> Result<Vec<FailureLine>, StoreError> {
         self.read(check(&self.connection, "c.state = 'failed'", &[]))?;
-        let attempt = ATTEMPT.replace("f.snapshot", snapshot);
         let query = format!(
-            "SELECT c.key, c.seed, p.params, {attempt} FROM cases c JOIN points p ON p.id = c.point
+            "SELECT c.key, c.seed, p.params, {columns} FROM cases c JOIN points p ON p.id = c.point
              JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
-             WHERE c.state = 'failed' AND {which} ORDER BY c.position LIMIT ?1"
+             WHERE c.state = 'failed' AND c.key IS coalesce(?2, c.key) AND (?2 IS NOT NULL OR c.counts)
+             ORDER BY c.position LIMIT ?1"
         );
-        self.named(&query, parameters)
+        self.named(&query, params![limit, key])
     }
 }

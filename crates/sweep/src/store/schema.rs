@@ -192,8 +192,12 @@ pub(super) fn index(connection: &Connection) -> rusqlite::Result<()> {
 }
 
 /// Copies some tables, with their indices, into temporary ones of the same names, which a read-only
-/// connection can change.
+/// connection can change; unless they are there.
 pub(super) fn shadow(connection: &Connection) -> rusqlite::Result<()> {
+    let is_there = "SELECT 1 FROM temp.sqlite_schema WHERE type = 'table' AND name = 'campaign'";
+    if connection.has(is_there, [])? {
+        return Ok(());
+    }
     let model = model()?;
     for table in SHADOWED {
         connection.execute_batch(&format!("DROP VIEW IF EXISTS temp.{table}"))?;

@@ -136,7 +136,7 @@ CREATE TABLE frames (
 -- One row for every job that was handed to a scheduler.
 CREATE TABLE submissions (
     id           INTEGER PRIMARY KEY,
-    engine       TEXT NOT NULL,
+    engine       TEXT NOT NULL,         -- the scheduler: slurm
     job          TEXT,                  -- its name for the scheduler; NULL until the scheduler has answered
     plan         TEXT NOT NULL,         -- hash of its slices
     folder       TEXT NOT NULL,         -- where its tasks publish their shards

@@ -14,8 +14,6 @@ use std::path::PathBuf;
 pub struct Submission {
     #[serde(skip_serializing)]
     pub(crate) id: i64,
-    /// The scheduler.
-    pub engine: String,
     /// Its name at the scheduler; `None` if the submission was interrupted.
     pub job: Option<String>,
     /// Hash of its slices.
@@ -78,9 +76,8 @@ impl Store {
             connection.execute(
                 "INSERT INTO submissions (engine, job, plan, folder, tasks, workers, build,
                      submitted_at)
-                 VALUES (?1, NULL, ?2, ?3, ?4, ?5, ?6, ?7)",
+                 VALUES ('slurm', NULL, ?1, ?2, ?3, ?4, ?5, ?6)",
                 params![
-                    submission.engine,
                     submission.plan,
                     submission.folder.to_string_lossy(),
                     submission.tasks,

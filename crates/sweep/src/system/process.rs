@@ -89,16 +89,8 @@ impl Identity {
     }
 }
 
-/// A process of this host by number and start, as in `12-3456`, and whether it runs.
-pub(crate) fn alive(name: &str) -> bool {
-    name.split_once('-').is_some_and(|(pid, start)| {
-        pid.parse()
-            .is_ok_and(|pid| start_of(pid).is_some_and(|found| found == start))
-    })
-}
-
 /// Start of a process in clock ticks since boot, unless it is dead or a zombie.
-pub(crate) fn start_of(pid: u32) -> Option<String> {
+fn start_of(pid: u32) -> Option<String> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The name, in parentheses, may contain any characters; the fields after it are plain.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();

@@ -71,53 +71,6 @@ fn interrupted_campaign_ends_with_the_table_of_the_undisturbed_one() {
 }
 
 #[test]
-fn waves_of_tasks_give_the_same_table() {
-    let alone = directory();
-    sweep(
-        alone.path(),
-        &["run", "precise.toml", "--quiet", "--workers", "1"],
-    );
-    let waves = directory();
-    let mut number = 0;
-    loop {
-        let said = json(
-            waves.path(),
-            &[
-                "submit",
-                "precise.toml",
-                "--engine",
-                "local",
-                "--tasks",
-                "2",
-                "--throttle",
-                "2",
-            ],
-        );
-        if said["cases"] == 0 {
-            break;
-        }
-        number += 1;
-        assert!(number < 12);
-        // The tasks are in the background; what they published is merged until the wave is over.
-        for _ in 0..600 {
-            std::thread::sleep(Duration::from_millis(100));
-            sweep(waves.path(), &["merge", "precise.toml"]);
-            let status = json(waves.path(), &["status", "precise.toml"]);
-            let jobs = status["jobs"].as_array().unwrap();
-            let over = jobs.iter().all(|job| {
-                let tasks = job["tasks"].as_array().unwrap();
-                tasks.iter().all(|task| task["ended"] == task["cases"])
-            });
-            if over {
-                break;
-            }
-        }
-    }
-    assert!(number > 1, "one wave is the first batches only");
-    assert_eq!(table(waves.path()), table(alone.path()));
-}
-
-#[test]
 fn store_with_pruned_runs_continues() {
     let directory = directory();
     let at = directory.path();

@@ -3,7 +3,7 @@
 use super::{Arguments, compute, style};
 use crate::cli::Output;
 use crate::cluster::shard;
-use crate::cluster::task::{Part, Task, TaskOptions, restrict};
+use crate::cluster::task::{Task, TaskOf, TaskOptions, restrict};
 use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::runner::Stop;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Computes one slice of a campaign, and reports progress before a scheduler may end this process.
 pub(super) fn run(
     arguments: &Arguments,
-    part: Part,
+    part: TaskOf,
     mut campaign: Campaign,
     output: &mut Output<'_>,
 ) -> Result<u8, Error> {
@@ -77,7 +77,12 @@ struct TaskAnswer<'a> {
 }
 
 /// Prints the progress of the slice.
-fn answer(part: Part, counts: Counts, shard: &Path, output: &mut Output<'_>) -> Result<(), Error> {
+fn answer(
+    part: TaskOf,
+    counts: Counts,
+    shard: &Path,
+    output: &mut Output<'_>,
+) -> Result<(), Error> {
     let left = counts.pending + counts.running;
     if output.json {
         output.json(&TaskAnswer {

@@ -199,7 +199,7 @@ impl Drop for Cluster {
 fn campaigns_survive_a_lost_node_time_limits_and_cancelling() {
     let cluster = Cluster::up();
     // A node crashes in the middle of a run.
-    let job = cluster.submit("crash", &["--tasks", "8", "--time", "10"]);
+    let job = cluster.submit("crash", &["--tasks", "8", "--time", "10m"]);
     cluster.until(120, "a task on n2", || cluster.is_half_way("crash", "n2"));
     cluster.help("fail-node n2");
     let state = || cluster.slurm("sinfo", &["-h", "-n", "n2", "-o", "%t"]);
@@ -208,8 +208,8 @@ fn campaigns_survive_a_lost_node_time_limits_and_cancelling() {
     cluster.until(600, "the job", || cluster.is_gone(&job));
     cluster.check("crash");
     // Signalled ahead of a limit of two minutes, and only at the limit of one.
-    let limit = cluster.submit("limit", &["--tasks", "2", "--time", "2"]);
-    let term = cluster.submit("term", &["--tasks", "4", "--time", "1"]);
+    let limit = cluster.submit("limit", &["--tasks", "2", "--time", "2m"]);
+    let term = cluster.submit("term", &["--tasks", "4", "--time", "1m"]);
     for (name, job) in [("limit", limit), ("term", term)] {
         cluster.until(1800, "the job", || cluster.is_gone(&job));
         cluster.check(name);
@@ -220,7 +220,7 @@ fn campaigns_survive_a_lost_node_time_limits_and_cancelling() {
         assert!(cluster.shards(name).iter().any(is_restarted), "{name}");
     }
     // Cancelled in the middle, and submitted again.
-    let first = cluster.submit("cancel", &["--tasks", "6", "--time", "10"]);
+    let first = cluster.submit("cancel", &["--tasks", "6", "--time", "10m"]);
     cluster.until(120, "tasks half way", || {
         cluster.is_half_way("cancel", "n1")
     });
@@ -233,7 +233,7 @@ fn campaigns_survive_a_lost_node_time_limits_and_cancelling() {
     cluster.until(60, "the job", || cluster.is_gone(&first));
     let merged = run(cluster.at(), &["merge", "cancel.sqlite"]);
     assert!(merged.status.success(), "{merged:?}");
-    let second = cluster.submit("cancel", &["--tasks", "5", "--time", "10"]);
+    let second = cluster.submit("cancel", &["--tasks", "5", "--time", "10m"]);
     cluster.until(600, "the job", || cluster.is_gone(&second));
     assert!(cluster.is_gone(&first), "it came back");
     cluster.check("cancel");

@@ -1,7 +1,7 @@
 //! Submitting: arguments, refusals, cases left to running tasks.
 
-use super::cluster::{Cluster, LONG, QUICK, contains, long};
-use crate::harness::{until, words};
+use super::cluster::{Cluster, QUICK, contains};
+use crate::harness::words;
 use assert_cmd::cargo::cargo_bin;
 use std::process::Command;
 use std::time::Duration;
@@ -15,7 +15,7 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
         "--tasks",
         "4",
         "--time",
-        "1:00:00",
+        "1h",
         "--throttle",
         "2",
         "--workers-per-task",
@@ -32,7 +32,7 @@ fn dry_run_prints_what_is_submitted_and_writes_nothing() {
     for line in [
         "#SBATCH --array=0-3%2",
         "#SBATCH --cpus-per-task=2",
-        "#SBATCH --time=1:00:00",
+        "#SBATCH --time=60:00",
         "#SBATCH --signal=B:USR1@300",
     ] {
         assert!(printed.contains(&format!("{line}\n")), "{line}: {printed}");
@@ -130,7 +130,7 @@ fn errors_of_slurm_are_named_and_the_same_command_recovers() {
     assert_eq!(output.status.code(), Some(2));
     contains(
         &words(&output.stderr),
-        &["no `sbatch`", "login node", "--engine local"],
+        &["no `sbatch`", "login node", "`sweep run`"],
     );
     assert!(!cluster.store().exists(), "nothing was written");
     cluster.set_reply("limit", "4\n");
@@ -266,70 +266,11 @@ fn cases_of_tasks_at_work_are_left_to_them() {
         "--again",
     ]);
     assert_eq!(answer["cases"], 6);
-}
-
-#[test]
-fn background_tasks_wait_for_their_turn_and_a_run_beside_them_is_noted() {
-    let cluster = Cluster::new(&long().replace(LONG, "strain = 400.0"));
-    let local = ["submit", "small.toml", "--engine", "local", "--quiet"];
-    cluster.ok(&[&local[..], &["--tasks", "2", "--throttle", "1"]].concat());
-    let states = || {
-        let status = cluster.json(&["status", "small.toml", "--json"]);
-        let tasks = status["jobs"][0]["tasks"].as_array().unwrap();
-        [0, 1].map(|task| tasks[task]["state"].as_str().unwrap().to_owned())
-    };
-    until("the first task", || {
-        (states()[0] == "running").then_some(())
-    });
-    assert_eq!(states(), ["running", "pending"]);
-    let run = ["run", "small.toml", "--time-limit", "1s"];
+    let beside = cluster.sweep(&["run", "small.toml"]);
     contains(
-        &cluster.not_ok(4, &run),
-        &["2 open cases of submitted tasks", "`sweep cancel"],
+        &words(&beside.stderr),
+        &["open cases of submitted tasks", "`sweep cancel"],
     );
-    cluster.ok(&["cancel", "small.toml"]);
-}
-
-#[test]
-fn background_of_this_machine_is_an_engine_too() {
-    let cluster = Cluster::new(QUICK);
-    let submit = [
-        "submit",
-        "small.toml",
-        "--engine",
-        "local",
-        "--tasks",
-        "3",
-        "--throttle",
-        "2",
-        "--quiet",
-    ];
-    cluster.ok(&submit);
-    contains(
-        &cluster.not_ok(
-            2,
-            &["submit", "small.toml", "--engine", "local", "--time", "9"],
-        ),
-        &["--time"],
-    );
-    until("the end of all tasks", || {
-        let status = cluster.json(&["status", "small.toml", "--json"]);
-        let tasks = status["jobs"][0]["tasks"].as_array().unwrap();
-        let mut states = tasks.iter().map(|task| &task["state"]);
-        states.all(|state| state == "done").then_some(())
-    });
-    cluster.ok(&["merge", "small.toml"]);
-    cluster.equals_local_run();
-    // Cancelled, its tasks checkpoint and end.
-    let more = long().replace(LONG, "strain = 40.0");
-    std::fs::write(cluster.home().join("small.toml"), more).unwrap();
-    cluster.ok(&submit);
-    std::thread::sleep(Duration::from_millis(500));
-    contains(&cluster.ok(&["cancel", "small.toml"]), &["cancelled: "]);
-    // And are waited for: each has taken its store away.
-    let work = cluster.shards().join("work");
-    assert_eq!(std::fs::read_dir(work).unwrap().count(), 0);
-    contains(&cluster.ok(&["cancel", "small.toml"]), &["no tasks"]);
 }
 
 #[test]

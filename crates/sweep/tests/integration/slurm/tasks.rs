@@ -192,7 +192,7 @@ fn status_shows_tasks_and_slices_and_cancel_ends_them() {
         (&"pending".into(), &1.into())
     );
     let text = cluster.ok(&["status", "small.toml"]);
-    contains(&text, &["job 4711 on slurm: 2 tasks", "pending"]);
+    contains(&text, &["job 4711: 2 tasks", "pending"]);
     contains(
         &cluster.ok(&["cancel", "small.toml"]),
         &["cancelled: 4711", "sweep submit"],
