@@ -26,7 +26,7 @@ pub use published_units::PublishedUnits;
 pub use segments::{CrossShear, CrossStrain, Imposed, Segment, phase};
 pub use settings::SolverSettings;
 pub use sizes::{Distribution, Sizes};
-pub use start_layer::StartLayer;
+pub use start_layer::{StartFrom, StartLayer};
 pub use surface::Surface;
 
 use crate::error::Error;
@@ -115,9 +115,9 @@ pub struct Params {
     /// in that unit and F_crit = 6π/Γ in mu·a² over it.
     #[serde(default, skip_serializing_if = "is_default")]
     pub at_rest: bool,
-    /// The start layer; `None` for the one made from the seed.
+    /// What the run begins with; `None` for the packing that the seed makes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub start: Option<Box<StartLayer>>,
+    pub start: Option<StartFrom>,
     /// Segments of the run, starting at strain 0; empty for steady shear.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub segments: Vec<Segment>,
@@ -174,6 +174,11 @@ impl Params {
         start: None,
         segments: Vec::new(),
     };
+
+    /// The layer of another run or program that the run begins with.
+    pub fn given_layer(&self) -> Option<&StartLayer> {
+        self.start.as_ref()?.layer()
+    }
 
     /// Whether friction can act in the run: neither its coefficient nor the rate is 0.
     pub fn has_friction(&self) -> bool {

@@ -108,7 +108,7 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
     let tables = top.tables("grid", "[[grid]]");
     if let Some(grids) = grids(tables, &protocol, folder, faults) {
         let starts = || grids.iter().filter_map(|grid| grid.start.as_ref());
-        campaign.start_files = starts().map(|start| start.file.clone()).collect();
+        campaign.start_files = starts().filter_map(|start| start.file.clone()).collect();
         campaign.written.starts = start::names(starts());
         lay_out(&grids, &protocol, &mut campaign, faults);
     }

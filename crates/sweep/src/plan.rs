@@ -205,7 +205,8 @@ pub fn plan(
         }
     })?;
     let open = || points.iter().filter(|point| point.open > 0.0);
-    let warnings = trials::time(open().map(|point| point.case), &mut costs);
+    let mut warnings = trials::time(open().map(|point| point.case), &mut costs);
+    warnings.extend(campaign.warning());
     let kinds = kinds(open().filter(|point| count(point.open) > 0), &costs);
     let computing_time_s: f64 = kinds.iter().map(|kind| kind.computing_time_s).sum();
     let longest = open().map(|point| costs.step(&point.case.params).0 * point.case.steps as f64);

@@ -2,7 +2,7 @@
 
 use super::{
     ContactScheme, Hydrodynamics, PARAMETERS, Parameter, Params, Refusal, Segment, Sizes,
-    StartLayer, parameters,
+    StartFrom, parameters,
 };
 use crate::error::Error;
 use crate::model::Form;
@@ -162,9 +162,9 @@ impl ParamsBuilder {
         self.with(["direction"], |p| p.direction = direction)
     }
 
-    /// The start layer; by default it is made from the seed.
-    pub fn start(self, layer: StartLayer) -> Self {
-        self.with(["start"], |p| p.start = Some(Box::new(layer)))
+    /// What the run begins with; by default the packing that the seed makes.
+    pub fn start(self, start: StartFrom) -> Self {
+        self.with(["start"], |p| p.start = Some(start))
     }
 
     /// Segments of the run, starting at strain 0; steady shear by default.

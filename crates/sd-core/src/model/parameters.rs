@@ -176,12 +176,12 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             "\"rigid\" or a law: the paper states its steps for spheres in a plane",
         );
     }
-    if params.start.is_some() {
+    if params.given_layer().is_some() {
         return refuse(
             "start",
             "a layer".into(),
             "is no suspension",
-            "the suspension that the seed makes",
+            "\"equilibrium\", or nothing for the packing that the seed makes",
         );
     }
     Ok(())

@@ -1,6 +1,44 @@
-//! A start layer given instead of the one made from the seed.
+//! What a run begins with instead of the packing that its seed makes.
 
 use serde::{Deserialize, Serialize};
+
+/// What a run begins with, where that is not the packing that its seed makes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartFrom {
+    /// Hard spheres of radius `a_i + h/2` in thermal equilibrium, drawn by the seed.
+    Equilibrium,
+    /// A layer from another run or program.
+    Layer(Box<StartLayer>),
+}
+
+impl From<StartLayer> for StartFrom {
+    fn from(layer: StartLayer) -> Self {
+        Self::Layer(Box::new(layer))
+    }
+}
+
+impl StartFrom {
+    /// The number of a start in equilibrium in tables.
+    pub const EQUILIBRIUM: u32 = 1;
+
+    /// The layer, if it is one.
+    pub fn layer(&self) -> Option<&StartLayer> {
+        match self {
+            Self::Equilibrium => None,
+            Self::Layer(layer) => Some(layer),
+        }
+    }
+
+    /// A positive 32-bit number that identifies it in tables; 0 is left for the packing of the
+    /// seed.
+    pub fn number(&self) -> u64 {
+        match self {
+            Self::Equilibrium => Self::EQUILIBRIUM.into(),
+            Self::Layer(layer) => layer.number(),
+        }
+    }
+}
 
 /// A layer from another run or program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,14 +61,14 @@ pub struct StartLayer {
     /// Stretches of the springs of rolling friction, likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rolling_springs: Vec<(u32, u32, f64)>,
-    /// A positive number for all layers of the same origin, such as the ends of all runs of a
+    /// A number above 1 for all layers of the same origin, such as the ends of all runs of a
     /// point: runs from them belong to one point too. `None`: a single layer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<u32>,
 }
 
 impl StartLayer {
-    /// A positive 32-bit number that identifies it in tables: that of its origin, or a hash of its
+    /// A 32-bit number above 1 that identifies it in tables: that of its origin, or a hash of its
     /// data.
     pub fn number(&self) -> u64 {
         if let Some(origin) = self.origin {
@@ -52,7 +90,7 @@ impl StartLayer {
                 hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
             }
         }
-        ((hash >> 32) ^ (hash & 0xffff_ffff)).max(1)
+        ((hash >> 32) ^ (hash & 0xffff_ffff)).max(2)
     }
 }
 
@@ -84,7 +122,7 @@ mod tests {
             assert_ne!(other.number(), layer.number());
         }
         assert_eq!(layer.clone().number(), layer.number());
-        assert!(layer.number() > 0 && layer.number() < 1 << 32);
+        assert!(layer.number() > 1 && layer.number() < 1 << 32);
         let origin = Some(7);
         assert_eq!(StartLayer { origin, ..layer }.number(), 7);
     }

@@ -49,7 +49,7 @@ impl Starts for Layer {
     }
 
     fn offset(params: &Params) -> f64 {
-        params.start.as_ref().map_or(0.0, |start| start.offset)
+        params.given_layer().map_or(0.0, |layer| layer.offset)
     }
 }
 

@@ -1,17 +1,20 @@
 //! Starts: random spheres without contact, in layers at any area fraction up to 0.84, in
-//! suspensions up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4.
+//! suspensions up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4; as
+//! they are packed, or in thermal equilibrium.
 
+mod equilibrium;
 mod given;
 mod packing;
 
 pub use given::fit;
 
 use crate::error::Error;
-use crate::model::{Params, Refusal, StartLayer, Words as _};
+use crate::model::{Params, Refusal, StartFrom, StartLayer, Words as _};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use crate::space::{Bulk, Layer, Space};
 use crate::stage::Method;
+use equilibrium::HardSpheres;
 use packing::{Density, Packing};
 use std::f64::consts::PI;
 
@@ -34,6 +37,14 @@ const SPHERES: Density = Density {
 /// Volume fraction that equal spheres at random do not exceed: random close packing has 0.64. A
 /// hundred spheres with a roughness of 0.01 were packed at 0.62, but not at 0.63.
 const CLOSEST_AT_RANDOM: f64 = 0.645;
+
+/// Area fraction up to which equal hard discs in equilibrium are a fluid (Bernard & Krauth, Phys.
+/// Rev. Lett. 107, 155704, 2011).
+const FREEZING_OF_DISCS: f64 = 0.700;
+
+/// Volume fraction up to which equal hard spheres in equilibrium are a fluid (Hoover & Ree, J.
+/// Chem. Phys. 49, 3609, 1968).
+const FREEZING_OF_SPHERES: f64 = 0.494;
 
 /// Radii, centres and cell of a layer or a suspension at strain 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,12 +103,12 @@ pub fn check(params: &Params) -> Result<(), Error> {
         }
         .into());
     }
-    if params.start.is_none() {
+    if params.given_layer().is_none() {
         check_density(params)?;
     }
     let (side, needed) = match radii_and_side(params) {
         Ok(_) => {
-            return match &params.start {
+            return match params.given_layer() {
                 Some(given) => fit(given, params).map(|_| ()),
                 None => Ok(()),
             };
@@ -121,6 +132,21 @@ pub fn check(params: &Params) -> Result<(), Error> {
         because: Some(key),
     }
     .into())
+}
+
+/// The fraction above which equal spheres of this roughness in equilibrium are no fluid, if the run
+/// begins with such spheres and has a larger one: moves from a packing then end before crystals
+/// are in equilibrium with it.
+pub fn freezing_exceeded(params: &Params) -> Option<f64> {
+    let (.., fraction, power) = fraction_of(params);
+    let freezing = if power == 2 {
+        FREEZING_OF_DISCS
+    } else {
+        FREEZING_OF_SPHERES
+    };
+    let freezing = freezing / (1.0 + 0.5 * params.roughness).powi(power);
+    let begins_so = params.start == Some(StartFrom::Equilibrium) && !params.is_mixed();
+    (begins_so && fraction > freezing).then_some(freezing)
 }
 
 /// Key, kind and value of the fraction of the spheres, and the number of dimensions.
@@ -241,7 +267,7 @@ fn radii(spheres: usize, size_ratio: f64, large: usize) -> Vec<f64> {
 /// # Errors
 /// Those of [`fit`] and [`layer`].
 pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
-    let Some(given) = &params.start else {
+    let Some(given) = params.given_layer() else {
         return layer(params, seed);
     };
     let StartLayer {
@@ -309,6 +335,10 @@ fn pack<S: Space>(
             gap: params.roughness,
             reached,
         })?;
+    if params.start == Some(StartFrom::Equilibrium) {
+        let (radii, centres) = (&packing.radii, &mut packing.centres);
+        HardSpheres::new(cell, radii, centres, params.roughness, seed).equilibrate();
+    }
     if by_rows {
         packing.number_by_rows(params.sizes.is_some());
     }

@@ -250,8 +250,8 @@ fn reversed_shear_is_the_mirror_image() {
         rolling_springs: Vec::new(),
         origin: None,
     };
-    let from = |start, direction| Params {
-        start: Some(Box::new(start)),
+    let from = |start: sd_core::model::StartLayer, direction| Params {
+        start: Some(start.into()),
         direction,
         ..forward.clone()
     };
@@ -286,7 +286,7 @@ fn run_from_the_end_of_another_continues_like_that() {
             let layer = whole.snapshot().layer(&at_stress);
             assert_eq!(layer.springs.is_empty(), contact != springs);
             let second = Params {
-                start: Some(Box::new(layer)),
+                start: Some(layer.into()),
                 ..at_stress.clone()
             };
             let (samples, _) = run(&second, 9, 20);

@@ -278,7 +278,7 @@ fn a_segment_goes_on_as_a_run_that_begins_with_the_layer() {
             steps(&mut run, count(start, 0.01));
             let flow = whole.flows().swap_remove(number);
             let second = Params {
-                start: Some(Box::new(run.snapshot().layer(&whole))),
+                start: Some(run.snapshot().layer(&whole).into()),
                 segments: vec![Segment {
                     amplitude: segment.amplitude,
                     ..Segment::default()

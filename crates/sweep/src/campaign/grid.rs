@@ -226,9 +226,9 @@ impl<'t> Grid<'t> {
         seed: u64,
         protocol: &WrittenProtocol<'_>,
     ) -> Result<Params, Problem> {
-        let layer = self.start.as_ref().map(|start| start.of_seed(seed));
+        let start = self.start.as_ref().map(|start| start.of_seed(seed));
         let params = Params {
-            start: layer.transpose()?.map(|layer| Box::new(layer.clone())),
+            start: start.transpose()?,
             ..params.clone()
         };
         let made = |error| match error {

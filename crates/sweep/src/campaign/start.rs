@@ -1,4 +1,4 @@
-//! Start layers of the runs of a grid that do not come from their seeds.
+//! What the runs of a grid begin with, where it is not the packing of their seeds.
 
 mod file;
 mod runs;
@@ -7,28 +7,33 @@ use super::axis_values::of_axis;
 use super::error::Problem;
 use super::reader::{Reader, wrong_type};
 use crate::model::axes::AXES;
-use sd_core::model::StartLayer;
+use sd_core::model::{StartFrom, StartLayer};
 use std::ops;
 use std::path::Path;
 use toml::de::DeValue;
 
-/// The key of the start layer.
+/// The key of the start.
 pub(super) const START: &str = "start";
 
-/// The start layers of a grid.
+/// The word for starts in thermal equilibrium.
+const EQUILIBRIUM: &str = "equilibrium";
+
+/// The starts of a grid.
 #[derive(Debug)]
 pub(super) struct Start {
     pub(super) layers: Layers,
     pub(super) span: ops::Range<usize>,
-    /// The file in which they are, as written, and the place of its name.
-    pub(super) file: (String, ops::Range<usize>),
+    /// The file in which layers are, as written, and the place of its name.
+    pub(super) file: Option<(String, ops::Range<usize>)>,
     /// The values that select a point of a store, as written.
     point: String,
 }
 
-/// One layer for all runs, or one for each seed.
+/// One layer for all runs, one for each seed, or none.
 #[derive(Debug)]
 pub(super) enum Layers {
+    /// None: the seeds make starts in equilibrium.
+    Equilibrium,
     /// From a file.
     File(Box<StartLayer>),
     /// By seed, the end of the run with that seed at a point of another store.
@@ -41,10 +46,17 @@ impl Start {
         let written = grid.get(START)?;
         let (span, faults) = (written.span(), grid.faults);
         let (found, file, point) = match written.get_ref() {
+            DeValue::String(name) if name == EQUILIBRIUM => {
+                (Ok(Layers::Equilibrium), None, String::new())
+            }
             DeValue::String(name) => {
                 let layer = file::read(&folder.join(name.as_ref()));
                 let layers = layer.map(|layer| Layers::File(Box::new(layer)));
-                (layers, (name.to_string(), span.clone()), String::new())
+                (
+                    layers,
+                    Some((name.to_string(), span.clone())),
+                    String::new(),
+                )
             }
             DeValue::Table(entries) => {
                 let keys = ["store", "point"];
@@ -73,10 +85,10 @@ impl Start {
                 let words = values
                     .iter()
                     .map(|(axis, value)| format!("{} = {value}", axis.key));
-                (layers, store, words.collect::<Vec<_>>().join(", "))
+                (layers, Some(store), words.collect::<Vec<_>>().join(", "))
             }
             _ => {
-                let allowed = "`start` is the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
+                let allowed = "`start` is \"equilibrium\", the name of a file, or { store = \"FILE\", point = { KEY = VALUE, .. } }";
                 faults.push(wrong_type(written, START, allowed));
                 return None;
             }
@@ -92,21 +104,24 @@ impl Start {
         })
     }
 
-    /// The layer of the run with a seed.
-    pub(super) fn of_seed(&self, seed: u64) -> Result<&StartLayer, Problem> {
+    /// What the run with a seed begins with.
+    pub(super) fn of_seed(&self, seed: u64) -> Result<StartFrom, Problem> {
         match &self.layers {
-            Layers::File(layer) => Ok(layer),
+            Layers::Equilibrium => Ok(StartFrom::Equilibrium),
+            Layers::File(layer) => Ok(StartFrom::Layer(layer.clone())),
             Layers::Runs(layers) => {
                 let found = layers.iter().find(|layer| layer.0 == seed);
-                found.map(|(_, layer)| &**layer).ok_or_else(|| {
-                    let seeds = layers.iter().map(|layer| layer.0.to_string());
-                    let seeds: Vec<String> = seeds.collect();
-                    Problem::at(
-                        &self.span,
-                        format!("no finished run of that point has seed {seed}"),
-                        format!("`seeds` among those of that point: {}", seeds.join(", ")),
-                    )
-                })
+                found
+                    .map(|(_, layer)| StartFrom::Layer(layer.clone()))
+                    .ok_or_else(|| {
+                        let seeds = layers.iter().map(|layer| layer.0.to_string());
+                        let seeds: Vec<String> = seeds.collect();
+                        Problem::at(
+                            &self.span,
+                            format!("no finished run of that point has seed {seed}"),
+                            format!("`seeds` among those of that point: {}", seeds.join(", ")),
+                        )
+                    })
             }
         }
     }
@@ -115,6 +130,7 @@ impl Start {
     /// lengths differ.
     fn numbers(&self) -> Vec<u64> {
         let mut numbers = match &self.layers {
+            Layers::Equilibrium => vec![StartFrom::EQUILIBRIUM.into()],
             Layers::File(layer) => vec![layer.number()],
             Layers::Runs(layers) => layers.iter().map(|(_, layer)| layer.number()).collect(),
         };
@@ -122,10 +138,16 @@ impl Start {
         numbers
     }
 
+    /// The name of its file.
+    fn name(&self) -> Option<&str> {
+        self.file.as_ref().map(|file| file.0.as_str())
+    }
+
     fn stem(&self) -> String {
-        let file = Path::new(&self.file.0);
+        let file = Path::new(self.name().unwrap_or_default());
         let name = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().display().to_string();
         match self.layers {
+            Layers::Equilibrium => EQUILIBRIUM.to_owned(),
             Layers::File(_) => name(file.file_name()),
             Layers::Runs(_) => format!("end of {}", name(file.file_stem())),
         }
@@ -142,7 +164,7 @@ pub(super) fn names<'g>(starts: impl Iterator<Item = &'g Start>) -> Vec<(u64, St
         };
         match named.iter().find(|(known, _)| *known == number) {
             None => named.push((number, start)),
-            Some((_, same)) if same.file.0 == start.file.0 && same.point == start.point => {}
+            Some((_, same)) if same.name() == start.name() && same.point == start.point => {}
             // Two descriptions of the same layer.
             Some(_) => return Vec::new(),
         }
@@ -156,7 +178,7 @@ pub(super) fn names<'g>(starts: impl Iterator<Item = &'g Start>) -> Vec<(u64, St
             stem
         }
     };
-    let new = (!named.is_empty()).then(|| (0, "new layer".to_owned()));
+    let new = (!named.is_empty()).then(|| (0, "packing".to_owned()));
     let names = named.iter().map(|(number, start)| (*number, name(start)));
     new.into_iter().chain(names).collect()
 }
@@ -183,7 +205,7 @@ mod tests {
                 _ => Layers::Runs(vec![(1, layer.clone()), (2, layer)]),
             },
             span: 0..0,
-            file: (file.into(), 0..0),
+            file: Some((file.into(), 0..0)),
             point: point.into(),
         }
     }
@@ -200,10 +222,10 @@ mod tests {
         let some = |words: [&str; 3]| words.map(|word| Some(word.to_owned()));
         let forward = || start(7, "old/fwd.sqlite", "shear_rate = 1");
         let file = names(&[forward(), start(9, "layers/sheared.xyz", ""), forward()]);
-        assert_eq!(file, some(["new layer", "end of fwd", "sheared.xyz"]));
+        assert_eq!(file, some(["packing", "end of fwd", "sheared.xyz"]));
         let other = names(&[forward(), start(9, "fwd.sqlite", "shear_rate = 2")]);
         let ends = ["end of fwd, shear_rate = 1", "end of fwd, shear_rate = 2"];
-        assert_eq!(other, some(["new layer", ends[0], ends[1]]));
+        assert_eq!(other, some(["packing", ends[0], ends[1]]));
         // The same layer under two descriptions has no name.
         let same = names(&[forward(), start(7, "fwd.sqlite", "shear_rate = 1")]);
         assert_eq!(same, [const { None }; 3]);

@@ -5,6 +5,7 @@ mod suspensions;
 
 use super::*;
 use crate::model::axes::Axis;
+use sd_core::model::StartFrom;
 use std::fmt::Write as _;
 
 const GOOD: &str = r#"name = "friction"
@@ -525,7 +526,7 @@ fn faults_of_start_layers_have_their_line() {
     let parse = |text: &str| shown_or(directory.path(), text);
     let good = parse(&grid(&two, "\"good.json\"")).unwrap();
     let start = good.cases[0].1.params.start.as_ref().unwrap();
-    assert_eq!(start.centres.len(), 2);
+    assert_eq!(start.layer().unwrap().centres.len(), 2);
     write("moved.json", &layer("[[0, 0], [5.5, 0]]", "[1, 1]", side));
     let moved = parse(&grid(&two, "\"moved.json\"")).unwrap();
     assert_ne!(moved.cases[0].0, good.cases[0].0, "the layer is in the key");
@@ -611,7 +612,7 @@ fn a_copy_of_a_campaign_names_its_start_layers_in_full_and_all_else_stays() {
         .map(|(_, name)| name.as_str());
     assert_eq!(
         names.collect::<Vec<_>>(),
-        ["new layer", "one.json", "two.json"]
+        ["packing", "one.json", "two.json"]
     );
     assert_eq!(campaign.text_elsewhere(), full);
     // Copying the copy changes nothing.
@@ -636,4 +637,24 @@ fn faults_of_imposed_stress_have_their_line() {
     ] {
         assert_fault(Path::new("."), &text, line, part);
     }
+}
+
+#[test]
+fn starts_in_equilibrium_need_no_file_and_are_warned_of_above_freezing() {
+    let text = |fraction: f64| {
+        format!(
+            "name = \"x\"\n[[grid]]\nhydrodynamics = \"ball-melrose\"\nstart = \"equilibrium\"\nvolume_fraction = {fraction}\n\
+             friction = 0\nroughness = 0.01\nshear_rate = 1\nseeds = 2\nspheres = 150\n"
+        )
+    };
+    let parse = |text: &str| shown_or(Path::new(""), text).unwrap();
+    let campaign = parse(&text(0.4));
+    let (key, case) = &campaign.cases[0];
+    assert_eq!(case.params.start, Some(StartFrom::Equilibrium));
+    assert!(campaign.start_files.is_empty() && campaign.warning().is_none());
+    assert!(campaign.written.starts.contains(&(1, "equilibrium".into())));
+    let packed = parse(&text(0.4).replace("start = \"equilibrium\"\n", ""));
+    assert_ne!(packed.cases[0].0, *key);
+    let warning = parse(&text(0.5)).warning().unwrap();
+    assert!(warning.contains("0.487"), "{warning}");
 }

@@ -162,6 +162,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         without_frames,
     } = begin(&path, &campaign, beginning)?;
     print_warning(&store);
+    if let Some(warning) = campaign.warning() {
+        style.note(&format!("warning: {warning}"));
+    }
     print_damage(&damaged, style);
     print_inventory(&campaign, &path, adoption, style);
     print_tasks(&store, &campaign, style)?;

@@ -32,7 +32,7 @@ pub struct Campaign {
     pub folded: usize,
     /// What the file says and its cases do not show.
     pub written: AsWritten,
-    /// Names of files of start layers and of stores of start runs, with their places in the text.
+    /// Names of files of start layers, and of stores of start runs, with their places in the text.
     pub(crate) start_files: Vec<(String, Range<usize>)>,
 }
 
@@ -74,6 +74,20 @@ impl Campaign {
                 let is_later = next.as_ref().is_some_and(|range| range.contains(&place));
                 (!is_later).then_some(case)
             })
+    }
+
+    /// A warning about starts in equilibrium that are denser than a fluid, if there are any.
+    pub fn warning(&self) -> Option<String> {
+        let dense = self.cases.iter().filter_map(|(_, case)| {
+            let params = &case.params;
+            let fraction = params.volume_fraction.unwrap_or(params.area_fraction);
+            Some((fraction, sd_core::start::freezing_exceeded(params)?))
+        });
+        let (fraction, freezing) = dense.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(format!(
+            "`start` = \"equilibrium\" at a fraction of {fraction}: equal spheres in equilibrium are a fluid up to {freezing:.3} and a \
+             crystal above; denser starts are a fluid that has not frozen yet"
+        ))
     }
 
     /// The text of its file for a copy in another folder: relative paths become absolute; nothing

@@ -47,7 +47,7 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
             }
         }
     }
-    let at_start = p.start.as_ref().map_or(0.0, |start| start.offset);
+    let at_start = p.given_layer().map_or(0.0, |layer| layer.offset);
     let spin = -0.5 * imposed.direction;
     let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * imposed.direction});
     let mut angular_velocity = json!(spin);

@@ -104,11 +104,11 @@ pub(super) static DIRECTION: Quantity = Quantity {
     note: "1, or -1 for a layer that is sheared the other way",
 };
 
-/// The start layer.
+/// What a run begins with.
 pub(super) static START: Quantity = Quantity {
     key: "start",
     unit: "1",
-    meaning: "number that names the layer a run begins with; 0 where its seed makes it",
+    meaning: "number that names what a run begins with: 0 the packing that its seed makes, 1 hard spheres in equilibrium, another one a given layer",
     range: Range::from_to(0.0, f64::INFINITY),
     note: "",
 };

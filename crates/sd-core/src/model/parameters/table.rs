@@ -20,7 +20,9 @@ use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNESS};
 use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
-use crate::model::{ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder};
+use crate::model::{
+    ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, StartFrom,
+};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
@@ -325,7 +327,11 @@ pub static PARAMETERS: [Parameter; 28] = [
             default: Some(|_| 0.0),
             get: |p| p.start.as_ref().map_or(0.0, |start| start.number() as f64),
             // A start layer cannot be restored from its number.
-            put: |_, _| (),
+            put: |p, value| {
+                if value == f64::from(StartFrom::EQUILIBRIUM) {
+                    p.start = Some(StartFrom::Equilibrium);
+                }
+            },
             ..NEEDED
         }),
         ..number(&START)

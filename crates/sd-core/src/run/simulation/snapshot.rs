@@ -198,7 +198,7 @@ impl Snapshot {
     /// # Ok::<(), sd_core::Error>(())
     /// ```
     pub fn layer(&self, params: &Params) -> StartLayer {
-        let before = params.start.as_ref().map_or(0.0, |start| start.offset);
+        let before = params.given_layer().map_or(0.0, |layer| layer.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
         let stiffness = ShearControl::new(&last, self.critical_load)
             .laws(&last)

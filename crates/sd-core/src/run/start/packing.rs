@@ -215,17 +215,11 @@ impl<S: Space> Packing<S> {
         smallest
     }
 
-    /// Twice the distance, over the sum of the radii, up to which the grown spheres of any pair
-    /// overlap.
-    fn range(&self) -> f64 {
-        let least = self.radii.iter().copied().fold(f64::INFINITY, f64::min);
-        (2.0 + (self.gap + self.margin) / least) * (1.0 + 1e-9)
-    }
-
     /// Forces of the overlaps; returns the smallest gap between spheres.
     fn update_forces(&mut self) -> f64 {
+        let range = range(&self.radii, self.gap + self.margin);
         self.neighbours
-            .find_all(&self.cell, &self.centres, &self.radii, self.range());
+            .find_all(&self.cell, &self.centres, &self.radii, range);
         self.forces.fill(S::Vector::default());
         self.overlaps = 0.0;
         let mut smallest = f64::INFINITY;
@@ -241,4 +235,10 @@ impl<S: Space> Packing<S> {
         }
         smallest
     }
+}
+
+/// Twice the distance, over the sum of the radii, within which are all pairs with that gap or less.
+pub(super) fn range(radii: &[f64], gap: f64) -> f64 {
+    let least = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    (2.0 + gap / least) * (1.0 + 1e-9)
 }

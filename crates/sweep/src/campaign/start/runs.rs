@@ -6,7 +6,7 @@ use crate::model::checkpoint::Checkpoint;
 use crate::model::spaces::InSpace;
 use crate::store::{LastState as Run, Store};
 use sd_core::Params;
-use sd_core::model::StartLayer;
+use sd_core::model::{StartFrom, StartLayer};
 use std::path::Path;
 
 /// Whether a run belongs to the point with these values. Points that share their runs count as one:
@@ -130,7 +130,7 @@ fn there_are(runs: &[Run], wanted: &[(&'static Axis, Value)]) -> String {
 
 /// A hash for the ends of all runs of a point, independent of their seeds.
 fn origin(params: &Params, steps: u64) -> u32 {
-    let before = params.start.as_ref().map_or(0, |start| start.number());
+    let before = params.start.as_ref().map_or(0, StartFrom::number);
     let point = Params {
         start: None,
         ..params.clone()
@@ -140,5 +140,5 @@ fn origin(params: &Params, steps: u64) -> u32 {
     debug_assert!(written.is_ok(), "numbers and names always have JSON");
     let mut number = [0; 4];
     number.copy_from_slice(&hasher.finalize().as_bytes()[..4]);
-    u32::from_le_bytes(number).max(1)
+    u32::from_le_bytes(number).max(2)
 }

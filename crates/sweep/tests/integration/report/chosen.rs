@@ -233,12 +233,12 @@ fn start_layers_are_named_by_where_they_come_from() {
     std::fs::write(at.join("on.toml"), campaign).unwrap();
     sweep(at, &["run", "on.toml", "--store", "on.sqlite", "-q"]);
     let text = sweep(at, &["report", "on.sqlite"]);
-    for name in [" end of s ", " new layer "] {
+    for name in [" end of s ", " packing "] {
         assert!(text.contains(name), "{text}");
     }
     sweep(at, &["report", "on.sqlite", "--figure", "f.svg"]);
     let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
-    for name in ["end of s", "new layer"] {
+    for name in ["end of s", "packing"] {
         assert!(words(&svg).contains(&name), "{:?}", words(&svg));
     }
     let page = sweep(at, &["report", "on.sqlite", "--page", "-"]);
