@@ -7,7 +7,7 @@ use crate::values;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
-use sd_core::model::Words;
+use sd_core::model::Keywords;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use sweep::data::DataColumn;
@@ -514,13 +514,13 @@ fn py_list<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
 }
 
 /// A choice by its keyword.
-fn word<T: Words + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
+fn word<T: Keywords + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
     let Some(given) = given else {
         return Ok(T::default());
     };
     let given = values::text(name, given)?;
     T::of_word(&given).ok_or_else(|| {
-        let known: Vec<String> = T::WORDS
+        let known: Vec<String> = T::KEYWORDS
             .iter()
             .map(|word| format!("{:?}", word.word))
             .collect();

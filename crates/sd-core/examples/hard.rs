@@ -18,7 +18,7 @@ use clap::Parser;
 use clock::Moment;
 use rayon::prelude::*;
 use sd_core::contact::ContactState;
-use sd_core::law::Words as _;
+use sd_core::law::Keywords as _;
 use sd_core::simulation::{Counters, Frame};
 use sd_core::{
     ContactLaws, ContactScheme, Error, Flow, Hydrodynamics, NearFields, NormalLaw, Params,
@@ -170,7 +170,7 @@ impl Part {
                                     }),
                                     ..valid.clone()
                                 };
-                                params.settle();
+                                params.canonicalise();
                                 cases.push(Case { law, params, seed });
                             }
                         }

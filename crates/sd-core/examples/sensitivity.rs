@@ -40,7 +40,7 @@ fn cases() -> Vec<Case> {
             .two_sizes(1.4, 0.5)
             .build()
             .expect("parameters in range");
-        params.settle();
+        params.canonicalise();
         params
     };
     let hertz = ContactLaws {

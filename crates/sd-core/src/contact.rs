@@ -36,8 +36,6 @@ pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
 pub use pair_forces::PairForces;
 
-use crate::space::Space;
-
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -90,12 +88,4 @@ impl Quality {
     pub fn jammed(&self) -> bool {
         self.status == Status::NoAdmissibleMotion
     }
-}
-
-/// Maximum number of spheres for whose contacts memory is reserved in advance.
-const MAX_RESERVED_SPHERES: usize = 1000;
-
-/// Number of contacts for which memory is reserved in advance.
-pub(crate) fn reserved_contacts<S: Space>(spheres: usize) -> usize {
-    S::RESERVED_CONTACTS / 2 * spheres.min(MAX_RESERVED_SPHERES)
 }

@@ -10,6 +10,7 @@
 
 pub mod adhesion;
 mod custom;
+mod keywords;
 pub mod normal;
 pub mod onset;
 pub mod quantity;
@@ -17,13 +18,12 @@ pub mod repulsion;
 pub mod rolling_friction;
 pub mod stiffness_unit;
 pub mod tangential;
-mod words;
 
 pub use custom::CustomNormalLaw;
+pub(crate) use keywords::words;
+pub use keywords::{Keyword, Keywords};
 pub use normal::NormalLaw;
 pub use onset::FrictionOnset;
 pub use quantity::{Quantity, Range};
 pub use stiffness_unit::StiffnessUnit;
 pub use tangential::{FrictionConstraint, TangentialLaw};
-pub(crate) use words::words;
-pub use words::{Word, Words};

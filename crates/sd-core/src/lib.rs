@@ -204,7 +204,6 @@ pub mod instant {
 /// change in any version.
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::contact::contact_pair::tangent;
     pub use crate::contact::contact_solver::SolvePass;
     pub use crate::contact::laws::{OVERLAP_CORRECTION, Span, StageKind};
     pub use crate::contact::memory::{ContactMemory, WarmStart};

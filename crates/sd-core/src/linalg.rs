@@ -1,7 +1,7 @@
 //! Linear algebra: the only modules that name faer and pulp.
 //!
-//! All code allocates only in constructors and sums in a fixed order, so the same input gives the
-//! same bits.
+//! All code allocates only for sizes larger than any before, and sums in a fixed order, so the same
+//! input gives the same bits.
 
 pub(crate) mod anderson;
 pub(crate) mod cholesky;

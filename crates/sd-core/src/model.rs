@@ -16,7 +16,7 @@ mod surface;
 
 pub use crate::error::Refusal;
 pub use crate::law::{
-    FrictionOnset, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw, Word, Words,
+    FrictionOnset, Keyword, Keywords, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw,
 };
 pub use builder::ParamsBuilder;
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
@@ -267,12 +267,12 @@ impl Params {
     ///
     /// // At Γ = 0 friction never acts, so its coefficient has no effect.
     /// let mut plateau = Params { shear_rate: 0.0, ..params };
-    /// plateau.settle();
+    /// plateau.canonicalise();
     /// assert_eq!(plateau.friction, 0.0);
     /// # Ok::<(), sd_core::Error>(())
     /// ```
-    pub fn settle(&mut self) {
-        parameters::settle(self);
+    pub fn canonicalise(&mut self) {
+        parameters::canonicalise(self);
     }
 }
 

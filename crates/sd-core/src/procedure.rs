@@ -17,7 +17,7 @@
 
 use crate::contact::problem::dense_system::DenseSystem;
 use crate::contact::problem::statement::{self, Forces, Problem, States, System};
-use crate::contact::{Contact, ContactState, Quality, reserved_contacts};
+use crate::contact::{Contact, ContactState, Quality};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::tangential::roll_slip;
@@ -81,6 +81,7 @@ pub(crate) struct ProcedureInput<'a, S: Fluid = Layer> {
 }
 
 /// Solver of the steps, with its workspace.
+#[derive(Default)]
 pub(crate) struct ProcedureSolver<S: Fluid = Layer> {
     problem: Problem<S>,
     states: States<S>,
@@ -89,17 +90,6 @@ pub(crate) struct ProcedureSolver<S: Fluid = Layer> {
 }
 
 impl<S: Fluid> ProcedureSolver<S> {
-    /// Workspace for all contacts of that many spheres.
-    pub(crate) fn new(spheres: usize) -> Self {
-        let contacts = reserved_contacts::<S>(spheres);
-        Self {
-            problem: Problem::new(contacts),
-            states: States::new(contacts),
-            forces: Forces::new(contacts),
-            system: DenseSystem::new::<S>(spheres, contacts),
-        }
-    }
-
     /// Solves one stage by steps 2 to 6.
     ///
     /// Pairs with a tensile force are removed from the list (step 3), and so are pairs out of

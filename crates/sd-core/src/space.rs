@@ -119,8 +119,6 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     const TANGENTS: usize;
     /// Reserved number of neighbours of a sphere within the lubrication range.
     const RESERVED_NEIGHBOURS: usize;
-    /// Reserved number of contacts of a sphere.
-    const RESERVED_CONTACTS: usize;
     /// Orientation at strain 0.
     const UPRIGHT: Self::Orientation;
     /// Positions, velocities, forces.

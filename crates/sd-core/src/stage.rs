@@ -8,9 +8,7 @@ pub use method::{Method, memory_bytes};
 use crate::contact::contact_solver::{AppliedForces, StageInput};
 use crate::contact::distant_forces::DistantForces;
 use crate::contact::laws::{Laws, Span};
-use crate::contact::{
-    ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface, reserved_contacts,
-};
+use crate::contact::{ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::iterative::IterativeFarField;
@@ -77,14 +75,11 @@ pub struct StageSolver<S: Fluid = Layer> {
 impl<S: Fluid> StageSolver<S> {
     /// A solver for the spheres of the resistance.
     pub fn new(resistance: Resistance<S>) -> Self {
-        let spheres = resistance.radii().len();
-        let n = S::MODES * spheres;
-        let mut distant = DistantForces::default();
-        distant.adhesive.reserve(reserved_contacts::<S>(spheres));
+        let n = S::MODES * resistance.radii().len();
         Self {
             contacts: ContactSolver::new(&resistance),
             resistance,
-            distant,
+            distant: DistantForces::default(),
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
             applied: Vec::with_capacity(n),
@@ -230,11 +225,11 @@ impl<S: Fluid> StageSolver<S> {
         }
         let (resistance, contacts) = (&self.resistance, &mut self.contacts);
         let (forces, velocities) = (&self.forces, &mut self.velocities);
-        let mut no_memory = ContactMemory::default();
+        let (no_laws, mut no_memory) = (Laws::none(), ContactMemory::default());
         let is_free = matches!(contact, StageContacts::None);
         let contact = match contact {
             StageContacts::None => StageContacts::Laws {
-                laws: &Laws::NONE,
+                laws: &no_laws,
                 span: Span::single(1.0),
                 memory: &mut no_memory,
             },
@@ -289,16 +284,18 @@ impl<S: Fluid> StageSolver<S> {
                 surface,
                 contact_list,
             } => {
-                let spheres = resistance.radii().len();
                 let input = ProcedureInput {
                     resistance,
                     flow,
                     surface: &surface,
                     forces,
                 };
-                self.procedure
-                    .get_or_insert_with(|| Box::new(ProcedureSolver::new(spheres)))
-                    .solve(&input, contact_list, &mut contacts.list, velocities)?
+                self.procedure.get_or_insert_default().solve(
+                    &input,
+                    contact_list,
+                    &mut contacts.list,
+                    velocities,
+                )?
             }
         };
         self.distant.finish(&self.velocities);

@@ -4,7 +4,7 @@
 #![expect(clippy::print_stderr, reason = "the share is what this bench is for")]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use sd_core::model::Words as _;
+use sd_core::model::Keywords as _;
 use sd_core::{NearFields, Simulation};
 use std::time::{Duration, Instant};
 use sweep::model::spaces::AnySnapshot;

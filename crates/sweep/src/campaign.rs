@@ -188,7 +188,7 @@ fn lay_out(
 
 /// The cases so far.
 ///
-/// Points that share their runs are one case, by [`Params::settle`]: friction has no effect at
+/// Points that share their runs are one case, by [`Params::canonicalise`]: friction has no effect at
 /// Γ = 0, nor has the shear rate without friction. A file may name several of them, and a user who
 /// requested three shear rates expects three points, so they are kept as they are written.
 struct LaidOut<'c> {

@@ -14,7 +14,7 @@ use contact::Contact;
 use sd_core::cell::{Cell, Lattice};
 use sd_core::contact::ContactState;
 use sd_core::instant::{self, Configuration, InstantContacts, SolvedConfiguration, solve};
-use sd_core::model::Words;
+use sd_core::model::Keywords;
 use sd_core::two_sphere::{scalars, twist};
 use sd_core::{
     Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents,
@@ -59,10 +59,10 @@ pub struct Input<S: Written = Layer> {
 }
 
 /// A choice by its word.
-fn by_word<'de, D: Deserializer<'de>, T: Words>(deserializer: D) -> Result<T, D::Error> {
+fn by_word<'de, D: Deserializer<'de>, T: Keywords>(deserializer: D) -> Result<T, D::Error> {
     let word = String::deserialize(deserializer)?;
     T::of_word(&word).ok_or_else(|| {
-        let known: Vec<String> = T::WORDS
+        let known: Vec<String> = T::KEYWORDS
             .iter()
             .map(|known| format!("{:?}", known.word))
             .collect();

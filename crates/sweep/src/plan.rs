@@ -15,7 +15,7 @@ use crate::model::case::{Case, step_cost};
 use crate::model::protocol::PlannedSegment;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
 use crate::text::format::count;
-use sd_core::model::Words as _;
+use sd_core::model::Keywords as _;
 use sd_core::{Method, Params, memory_bytes};
 use serde::{Serialize, Serializer};
 use serde_json::json;

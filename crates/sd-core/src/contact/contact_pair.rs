@@ -2,7 +2,6 @@
 
 use super::row::Row;
 use crate::law::rolling_friction;
-use crate::space::modes::Vec2;
 use crate::space::pair::Neighbours;
 use crate::space::{IncidentFlow, Layer, Space};
 use serde::{Deserialize, Serialize};
@@ -136,7 +135,6 @@ impl<S: Space> Contact<S> {
         rolling_friction::radius(self.levers.map(|lever| lever - 0.5 * self.pair.gap))
     }
 
-    /// Rolling velocity of the background.
     pub(crate) fn background_rolling(&self) -> S::Tangent {
         self.background_spin * self.rolling_radius()
     }
@@ -176,9 +174,4 @@ impl<S: Space> Contact<S> {
         let rolling = self.read(&self.rolling_rows(), velocities);
         self.rolling_velocity = self.background_rolling() + rolling;
     }
-}
-
-/// The tangent t = (−n_y, n_x).
-pub fn tangent(n: Vec2) -> Vec2 {
-    Vec2::new(-n.y, n.x)
 }

@@ -5,6 +5,7 @@ mod candidates;
 mod entries;
 
 use self::entries::refine;
+use super::Quality;
 use super::contact_pair::Contact;
 use super::laws::{Laws, Overlap, Span};
 use super::memory::ContactMemory;
@@ -12,7 +13,6 @@ use super::problem::ProblemSolver;
 use super::problem::dense_system::DenseSystem;
 use super::problem::sparse_system::{SparseSystem, SparseSystemView};
 use super::problem::statement::{Forces, Problem};
-use super::{Quality, reserved_contacts};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::space::{IncidentFlow, Layer};
@@ -63,29 +63,24 @@ pub struct ContactSolver<S: Fluid = Layer> {
     overlaps: Vec<Overlap>,
     problem: Problem<S>,
     solver: ProblemSolver<S>,
-    /// Loads at which friction bounds are held.
     held_loads: Vec<f64>,
     backend: Backend<S>,
 }
 
 impl<S: Fluid> ContactSolver<S> {
-    /// A workspace with memory reserved for all contacts. Pages that are never written occupy no
-    /// physical memory.
+    /// A workspace for the form of the resistance.
     pub fn new(resistance: &Resistance<S>) -> Self {
-        let spheres = resistance.radii().len();
-        let capacity = reserved_contacts::<S>(spheres);
-        let backend = if resistance.pairwise().is_some() {
-            Backend::Sparse(Box::default())
-        } else {
-            Backend::Dense(Box::new(DenseSystem::new::<S>(spheres, capacity)))
-        };
         Self {
-            list: Vec::with_capacity(capacity),
-            overlaps: Vec::with_capacity(capacity),
-            problem: Problem::new(capacity),
-            solver: ProblemSolver::new(capacity),
+            list: Vec::new(),
+            overlaps: Vec::new(),
+            problem: Problem::default(),
+            solver: ProblemSolver::default(),
             held_loads: Vec::new(),
-            backend,
+            backend: if resistance.pairwise().is_some() {
+                Backend::Sparse(Box::default())
+            } else {
+                Backend::Dense(Box::default())
+            },
         }
     }
 
@@ -180,7 +175,6 @@ impl<S: Fluid> ContactSolver<S> {
         }
     }
 
-    /// Updates the springs after a solved stage.
     fn update_springs(&self, input: &StageInput<'_, S>, memory: &mut ContactMemory<S>) {
         let (list, kind, laws) = (&self.list, input.span.kind, input.laws);
         if laws.tangential.has_spring() {

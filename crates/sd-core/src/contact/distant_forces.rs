@@ -36,7 +36,6 @@ pub struct DistantForces<S: Space> {
 }
 
 impl<S: Fluid> DistantForces<S> {
-    /// Removes all pairs.
     pub(crate) fn clear(&mut self) {
         self.repulsive.clear();
         self.adhesive.clear();

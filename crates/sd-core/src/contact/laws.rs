@@ -17,7 +17,7 @@
 
 use super::contact_pair::Contact;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{CustomNormalLaw, FrictionConstraint, FrictionOnset, NormalLaw, TangentialLaw};
+use crate::law::{CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{IncidentFlow, Space};
 
@@ -99,24 +99,18 @@ impl ForceLaw {
 
 impl Laws {
     /// No contact forces.
-    pub const NONE: Self = Self {
-        surface: Surface {
+    pub fn none() -> Self {
+        let choice = ContactLaws {
+            normal: NormalLaw::ExponentialRepulsion,
+            ..ContactLaws::PAPER
+        };
+        let surface = Surface {
             roughness: 0.0,
             friction: 0.0,
             critical_load: f64::INFINITY,
-        },
-        normal: NormalForce {
-            law: ForceLaw::BuiltIn(NormalLaw::ExponentialRepulsion),
-            stiffness: f64::INFINITY,
-            dashpot: 0.0,
-        },
-        tangential: TangentialLaw::Coulomb,
-        tangential_stiffness: 0.0,
-        onset: FrictionOnset::CriticalLoad,
-        repulsion: None,
-        rolling_friction: 0.0,
-        adhesion: 0.0,
-    };
+        };
+        Self::new(&choice, surface)
+    }
 
     /// The given choice of laws, for spheres with this surface.
     pub fn new(choice: &ContactLaws, surface: Surface) -> Self {
@@ -166,36 +160,26 @@ impl Laws {
         self.repulsion.is_some() || self.adhesion > 0.0
     }
 
-    /// Whether friction depends on the slip that normal forces alone would leave.
-    pub(super) fn uses_frictionless_slip(&self) -> bool {
-        self.tangential.constraint() == FrictionConstraint::IsolatedSlip
+    /// Coefficients of the bounds on friction, infinite where there is no bound, and on rolling
+    /// friction.
+    pub(super) fn friction_coefficients(&self) -> [f64; 2] {
+        let friction = self.tangential.bound(self.surface.friction, 1.0);
+        [friction, self.rolling_friction]
     }
 
-    /// Coefficient and intercept of the friction bound `ρ(f) = max(0, coefficient f + intercept)`.
-    /// The coefficient is infinite where there is no bound.
-    pub(super) fn friction_bound(&self) -> (f64, f64) {
-        self.bound_with(self.tangential.bound(self.surface.friction, 1.0))
-    }
-
-    /// Coefficient and intercept of the bound on rolling friction.
-    pub(super) fn rolling_bound(&self) -> (f64, f64) {
-        self.bound_with(self.rolling_friction)
-    }
-
-    /// The bound with a given coefficient: its intercept follows from the onset of friction.
-    fn bound_with(&self, coefficient: f64) -> (f64, f64) {
-        let intercept = match self.onset {
-            FrictionOnset::Reduced if coefficient.is_finite() => {
-                -coefficient * self.surface.critical_load
-            }
-            FrictionOnset::CriticalLoad | FrictionOnset::Reduced | FrictionOnset::Contact => 0.0,
-        };
-        (coefficient, intercept)
+    /// Intercept of the bound `ρ(f) = max(0, coefficient f + intercept)`.
+    pub(super) fn intercept(&self, coefficient: f64) -> f64 {
+        if self.onset == FrictionOnset::Reduced && coefficient.is_finite() {
+            -coefficient * self.surface.critical_load
+        } else {
+            0.0
+        }
     }
 
     /// Whether the friction force is continuous at its onset.
     pub(super) fn is_smooth(&self) -> bool {
-        self.surface.critical_load == 0.0 || self.friction_bound().1 < 0.0
+        let [coefficient, _] = self.friction_coefficients();
+        self.surface.critical_load == 0.0 || self.intercept(coefficient) < 0.0
     }
 }
 
@@ -232,32 +216,23 @@ impl NormalForce {
     }
 
     /// Bias and compliance of `w = v_n + bias + compliance f`.
-    ///
-    /// `immediately`: whether the overlap of a rigid contact is corrected within this time span.
-    pub(super) fn entry(&self, overlap: &Overlap, time: f64, immediately: bool) -> [f64; 2] {
+    pub(super) fn entry(&self, overlap: &Overlap, span: &Span<'_>) -> [f64; 2] {
         if self.is_rigid() {
-            let separation = self.separation_velocity(overlap, time, immediately);
+            let separation = self.separation_velocity(overlap, span);
             return [overlap.background - separation, COMPLIANCE];
         }
         let slope = self.law.curve().slope(overlap.reference, self.stiffness);
         let intercept = self.force(overlap.reference) + slope * (overlap.now - overlap.reference);
-        let damping = slope * time + self.damping(overlap);
+        let damping = slope * span.time + self.damping(overlap);
         [overlap.background - intercept / damping, damping.recip()]
     }
 
     /// The normal velocity above which a candidate bears no force.
-    ///
-    /// `immediately`: as in [`NormalForce::entry`].
-    pub(super) fn separation_velocity(
-        &self,
-        overlap: &Overlap,
-        time: f64,
-        immediately: bool,
-    ) -> f64 {
-        if self.is_rigid() && overlap.now > 0.0 && !immediately {
-            OVERLAP_CORRECTION * overlap.now / time
+    pub(super) fn separation_velocity(&self, overlap: &Overlap, span: &Span<'_>) -> f64 {
+        if self.is_rigid() && overlap.now > 0.0 && !span.corrects_overlap_immediately() {
+            OVERLAP_CORRECTION * overlap.now / span.time
         } else {
-            overlap.now / time
+            overlap.now / span.time
         }
     }
 
@@ -266,8 +241,8 @@ impl NormalForce {
         if overlap.touching { self.dashpot } else { 0.0 }
     }
 
-    /// Linearises the law about the overlap at the end of the time span. Returns the new bias and
-    /// compliance if they changed and `force` does not satisfy the law.
+    /// Linearises a spring's law about the overlap at the end of the time span. Returns the new bias
+    /// and compliance if they changed and `force` does not satisfy the law.
     ///
     /// `velocity`, `force`: v_n and f of the current solution. `tolerance`: largest accepted
     /// difference from the law.
@@ -275,13 +250,10 @@ impl NormalForce {
         &self,
         overlap: &mut Overlap,
         [velocity, force]: [f64; 2],
-        time: f64,
+        span: &Span<'_>,
         tolerance: f64,
     ) -> Option<[f64; 2]> {
-        if self.is_rigid() {
-            return None;
-        }
-        let (at_end, damping) = (overlap.now - time * velocity, self.damping(overlap));
+        let (at_end, damping) = (overlap.now - span.time * velocity, self.damping(overlap));
         let exact = (self.force(at_end) - damping * velocity).max(0.0);
         if (exact - force).abs() <= tolerance {
             return None;
@@ -291,7 +263,7 @@ impl NormalForce {
         let minimum = if damping > 0.0 { 0.0 } else { MIN_OVERLAP };
         overlap.reference = at_end.max(minimum);
         let slope = self.law.curve().slope(overlap.reference, self.stiffness);
-        (slope != before).then(|| self.entry(overlap, time, false))
+        (slope != before).then(|| self.entry(overlap, span))
     }
 }
 
@@ -360,7 +332,7 @@ impl Span<'_> {
 
     /// Whether the overlap of rigid contacts is corrected within one time span, as it is where
     /// other forces depend on gaps.
-    pub(super) fn corrects_overlap_immediately(&self) -> bool {
+    fn corrects_overlap_immediately(&self) -> bool {
         matches!(self.kind, StageKind::First | StageKind::Second)
     }
 }

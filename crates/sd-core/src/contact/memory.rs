@@ -3,7 +3,6 @@
 use super::contact_pair::Contact;
 use super::pair_forces::PairForces;
 use super::springs::Springs;
-use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
 
@@ -21,19 +20,10 @@ pub struct ContactMemory<S: Space = Layer> {
 }
 
 impl<S: Space> ContactMemory<S> {
-    /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.warm_start.copy_from(&other.warm_start);
         self.springs.copy_from(&other.springs);
         self.rolling_springs.copy_from(&other.rolling_springs);
-    }
-
-    /// Reserves memory for that many contacts.
-    pub(crate) fn reserve(&mut self, contacts: usize) {
-        self.warm_start.forces.reserve(contacts);
-        self.warm_start.rolling.0.reserve(contacts);
-        self.springs.reserve(contacts);
-        self.rolling_springs.reserve(contacts);
     }
 }
 
@@ -48,26 +38,7 @@ pub struct WarmStart<S: Space = Layer> {
     pub rolling: PairForces<S>,
 }
 
-/// The key of an entry.
-fn key<T>(entry: &(u32, u32, f64, T)) -> PairKey {
-    (entry.0, entry.1)
-}
-
 impl<S: Space> WarmStart<S> {
-    /// The pairs among `pairs`, ordered by (i, j), that had forces in the preceding stage, with
-    /// these forces.
-    pub(crate) fn matching<'p>(
-        &self,
-        pairs: &'p [Neighbours<S>],
-    ) -> impl Iterator<Item = (&'p Neighbours<S>, (f64, S::Tangent))> {
-        let mut entries = self.forces.iter().peekable();
-        pairs.iter().filter_map(move |pair| {
-            while entries.next_if(|entry| key(entry) < pair.key()).is_some() {}
-            let entry = entries.next_if(|entry| key(entry) == pair.key())?;
-            Some((pair, (entry.2, entry.3)))
-        })
-    }
-
     /// Stores the forces of a contact. Contacts must be passed in order of (i, j).
     pub(crate) fn keep(&mut self, contact: &Contact<S>) {
         let (i, j) = contact.pair.key();
@@ -78,13 +49,11 @@ impl<S: Space> WarmStart<S> {
         }
     }
 
-    /// Becomes equal to the other, without allocating once there is room.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.forces.clone_from(&other.forces);
         self.rolling.0.clone_from(&other.rolling.0);
     }
 
-    /// Removes all forces.
     pub(crate) fn clear(&mut self) {
         self.forces.clear();
         self.rolling.0.clear();

@@ -41,9 +41,9 @@ use crate::space::{Layer, Space};
 use statement::{Forces, Problem, RoundoffThresholds, States, System};
 
 /// Active set, forces and workspace of a contact problem.
+#[derive(Default)]
 pub(crate) struct ProblemSolver<S: Space = Layer> {
     pub(crate) states: States<S>,
-    /// The current forces.
     pub(crate) forces: Forces<S>,
     initial: Forces<S>,
     /// Forces before the last Newton step.
@@ -58,20 +58,6 @@ pub(crate) struct ProblemSolver<S: Space = Layer> {
 }
 
 impl<S: Space> ProblemSolver<S> {
-    /// A workspace with memory for that many candidates.
-    pub(crate) fn new(candidates: usize) -> Self {
-        Self {
-            states: States::new(candidates),
-            forces: Forces::new(candidates),
-            initial: Forces::new(candidates),
-            previous: Forces::new(candidates),
-            saved_activation: Vec::with_capacity(2 * candidates),
-            softened: Problem::new(candidates),
-            reference: Forces::new(candidates),
-            bounded: Problem::new(candidates),
-        }
-    }
-
     /// Solves the problem from the current active set and forces. The final forces are those of the
     /// solution, or the best that were found.
     ///
@@ -118,7 +104,6 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// Saves where friction is active.
     fn save_activation(&mut self, problem: &Problem<S>) {
         self.saved_activation.clear();
         let entries = problem.friction.iter();
@@ -133,7 +118,6 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// Infers the active set from the current forces.
     pub(crate) fn infer_states(&mut self, problem: &Problem<S>) {
         let f = |k: usize| self.forces.normal[k];
         self.states

@@ -8,7 +8,6 @@ use crate::space::{Layer, Space};
 /// transpose distributes a contact force over both spheres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Row<S: Space = Layer> {
-    /// The spheres i and j.
     pub(crate) spheres: [usize; 2],
     /// Weights of the velocities of i, then of j.
     pub(crate) weights: S::Weights,
@@ -49,7 +48,6 @@ impl<S: Space> Row<S> {
         }
     }
 
-    /// The weights of i and of j.
     #[inline(always)]
     pub(crate) fn sphere_weights(&self) -> [&S::PerMode<f64>; 2] {
         let both = S::by_sphere(self.weights.as_ref());

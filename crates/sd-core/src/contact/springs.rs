@@ -50,13 +50,6 @@ impl<S: Space> Springs<S> {
         }
     }
 
-    /// Reserves memory for that many contacts.
-    pub(crate) fn reserve(&mut self, contacts: usize) {
-        self.forces.0.reserve(contacts);
-        self.within_step.reserve(contacts);
-    }
-
-    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.forces.0.clone_from(&other.forces.0);
         self.within_step.clone_from(&other.within_step);

@@ -105,7 +105,7 @@ pub static DASHPOT: Quantity = Quantity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::Words;
+    use crate::law::Keywords;
 
     #[test]
     fn slope_and_overlap_belong_to_the_force() {

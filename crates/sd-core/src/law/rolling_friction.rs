@@ -16,7 +16,7 @@
 
 use super::quantity::Range;
 use super::tangential::{FrictionConstraint, TangentialLaw};
-use super::{Quantity, Words};
+use super::{Keywords, Quantity};
 
 /// μ_r.
 pub static ROLLING_FRICTION: Quantity = Quantity {

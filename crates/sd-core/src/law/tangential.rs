@@ -96,7 +96,7 @@ impl TangentialLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::law::Words;
+    use crate::law::Keywords;
 
     #[test]
     fn bounds_grow_with_the_load_and_are_nothing_without_it() {

@@ -8,6 +8,10 @@
 
 use crate::linalg::dense::{add_scaled, dot};
 
+/// Smallest part of a change of the residual, over its length, by which it is independent of the
+/// changes before; less is rounding, which the history would amplify.
+const MIN_INDEPENDENT: f64 = 1e-10;
+
 /// The history of the acceleration of one fixed point.
 pub(crate) struct Anderson {
     /// Pairs of steps (of x, of the residual), up to the length of the history, `kept` of them in
@@ -89,7 +93,7 @@ impl Anderson {
             }
         }
         let norm = dot(change, change).sqrt();
-        let useful = norm > 1e-10 * before;
+        let useful = norm > MIN_INDEPENDENT * before;
         if useful {
             for value in step.iter_mut().chain(change.iter_mut()) {
                 *value /= norm;

@@ -4,7 +4,7 @@ use super::dense::Matrix;
 use super::error::BadPivot;
 use super::simd::vectorised;
 use super::vector;
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::{MatMut, Par, Spec};
 
@@ -30,7 +30,13 @@ pub(crate) struct LuSolver {
 
 impl Default for LuSolver {
     fn default() -> Self {
-        Self::new(0)
+        Self {
+            matrix: Matrix::default(),
+            rhs: Vec::new(),
+            permutation: Default::default(),
+            scratch: MemBuffer::new(StackReq::EMPTY),
+            capacity: 0,
+        }
     }
 }
 
@@ -41,19 +47,6 @@ fn scratch(n: usize) -> MemBuffer {
 }
 
 impl LuSolver {
-    /// Workspace for systems up to `[n × n]`; grows for larger ones.
-    pub(crate) fn new(n: usize) -> Self {
-        let mut matrix = Matrix::default();
-        matrix.reserve(n * n);
-        Self {
-            matrix,
-            rhs: Vec::with_capacity(n.min(SMALL)),
-            permutation: [Vec::with_capacity(n), Vec::with_capacity(n)],
-            scratch: scratch(n),
-            capacity: n,
-        }
-    }
-
     /// The matrix to fill before [`LuSolver::solve`], which overwrites it.
     pub(crate) fn matrix_mut(&mut self) -> &mut Matrix {
         &mut self.matrix
@@ -72,8 +65,8 @@ impl LuSolver {
             return self.solve_small(x);
         }
         if n > self.capacity {
-            self.scratch = scratch(n);
-            self.capacity = n;
+            self.capacity = n.next_power_of_two();
+            self.scratch = scratch(self.capacity);
         }
         let [forward, inverse] = &mut self.permutation;
         forward.resize(n, 0);
@@ -252,7 +245,7 @@ mod tests {
 
     #[test]
     fn solves_systems_of_changing_size_and_names_a_singular_column() {
-        let mut solver = LuSolver::new(4);
+        let mut solver = LuSolver::default();
         for n in [3, 40, 7, 200, 8] {
             solver.matrix_mut().reset(n, n);
             for j in 0..n {

@@ -27,12 +27,6 @@ pub struct StaggeredColumns {
 }
 
 impl StaggeredColumns {
-    /// Allocates that many columns.
-    pub fn reserve(&mut self, rows: usize, columns: usize) {
-        self.starts.reserve(columns);
-        self.matrix.reserve(rows * columns);
-    }
-
     /// Zero columns with the given starts, in ascending order.
     pub fn reset(&mut self, rows: usize, starts: impl Iterator<Item = usize>) {
         self.starts.clear();

@@ -90,7 +90,7 @@ impl ParamsBuilder {
     /// Volume fraction φ of a suspension, from 0.01 to 0.64, in place of an area fraction.
     pub fn volume_fraction(self, fraction: f64) -> Self {
         self.with(["volume_fraction"], |p| {
-            parameters::put_volume_fraction(p, fraction);
+            parameters::set_volume_fraction(p, fraction);
         })
     }
 
@@ -179,7 +179,7 @@ impl ParamsBuilder {
     ///
     /// # Errors
     /// Those of `change`.
-    pub fn put(
+    pub fn set(
         &mut self,
         parameter: &Parameter,
         change: impl FnOnce(&mut Params) -> Result<(), Refusal>,
@@ -206,12 +206,12 @@ impl ParamsBuilder {
                 continue;
             }
             match &parameter.form {
-                Form::Choice(choice) => (choice.put)(params, choice.default)?,
+                Form::Choice(choice) => (choice.set)(params, choice.default)?,
                 Form::Number(number) => match number.default {
                     None => missing.push(parameter.key),
                     Some(default) => {
                         let value = default(params);
-                        (number.put)(params, value);
+                        (number.set)(params, value);
                     }
                 },
             }
@@ -219,12 +219,13 @@ impl ParamsBuilder {
         Ok(missing)
     }
 
-    /// The parameters with the values set so far, neither [settled](Params::settle) nor checked.
+    /// The parameters with the values set so far, neither [canonical](Params::canonicalise) nor
+    /// checked.
     pub fn as_given(self) -> Params {
         self.params
     }
 
-    /// The parameters, [settled](Params::settle) and [checked](Params::validate).
+    /// The parameters, [canonical](Params::canonicalise) and [checked](Params::validate).
     ///
     /// # Errors
     /// [`Error::Missing`] names the required parameters without a value; [`Error::Refused`] the
@@ -254,7 +255,7 @@ impl ParamsBuilder {
         }
         let segments = std::mem::take(&mut params.segments);
         params.impose(&segments);
-        parameters::settle(&mut params);
+        parameters::canonicalise(&mut params);
         params.validate()?;
         Ok(params)
     }

@@ -1,7 +1,7 @@
 //! The choice of hydrodynamics, with the parameters of leading-order lubrication.
 
 use crate::error::Refusal;
-use crate::law::{Quantity, Range, Word, Words};
+use crate::law::{Keyword, Keywords, Quantity, Range};
 use serde::{Deserialize, Serialize};
 
 /// Model of the grand resistance matrix.
@@ -91,29 +91,29 @@ pub(super) static REGULARISATION: Quantity = Quantity {
     note: "added to ξ = 2g/(a_i + a_j)",
 };
 
-impl Words for Hydrodynamics {
+impl Keywords for Hydrodynamics {
     /// Leading-order lubrication with default parameters.
     const ALL: &'static [Self] = &[
         Self::StokesianDynamics,
         Self::BallMelrose,
         Self::Lubrication(LeadingOrder::DEFAULT),
     ];
-    const WORDS: &'static [Word] = &[
-        Word {
+    const KEYWORDS: &'static [Keyword] = &[
+        Keyword {
             word: "stokesian-dynamics",
             meaning: "Far-field mobility of the periodic layer plus near-field pair terms.",
         },
-        Word {
+        Keyword {
             word: "ball-melrose",
             meaning: "Isolated drag plus near-field pair terms.",
         },
-        Word {
+        Keyword {
             word: "lubrication",
             meaning: "Isolated drag plus the leading singular terms of near pairs.",
         },
     ];
 
-    fn place(self) -> usize {
+    fn index(self) -> usize {
         match self {
             Self::StokesianDynamics => 0,
             Self::BallMelrose => 1,
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn words_and_json_belong_together() {
-        for (choice, word) in Hydrodynamics::ALL.iter().zip(Hydrodynamics::WORDS) {
+        for (choice, word) in Hydrodynamics::ALL.iter().zip(Hydrodynamics::KEYWORDS) {
             assert_eq!(choice.word(), word.word);
             assert_eq!(Hydrodynamics::of_word(word.word), Some(*choice));
             let json = serde_json::to_value(choice).unwrap();

@@ -7,12 +7,12 @@ mod table;
 
 pub use table::PARAMETERS;
 
-pub(super) use choices::put_volume_fraction;
+pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
-use crate::law::{NormalLaw, Quantity, TangentialLaw, Word, Words as _};
+use crate::law::{Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
 
 /// A parameter of a run: description, allowed values, and accessor in [`Params`].
@@ -45,13 +45,13 @@ pub enum Form {
 #[derive(Debug)]
 pub struct Choice {
     /// The keywords.
-    pub words: fn() -> Vec<Word>,
+    pub words: fn() -> Vec<Keyword>,
     /// The default keyword.
     pub default: &'static str,
     /// Its keyword.
     pub get: fn(&Params) -> Cow<'static, str>,
     /// Sets the choice with this keyword.
-    pub put: fn(&mut Params, &str) -> Result<(), Refusal>,
+    pub set: fn(&mut Params, &str) -> Result<(), Refusal>,
 }
 
 /// A parameter that is a number.
@@ -66,11 +66,11 @@ pub struct Number {
     /// Its value.
     pub get: fn(&Params) -> f64,
     /// Sets its value.
-    pub put: fn(&mut Params, f64),
+    pub set: fn(&mut Params, f64),
     /// Its value where it has no meaning.
     pub without: Option<f64>,
     /// Whether another value that has no meaning stays when parameters are
-    /// [settled](Params::settle), to be refused.
+    /// [canonical](Params::canonicalise), to be refused.
     pub stays: bool,
     /// Whether it belongs to [`ContactLaws`].
     pub is_of_laws: bool,
@@ -115,7 +115,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
         segments::check(params)?;
         return params.flows().into_iter().try_for_each(|mut flow| {
             // A value may have a meaning in one segment and none in another.
-            settle(&mut flow);
+            canonicalise(&mut flow);
             check(&flow)
         });
     }
@@ -349,7 +349,7 @@ fn merge_plateaus(params: &mut Params) {
 }
 
 /// Brings parameters to a canonical form, in which equal physics has equal numbers.
-pub(super) fn settle(params: &mut Params) {
+pub(super) fn canonicalise(params: &mut Params) {
     if let ContactScheme::Laws(laws) = &mut params.contact {
         if laws.normal.is_spring() && laws.stiffness.is_infinite() {
             laws.normal = NormalLaw::Rigid;
@@ -373,14 +373,14 @@ pub(super) fn settle(params: &mut Params) {
         let meaningless = !has_meaning(params) && !flows.iter().any(has_meaning);
         match &parameter.form {
             Form::Choice(choice) if meaningless => {
-                (choice.put)(params, choice.default).expect("a default is one of the words");
+                (choice.set)(params, choice.default).expect("a default is one of the words");
             }
             Form::Choice(_) => {}
             Form::Number(number) => {
                 let value = number.without.filter(|_| meaningless && !number.stays);
                 // Removes the sign of zero.
                 let value = value.unwrap_or_else(|| (number.get)(params)) + 0.0;
-                (number.put)(params, value);
+                (number.set)(params, value);
             }
         }
     }

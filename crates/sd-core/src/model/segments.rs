@@ -349,7 +349,7 @@ impl Params {
         }
         let mut shorter = self.clone();
         shorter.impose(before);
-        shorter.settle();
+        shorter.canonicalise();
         Some((shorter, last.first_step(self.time_step)))
     }
 
@@ -431,12 +431,12 @@ impl Params {
             segments: Vec::new(),
             ..self.clone()
         };
-        params.take(self, imposed);
+        params.copy_shear(self, imposed);
         params
     }
 
     /// Copies the shear that another run imposes in a step.
-    pub(crate) fn take(&mut self, run: &Self, imposed: &Imposed) {
+    pub(crate) fn copy_shear(&mut self, run: &Self, imposed: &Imposed) {
         self.direction = imposed.direction;
         let Some(segment) = run.segments.get(imposed.segment) else {
             return;

@@ -280,7 +280,7 @@ fn quantiles(n: usize, logarithm: impl Fn(f64) -> f64, width: f64) -> Vec<f64> {
 
 impl fmt::Display for Sizes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        use crate::law::Words as _;
+        use crate::law::Keywords as _;
         match &self.0 {
             Kind::Distribution(distribution, spread) => {
                 write!(f, "{} {spread}", distribution.word())
@@ -300,7 +300,7 @@ impl FromStr for Sizes {
     type Err = Refusal;
 
     fn from_str(text: &str) -> Result<Self, Refusal> {
-        use crate::law::Words as _;
+        use crate::law::Keywords as _;
         let unread = || {
             refuse(
                 format!("{text:?}"),

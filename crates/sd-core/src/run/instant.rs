@@ -71,10 +71,11 @@ pub enum InstantContacts<S: Space = Layer> {
 }
 
 impl<S: Space> InstantContacts<S> {
-    /// The paper's rigid contacts with a look-ahead time, in strain.
-    pub fn rigid(surface: Surface, time_span: f64) -> Self {
+    /// Laws with a look-ahead time, in strain. Their springs are unstretched, and lubrication holds
+    /// at any gap.
+    pub fn under(laws: Laws, time_span: f64) -> Self {
         Self::Laws {
-            laws: Laws::rigid(surface),
+            laws,
             lubrication_gap: 0.0,
             time_span,
             springs: PairForces::default(),
@@ -88,7 +89,7 @@ impl<S: Space> InstantContacts<S> {
         let surface = params.surface();
         match &params.contact {
             ContactScheme::Procedure => Self::Procedure { surface },
-            ContactScheme::Rigid => Self::rigid(surface, time_span),
+            ContactScheme::Rigid => Self::under(Laws::rigid(surface), time_span),
             ContactScheme::Laws(laws) => Self::Laws {
                 laws: Laws::new(laws, surface),
                 lubrication_gap: laws.lubrication_gap,
@@ -496,13 +497,7 @@ mod tests {
             friction: 0.3,
             critical_load: 0.0,
         };
-        let law = |choice: &ContactLaws| InstantContacts::Laws {
-            laws: Laws::new(choice, surface),
-            lubrication_gap: 0.0,
-            time_span: 0.01,
-            springs: PairForces::default(),
-            rolling_springs: PairForces::default(),
-        };
+        let law = |choice: &ContactLaws| InstantContacts::under(Laws::new(choice, surface), 0.01);
         let rigid = |tangential, rolling_friction| ContactLaws {
             tangential,
             rolling_friction,

@@ -16,12 +16,11 @@ pub use sample::{Counters, NetworkSample, Sample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;
-use crate::contact::reserved_contacts;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::law::CustomNormalLaw;
 use crate::model::{
-    ContactScheme, DEEPEST_OVERLAP, Imposed, Params, Refusal, SolverSettings, Words as _,
+    ContactScheme, DEEPEST_OVERLAP, Imposed, Keywords as _, Params, Refusal, SolverSettings,
 };
 use crate::procedure::ContactList;
 use crate::run::spaces::Starts;
@@ -138,7 +137,6 @@ impl<S: Starts> Simulation<S> {
         S::check(params)?;
         snapshot.check(params)?;
         let cell = Cell::equal_sides(snapshot.side, 0.0)?;
-        let most = reserved_contacts::<S>(params.spheres);
         let method = Method::of(params);
         let mut solver = method.solver(
             params.hydrodynamics,
@@ -165,18 +163,11 @@ impl<S: Starts> Simulation<S> {
                 Stepper::Midpoint(Midpoint::default())
             };
         }
-        snapshot.memory.reserve(most);
         snapshot.images.resize(params.spheres, S::Image::default());
-        let mut memory = SchemeMemory::new(&params.contact);
-        memory.reserve(most);
-        let mut contact_list_before = ContactList::default();
-        if params.contact == ContactScheme::Procedure {
-            contact_list_before.pairs.reserve(most);
-        }
         Ok(Self {
             before: Before {
                 state: State::default(),
-                memory,
+                memory: SchemeMemory::new(&params.contact),
                 shear_control,
                 counters: snapshot.counters,
             },
@@ -206,7 +197,7 @@ impl<S: Starts> Simulation<S> {
             stepper,
             stress: StressWork::default(),
             frame: None,
-            contact_list_before,
+            contact_list_before: ContactList::default(),
             params,
         })
     }

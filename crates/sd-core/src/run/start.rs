@@ -9,7 +9,7 @@ mod packing;
 pub use given::fit;
 
 use crate::error::Error;
-use crate::model::{Params, Refusal, StartFrom, StartLayer, Words as _};
+use crate::model::{Keywords as _, Params, Refusal, StartFrom, StartLayer};
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
 use crate::space::{Bulk, Layer, Space};

@@ -16,7 +16,6 @@ impl Space for Layer {
     /// Equal spheres have 18 at most.
     const RESERVED_NEIGHBOURS: usize = 20;
     /// Equal spheres have six at most. Unequal ones hardly have more.
-    const RESERVED_CONTACTS: usize = 6;
     const UPRIGHT: f64 = 0.0;
     type Vector = Vector2<f64>;
     type Point = [f64; 2];

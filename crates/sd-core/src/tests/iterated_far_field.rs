@@ -4,14 +4,14 @@ mod dense_contacts;
 
 use crate::contact::contact_solver::{AppliedForces, StageInput};
 use crate::contact::laws::{Laws, NormalForce, Span};
-use crate::contact::{Contact, ContactMemory, ContactSolver, ContactState, SolvePass, Surface};
-use crate::hydrodynamics::iterative::IterativeFarField;
+use crate::contact::{ContactMemory, ContactSolver, ContactState, SolvePass, Surface};
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
+use crate::hydrodynamics::iterative::{Convergence, IterativeFarField};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::cell::Cell;
 use crate::space::modes::{Vec2, strain_tensor};
-use crate::space::{IncidentFlow, Layer, Strains, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::StressWork;
 use crate::{
@@ -39,17 +39,129 @@ fn params(spheres: usize, size_ratio: f64) -> Params {
     }
 }
 
-/// A layer after a strain of 0.3: cell, centres, radii.
-fn sheared(params: &Params) -> (Cell, Vec<Vec2>, Vec<f64>) {
-    let mut simulation =
-        Simulation::<crate::Layer>::new(params, 1, &NearFields::default()).unwrap();
-    for _ in 0..60 {
-        simulation.step().unwrap();
+/// A layer after a strain of 0.3.
+struct Sheared {
+    cell: Cell,
+    centres: Vec<Vec2>,
+    radii: Vec<f64>,
+}
+
+impl Sheared {
+    fn new(params: &Params) -> Self {
+        let mut simulation = Simulation::<Layer>::new(params, 1, &NearFields::default()).unwrap();
+        for _ in 0..60 {
+            simulation.step().unwrap();
+        }
+        let snapshot = simulation.snapshot();
+        let centres = snapshot.centres.iter().map(|x| Vec2::new(x[0], x[1]));
+        Self {
+            cell: Cell::equal_sides(snapshot.side, 0.3 * snapshot.side).unwrap(),
+            centres: centres.collect(),
+            radii: snapshot.radii,
+        }
     }
-    let snapshot = simulation.snapshot();
-    let cell = Cell::equal_sides(snapshot.side, 0.3 * snapshot.side).unwrap();
-    let centres = snapshot.centres.iter().map(|x| Vec2::new(x[0], x[1]));
-    (cell, centres.collect(), snapshot.radii)
+
+    /// Full Stokesian Dynamics with more accurate periodic sums than default.
+    fn dense(&self) -> StageSolver {
+        let tables = NearFields::default();
+        StageSolver::new(Resistance::new_dense(&self.cell, &self.radii, &tables, 1e-13).unwrap())
+    }
+
+    /// Full Stokesian Dynamics with the far field iterated to a residual.
+    fn iterated(&self, residual: f64) -> StageSolver {
+        let far = IterativeFarField::new(&self.cell, &self.radii, residual).unwrap();
+        StageSolver::with_far_field(self.by_pairs(Hydrodynamics::StokesianDynamics), far)
+    }
+
+    /// Stored pair by pair; under Stokesian Dynamics with the far field of near pairs.
+    fn by_pairs(&self, hydrodynamics: Hydrodynamics) -> Resistance {
+        let tables = NearFields::default();
+        Resistance::new_pairwise(hydrodynamics, &self.cell, &self.radii, &tables, &[]).unwrap()
+    }
+
+    /// Ball-Melrose hydrodynamics, factored.
+    fn factored(&self) -> Resistance {
+        let (kind, tables) = (Hydrodynamics::BallMelrose, NearFields::default());
+        Resistance::new(kind, &self.cell, &self.radii, &tables).unwrap()
+    }
+
+    /// The stage solved under external forces and contact laws, if there are any.
+    fn solved(&self, mut stage: StageSolver, external: &[f64], laws: Option<&Laws>) -> StageSolver {
+        stage.assemble(&self.cell, &self.centres).unwrap();
+        let memory = &mut ContactMemory::default();
+        let contact = match laws {
+            None => StageContacts::None,
+            Some(laws) => StageContacts::Laws {
+                laws,
+                span: Span::single(TIME_SPAN),
+                memory,
+            },
+        };
+        let quality = stage.solve(&shear(), external, contact, SolvePass::First);
+        let quality = quality.unwrap();
+        assert!(quality.converged(), "{laws:?}: {quality:?}");
+        stage
+    }
+
+    /// A resistance without a far field at the positions, and the forces on the spheres.
+    fn driven(&self, mut near: Resistance, external: &[f64]) -> (Resistance, Vec<f64>) {
+        near.update(&self.cell, &self.centres).unwrap();
+        let mut forces = vec![0.0; 3 * self.radii.len()];
+        near.background_forces(shear().strains(), &mut forces);
+        add_scaled(&mut forces, external, 1.0);
+        (near, forces)
+    }
+
+    /// The far field iterated on top of a resistance by a map, from none.
+    fn iterate(
+        &self,
+        (near, forces): (&Resistance, &[f64]),
+        map: &mut impl FixedPointMap,
+        residual: f64,
+    ) -> Result<Motion, Error> {
+        let mut far = IterativeFarField::new(&self.cell, &self.radii, residual)?;
+        far.update(&self.cell, &self.centres)?;
+        let mut v = vec![0.0; 3 * self.radii.len()];
+        let found = far.solve_fixed_point(near, map, shear().strains(), forces, &mut v)?;
+        let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+        near.apply(
+            &v,
+            shear().strains(),
+            &mut work,
+            &mut counter,
+            &mut stresslets,
+        );
+        far.correct(&mut counter, &mut stresslets);
+        Ok(Motion {
+            found,
+            v,
+            counter,
+            stresslets,
+        })
+    }
+}
+
+/// The result of an iteration, with forces and stresslets of the fluid.
+#[derive(Debug, PartialEq)]
+struct Motion {
+    found: Convergence,
+    v: Vec<f64>,
+    counter: Vec<f64>,
+    stresslets: Vec<Vector3<f64>>,
+}
+
+/// Rough spheres with friction under any load.
+const SURFACE: Surface = Surface {
+    roughness: 0.01,
+    friction: 0.3,
+    critical_load: 0.0,
+};
+
+/// Time span of contact forces.
+const TIME_SPAN: f64 = 0.0025;
+
+fn shear() -> IncidentFlow<Layer> {
+    VelocityGradient::simple_shear(1.0).into()
 }
 
 /// Forces that add up to zero, and torques.
@@ -62,46 +174,6 @@ fn external(spheres: usize) -> Vec<f64> {
         forces[c..].iter_mut().step_by(3).for_each(|f| *f -= mean);
     }
     forces
-}
-
-/// The sparse resistance below an iterated far field, at given positions, and its forces.
-fn driven(
-    mut near: Resistance,
-    cell: &Cell,
-    centres: &[Vec2],
-    external: &[f64],
-) -> (Resistance, Vec<f64>) {
-    near.update(cell, centres).unwrap();
-    let mut forces = vec![0.0; external.len()];
-    near.background_forces(
-        Strains::Uniform(VelocityGradient::<Layer>::simple_shear(1.0).strain()),
-        &mut forces,
-    );
-    add_scaled(&mut forces, external, 1.0);
-    (near, forces)
-}
-
-/// Ball-Melrose, factored.
-fn near_factored(
-    cell: &Cell,
-    centres: &[Vec2],
-    radii: &[f64],
-    external: &[f64],
-) -> (Resistance, Vec<f64>) {
-    let tables = NearFields::default();
-    let near = Resistance::new(Hydrodynamics::BallMelrose, cell, radii, &tables).unwrap();
-    driven(near, cell, centres, external)
-}
-
-/// Stored pair by pair; under Stokesian Dynamics with the far field of near pairs.
-fn near_by_pairs(hydrodynamics: Hydrodynamics, cell: &Cell, radii: &[f64]) -> Resistance {
-    let tables = NearFields::default();
-    Resistance::new_pairwise(hydrodynamics, cell, radii, &tables, &[]).unwrap()
-}
-
-/// Full Stokesian Dynamics with more accurate periodic sums than default.
-fn dense_resistance(cell: &Cell, radii: &[f64]) -> Resistance {
-    Resistance::new_dense(cell, radii, &NearFields::default(), 1e-13).unwrap()
 }
 
 /// Root mean square of a vector, and of its difference from another over it.
@@ -142,8 +214,8 @@ impl FixedPointMap for Free<'_> {
         v_t.fill(0.0);
         let input = StageInput {
             resistance: self.near,
-            flow: &VelocityGradient::simple_shear(1.0).into(),
-            laws: &Laws::NONE,
+            flow: &shear(),
+            laws: &Laws::none(),
             span: Span::single(1.0),
         };
         let pass = match progress.evaluations {
@@ -160,26 +232,17 @@ impl FixedPointMap for Free<'_> {
 #[test]
 fn linear_motion_is_that_of_the_dense_far_field() {
     for size_ratio in [1.0, 1.5] {
-        let (cell, centres, radii) = sheared(&params(60, size_ratio));
+        let layer = Sheared::new(&params(60, size_ratio));
         let external = external(60);
-        let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
-        let free = |stage: &mut StageSolver| {
-            stage.assemble(&cell, &centres).unwrap();
-            let free = StageContacts::None;
-            stage
-                .solve(&shear, &external, free, SolvePass::First)
-                .unwrap();
+        let free = |stage| {
+            let stage = layer.solved(stage, &external, None);
             let mut work = StressWork::default();
-            let power = work.update(stage, &shear);
-            (work.stresslets, power)
+            let power = work.update(&stage, &shear());
+            (stage, work.stresslets, power)
         };
-        let (expected, power) = free(&mut dense);
+        let (dense, expected, power) = free(layer.dense());
         for residual in [1e-4, 1e-6, 1e-7] {
-            let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
-            let far = IterativeFarField::new(&cell, &radii, residual).unwrap();
-            let mut stage = StageSolver::with_far_field(near, far);
-            let (stresslets, found_power) = free(&mut stage);
+            let (stage, stresslets, found_power) = free(layer.iterated(residual));
             assert!(stage.contacts.list.is_empty());
             let v = stage.velocities();
             let error = relative_difference(dense.velocities(), v);
@@ -191,35 +254,29 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             // The forces of the fluid balance those on the spheres: pair by pair to the tolerance
             // of the near part's solver, and by its factor to rounding.
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-            stage.counterforces(shear.strains(), &mut work, &mut counter, &mut stresslets);
+            stage.counterforces(shear().strains(), &mut work, &mut counter, &mut stresslets);
             let error = relative_difference(&external, &counter);
             assert!(error < 1e-9, "{size_ratio}: balance {error:e}");
-            let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-            let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
-            far.update(&cell, &centres).unwrap();
-            let (mut v, strain) = (vec![0.0; 180], shear.linear().strain());
-            let free = &mut Free::new(&near);
-            let found =
-                far.solve_fixed_point(&near, free, Strains::Uniform(strain), &forces, &mut v);
-            assert!(found.unwrap().converged);
-            near.apply(
-                &v,
-                Strains::Uniform(strain),
-                &mut work,
-                &mut counter,
-                &mut stresslets,
-            );
-            far.correct(&mut counter, &mut stresslets);
-            let error = relative_difference(&external, &counter);
+            let (near, forces) = layer.driven(layer.factored(), &external);
+            let map = &mut Free::new(&near);
+            let motion = layer.iterate((&near, &forces), map, residual).unwrap();
+            assert!(motion.found.converged);
+            let error = relative_difference(&external, &motion.counter);
             assert!(error < 1e-12, "{size_ratio}: balance {error:e}");
-            let error = relative_difference(dense.velocities(), &v);
+            let error = relative_difference(dense.velocities(), &motion.v);
             assert!(error < 3.0 * residual, "{size_ratio}: factored {error:e}");
-            let error = relative_difference(&flat(&expected), &flat(&stresslets));
+            let error = relative_difference(&flat(&expected), &flat(&motion.stresslets));
             assert!(
                 error < residual,
                 "{size_ratio}: factored stresslets {error:e}"
             );
-            let work = dot(&v, &counter) + stresslets.iter().map(|s| s.dot(&strain)).sum::<f64>();
+            let strain = shear().linear().strain();
+            let strains = motion
+                .stresslets
+                .iter()
+                .map(|s| s.dot(&strain))
+                .sum::<f64>();
+            let work = dot(&motion.v, &motion.counter) + strains;
             let error = (work / power - 1.0).abs();
             assert!(
                 error < 0.5 * residual,
@@ -231,55 +288,29 @@ fn linear_motion_is_that_of_the_dense_far_field() {
 
 #[test]
 fn solves_repeat_their_bits_and_refuse_bad_input() {
-    let (cell, centres, radii) = sheared(&params(40, 1.0));
-    let (near, forces) = near_factored(&cell, &centres, &radii, &external(40));
-    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-    far.update(&cell, &centres).unwrap();
-    let strain = VelocityGradient::<Layer>::simple_shear(1.0).strain();
-    let mut solve = |forces: &[f64]| {
-        far.reset();
-        let mut v = vec![0.0; 120];
-        let found = far.solve_fixed_point(
-            &near,
-            &mut Free::new(&near),
-            Strains::Uniform(strain),
-            forces,
-            &mut v,
-        );
-        found.map(|found| (found, v))
-    };
+    let layer = Sheared::new(&params(40, 1.0));
+    let (near, forces) = layer.driven(layer.factored(), &external(40));
+    let solve = |forces: &[f64]| layer.iterate((&near, forces), &mut Free::new(&near), 1e-6);
     assert_eq!(solve(&forces).unwrap(), solve(&forces).unwrap());
     assert!(matches!(solve(&forces[1..]), Err(Error::Length { .. })));
-    assert!(IterativeFarField::new(&cell, &radii, 1e-12).is_err());
-    assert!(IterativeFarField::<Layer>::new(&Cell::Unbounded, &radii, 1e-6).is_err());
+    assert!(IterativeFarField::new(&layer.cell, &layer.radii, 1e-12).is_err());
+    assert!(IterativeFarField::<Layer>::new(&Cell::Unbounded, &layer.radii, 1e-6).is_err());
 }
 
 #[test]
 fn motion_with_contacts_is_that_of_the_dense_far_field() {
     for (spheres, friction) in [(60, 0.0), (60, 0.3), (150, 0.3)] {
-        let (cell, centres, radii) = sheared(&params(spheres, 1.0));
+        let layer = Sheared::new(&params(spheres, 1.0));
         let external = vec![0.0; 3 * spheres];
-        let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-        let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
         let surface = Surface {
-            roughness: 0.01,
             friction,
-            critical_load: 0.0,
+            ..SURFACE
         };
-        let time_span = 0.0025;
-        let contact = StageContacts::Laws {
-            laws: &Laws::rigid(surface),
-            span: Span::single(time_span),
-            memory: &mut ContactMemory::default(),
-        };
-        dense.assemble(&cell, &centres).unwrap();
-        let quality = dense
-            .solve(&shear, &external, contact, SolvePass::First)
-            .unwrap();
-        assert!(quality.converged(), "{quality:?}");
-        let area = cell.content().unwrap();
+        let dense = layer.solved(layer.dense(), &external, Some(&Laws::rigid(surface)));
+        let area = layer.cell.content().unwrap();
         let list = &dense.contacts.list;
-        let expected = StressWork::default().stress(&dense, &shear, shear.linear(), area);
+        let flow = shear();
+        let expected = StressWork::default().stress(&dense, &flow, flow.linear(), area);
         let count = |state| {
             list.iter()
                 .filter(|c| c.normal_force > 0.0 && c.state == state)
@@ -290,32 +321,14 @@ fn motion_with_contacts_is_that_of_the_dense_far_field() {
             friction == 0.0 || counts.iter().all(|&count| count >= 5),
             "{counts:?}"
         );
-        let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-        let strain = shear.linear().strain();
+        let (near, forces) = layer.driven(layer.factored(), &external);
         for residual in [1e-4, 1e-6, 1e-7] {
-            let mut far = IterativeFarField::new(&cell, &radii, residual).unwrap();
-            far.update(&cell, &centres).unwrap();
-            let mut contacts = DenseContacts::new(&near, &surface, time_span);
-            let mut v = vec![0.0; 3 * spheres];
-            let found = far.solve_fixed_point(
-                &near,
-                &mut contacts,
-                Strains::Uniform(strain),
-                &forces,
-                &mut v,
-            );
-            assert!(found.unwrap().residual <= residual);
-            let error = relative_difference(dense.velocities(), &v);
-            let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-            near.apply(
-                &v,
-                Strains::Uniform(strain),
-                &mut work,
-                &mut counter,
-                &mut stresslets,
-            );
-            far.correct(&mut counter, &mut stresslets);
-            let hydrodynamic: f64 = stresslets.iter().map(|s| strain_tensor(s).2).sum();
+            let mut contacts = DenseContacts::new(&near, &surface, TIME_SPAN);
+            let motion = layer.iterate((&near, &forces), &mut contacts, residual);
+            let motion = motion.unwrap();
+            assert!(motion.found.residual <= residual);
+            let error = relative_difference(dense.velocities(), &motion.v);
+            let hydrodynamic: f64 = motion.stresslets.iter().map(|s| strain_tensor(s).2).sum();
             let viscosity = 1.0 + (hydrodynamic + contacts.shear_stress()) / (2.0 * area);
             let (mut squares, mut differences) = (0.0, 0.0);
             for c in list {
@@ -363,123 +376,88 @@ impl FixedPointMap for Flipping<'_> {
 
 #[test]
 fn unconverged_contacts_give_the_best_motion_with_a_flag() {
-    let (cell, centres, radii) = sheared(&params(40, 1.0));
+    let layer = Sheared::new(&params(40, 1.0));
     let external = external(40);
-    let mut dense = StageSolver::new(dense_resistance(&cell, &radii));
-    dense.assemble(&cell, &centres).unwrap();
-    let shear = IncidentFlow::from(VelocityGradient::simple_shear(1.0));
-    let free = StageContacts::None;
-    dense
-        .solve(&shear, &external, free, SolvePass::First)
-        .unwrap();
+    let dense = layer.solved(layer.dense(), &external, None);
     let settled = dense.velocities();
-    let (near, forces) = near_factored(&cell, &centres, &radii, &external);
-    let strain = shear.linear().strain();
-    let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-    far.update(&cell, &centres).unwrap();
-    let mut v = vec![0.0; 120];
-    let mut solve = |size, settles, v: &mut [f64]| {
-        far.reset();
+    let (near, forces) = layer.driven(layer.factored(), &external);
+    let solve = |size, settles| {
         let mut map = Flipping {
             free: Free::new(&near),
             size,
             settles,
         };
-        far.solve_fixed_point(&near, &mut map, Strains::Uniform(strain), &forces, v)
+        layer.iterate((&near, &forces), &mut map, 1e-6)
     };
-    assert!(solve(0.0, false, &mut v).unwrap().converged);
-    assert!(relative_difference(settled, &v) < 3e-6);
-    let found = solve(10.0, true, &mut v).unwrap();
+    let motion = solve(0.0, false).unwrap();
+    assert!(motion.found.converged);
+    assert!(relative_difference(settled, &motion.v) < 3e-6);
+    let found = solve(10.0, true).unwrap().found;
     assert!(found.converged && found.evaluations > 200, "{found:?}");
-    let found = solve(1e-3, false, &mut v).unwrap();
+    let Motion { found, v, .. } = solve(1e-3, false).unwrap();
     assert!(!found.converged && found.evaluations >= 100, "{found:?}");
     assert!(found.residual > 1e-5 && found.residual < 1e-2, "{found:?}");
     assert!(relative_difference(settled, &v) < 0.05);
-    assert!(matches!(
-        solve(10.0, false, &mut v),
-        Err(Error::NotConverged { .. })
-    ));
+    let diverged = solve(10.0, false);
+    assert!(matches!(diverged, Err(Error::NotConverged { .. })));
 }
 
 #[test]
 fn near_pairs_of_the_far_field_halve_the_evaluations() {
-    let (cell, centres, radii) = sheared(&params(150, 1.0));
-    let strain = VelocityGradient::<Layer>::simple_shear(1.0).strain();
+    let layer = Sheared::new(&params(150, 1.0));
     let [without, with] =
         [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics].map(|hydrodynamics| {
-            let near = near_by_pairs(hydrodynamics, &cell, &radii);
-            let (near, forces) = driven(near, &cell, &centres, &[0.0; 450]);
-            let mut far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-            far.update(&cell, &centres).unwrap();
-            let mut v = vec![0.0; 450];
-            let found = far.solve_fixed_point(
-                &near,
-                &mut Free::new(&near),
-                Strains::Uniform(strain),
-                &forces,
-                &mut v,
-            );
-            (found.unwrap().evaluations, v)
+            let (near, forces) = layer.driven(layer.by_pairs(hydrodynamics), &[0.0; 450]);
+            let map = &mut Free::new(&near);
+            layer.iterate((&near, &forces), map, 1e-6).unwrap()
         });
-    assert!(3 * with.0 < 2 * without.0, "{} {}", with.0, without.0);
-    assert!(relative_difference(&without.1, &with.1) < 2e-6);
+    let [few, many] = [&with, &without].map(|motion| motion.found.evaluations);
+    assert!(3 * few < 2 * many, "{few} {many}");
+    assert!(relative_difference(&without.v, &with.v) < 2e-6);
+}
+
+/// The iterated far field moves spheres as the dense one; returns both stages. `prepare`: called
+/// with both before they are solved.
+fn compare(layer: &Sheared, laws: &Laws, prepare: impl Fn(&mut StageSolver)) -> [StageSolver; 2] {
+    let both = [layer.dense(), layer.iterated(1e-6)].map(|mut stage| {
+        prepare(&mut stage);
+        layer.solved(stage, &[], Some(laws))
+    });
+    let error = relative_difference(both[0].velocities(), both[1].velocities());
+    assert!(error < 2e-6, "{laws:?}: {error:e}");
+    both
+}
+
+/// Springs of a stiffness in mu·a·rate, half of it tangentially.
+fn springs(stiffness: f64) -> Laws {
+    Laws {
+        normal: NormalForce {
+            law: NormalLaw::LinearSpring.into(),
+            stiffness,
+            dashpot: 0.0,
+        },
+        tangential: TangentialLaw::StickSlide,
+        tangential_stiffness: 0.5 * stiffness,
+        ..Laws::rigid(SURFACE)
+    }
 }
 
 #[test]
 fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
-    let rigid = Laws::rigid(Surface {
-        roughness: 0.01,
-        friction: 0.3,
-        critical_load: 0.0,
-    });
-    let soft = Laws {
-        normal: NormalForce {
-            law: NormalLaw::LinearSpring.into(),
-            stiffness: 1e5,
-            dashpot: 0.0,
-        },
-        tangential: TangentialLaw::StickSlide,
-        tangential_stiffness: 5e4,
-        ..rigid
-    };
+    let rigid = Laws::rigid(SURFACE);
     let coulomb = Laws {
         tangential: TangentialLaw::Coulomb,
         ..rigid
     };
     for spheres in [60, 150] {
-        let (cell, centres, radii) = sheared(&params(spheres, 1.0));
-        for laws in [rigid, coulomb, soft] {
-            let solve = |mut stage: StageSolver| {
-                stage.assemble(&cell, &centres).unwrap();
-                let contact = StageContacts::Laws {
-                    laws: &laws,
-                    span: Span::single(0.0025),
-                    memory: &mut ContactMemory::default(),
-                };
-                let quality = stage
-                    .solve(
-                        &VelocityGradient::simple_shear(1.0).into(),
-                        &[],
-                        contact,
-                        SolvePass::First,
-                    )
-                    .unwrap();
-                assert!(quality.converged(), "{laws:?}: {quality:?}");
-                stage
-            };
-            let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
-            let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
-            let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-            let iterated = solve(StageSolver::with_far_field(near, far));
-            let error = relative_difference(dense.velocities(), iterated.velocities());
-            assert!(error < 2e-6, "{spheres}, {laws:?}: {error:e}");
-            let both = |list: &[Contact]| -> Vec<f64> {
-                let loaded = list.iter().filter(|c| c.normal_force > 0.0);
-                loaded
-                    .flat_map(|c| [c.normal_force, c.tangential_force])
-                    .collect()
-            };
-            let (expected, found) = (both(&dense.contacts.list), both(&iterated.contacts.list));
+        let layer = Sheared::new(&params(spheres, 1.0));
+        for laws in [rigid, coulomb, springs(1e5)] {
+            let [expected, found] = compare(&layer, &laws, |_| ()).map(|stage| {
+                let list = stage.contacts.list.iter();
+                let loaded = list.filter(|c| c.normal_force > 0.0);
+                let both = loaded.flat_map(|c| [c.normal_force, c.tangential_force]);
+                both.collect::<Vec<f64>>()
+            });
             assert_eq!(expected.len(), found.len());
             assert!(expected.iter().skip(1).step_by(2).any(|t| *t != 0.0));
             let error = relative_difference(&expected, &found);
@@ -492,93 +470,32 @@ fn contacts_held_pair_by_pair_are_those_of_the_dense_far_field() {
 fn frictionless_spheres_far_apart_move_as_under_the_dense_far_field() {
     // Few near pairs resist a translation of the layer: the iteration diverges unless forces and
     // motion are in the same part.
-    let (cell, centres, radii) = sheared(&Params {
+    let layer = Sheared::new(&Params {
         area_fraction: 0.4,
         ..params(150, 1.0)
     });
     let laws = Laws::rigid(Surface {
-        roughness: 0.01,
         friction: 0.0,
-        critical_load: 0.0,
+        ..SURFACE
     });
-    let solve = |mut stage: StageSolver| {
-        stage.assemble(&cell, &centres).unwrap();
-        let contact = StageContacts::Laws {
-            laws: &laws,
-            span: Span::single(0.0025),
-            memory: &mut ContactMemory::default(),
-        };
-        let quality = stage
-            .solve(
-                &VelocityGradient::simple_shear(1.0).into(),
-                &[],
-                contact,
-                SolvePass::First,
-            )
-            .unwrap();
-        assert!(quality.converged(), "{quality:?}");
-        stage.velocities().to_vec()
-    };
-    let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
-    let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
-    let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-    let iterated = solve(StageSolver::with_far_field(near, far));
-    let error = relative_difference(&dense, &iterated);
-    assert!(error < 2e-6, "{error:e}");
+    compare(&layer, &laws, |_| ());
 }
 
 #[test]
 fn soft_contacts_that_press_hard_are_those_of_the_dense_far_field() {
     // k/Γ = 100: contact forces are large compared with the driving forces, and spheres overlap.
     let laws = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
-    let (cell, centres, radii) = sheared(&Params {
+    let layer = Sheared::new(&Params {
         area_fraction: 0.76,
         shear_rate: 100.0,
         contact: ContactScheme::Laws(laws),
         ..params(150, 1.0)
     });
-    let stiffness = 6.0 * PI * 100.0;
-    let laws = Laws {
-        normal: NormalForce {
-            law: NormalLaw::LinearSpring.into(),
-            stiffness,
-            dashpot: 0.0,
-        },
-        tangential: TangentialLaw::StickSlide,
-        tangential_stiffness: 0.5 * stiffness,
-        ..Laws::rigid(Surface {
-            roughness: 0.01,
-            friction: 0.3,
-            critical_load: 0.0,
-        })
-    };
-    let solve = |mut stage: StageSolver| {
+    let both = compare(&layer, &springs(6.0 * PI * 100.0), |stage| {
         stage.resistance.regularise(0.001, 0.2);
-        stage.assemble(&cell, &centres).unwrap();
-        let deepest = stage.closest().unwrap().gap;
-        assert!(deepest < -0.005, "{deepest}");
-        let contact = StageContacts::Laws {
-            laws: &laws,
-            span: Span::single(0.0025),
-            memory: &mut ContactMemory::default(),
-        };
-        let quality = stage
-            .solve(
-                &VelocityGradient::simple_shear(1.0).into(),
-                &[],
-                contact,
-                SolvePass::First,
-            )
-            .unwrap();
-        assert!(quality.converged(), "{quality:?}");
-        stage.velocities().to_vec()
-    };
-    let dense = solve(StageSolver::new(dense_resistance(&cell, &radii)));
-    let near = near_by_pairs(Hydrodynamics::StokesianDynamics, &cell, &radii);
-    let far = IterativeFarField::new(&cell, &radii, 1e-6).unwrap();
-    let iterated = solve(StageSolver::with_far_field(near, far));
-    let error = relative_difference(&dense, &iterated);
-    assert!(error < 2e-6, "{error:e}");
+    });
+    let deepest = both[0].closest().unwrap().gap;
+    assert!(deepest < -0.005, "{deepest}");
 }
 
 #[test]
@@ -595,8 +512,7 @@ fn a_dense_layer_of_soft_spheres_continues() {
         ..params(200, 1.0)
     };
     assert_eq!(Method::of(&params), Method::Iterated);
-    let mut simulation =
-        Simulation::<crate::Layer>::new(&params, 1, &NearFields::default()).unwrap();
+    let mut simulation = Simulation::<Layer>::new(&params, 1, &NearFields::default()).unwrap();
     for _ in 0..20 {
         simulation.step().unwrap();
     }

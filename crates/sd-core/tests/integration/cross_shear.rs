@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use sd_core::cell::Cell;
-use sd_core::contact::{Laws, PairForces};
+use sd_core::contact::Laws;
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::{CrossShear, Segment, Surface};
 use sd_core::{
@@ -363,13 +363,7 @@ fn solved(configuration: &Configuration<Bulk>) -> SolvedConfiguration<Bulk> {
         tangential: TangentialLaw::Coulomb,
         ..ContactLaws::PAPER
     };
-    let request = InstantContacts::Laws {
-        laws: Laws::new(&choice, surface),
-        lubrication_gap: 0.0,
-        time_span: 0.01,
-        springs: PairForces::default(),
-        rolling_springs: PairForces::default(),
-    };
+    let request = InstantContacts::under(Laws::new(&choice, surface), 0.01);
     solve(configuration, &request, &NearFields::default()).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use crate::common::spheres::{Spheres, dot, spheres, vector};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, Laws, PairForces};
+use sd_core::contact::{Contact, Laws};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::{SolverSettings, Surface};
 use sd_core::products::Resistance;
@@ -44,13 +44,7 @@ fn requests<S: Space>(roughness: f64, time_span: f64) -> Vec<InstantContacts<S>>
         friction: 0.3,
         critical_load: 0.0,
     };
-    let law = |choice: &ContactLaws| InstantContacts::Laws {
-        laws: Laws::new(choice, surface),
-        lubrication_gap: 0.0,
-        time_span,
-        springs: PairForces::default(),
-        rolling_springs: PairForces::default(),
-    };
+    let law = |choice: &ContactLaws| InstantContacts::under(Laws::new(choice, surface), time_span);
     let rigid = |tangential, rolling_friction| ContactLaws {
         tangential,
         rolling_friction,

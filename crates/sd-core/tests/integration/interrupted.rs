@@ -30,7 +30,7 @@ fn layer(spheres: usize, contact: ContactScheme, hydrodynamics: Hydrodynamics) -
         spheres,
         ..crate::common::small_layer(contact, hydrodynamics)
     };
-    params.settle();
+    params.canonicalise();
     params
 }
 
@@ -72,7 +72,7 @@ fn sheared<S: RunSpace>(params: &Params) -> Snapshot<S> {
         shear_stress: None,
         ..params.clone()
     };
-    cheap.settle();
+    cheap.canonicalise();
     let mut run = Simulation::<S>::new(&cheap, 5, &NearFields::default()).unwrap();
     for _ in 0..80 {
         run.step().unwrap();

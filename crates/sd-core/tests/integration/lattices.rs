@@ -4,6 +4,7 @@
 use crate::common::data::{data, difference, numbers, vectors};
 use nalgebra::{Vector2, Vector3};
 use sd_core::cell::{Cell, Lattice};
+use sd_core::contact::Laws;
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::model::Surface;
 use sd_core::{
@@ -193,7 +194,7 @@ fn contacts<S: Space>() -> InstantContacts<S> {
         friction: 0.3,
         critical_load: 0.0,
     };
-    InstantContacts::rigid(surface, 0.01)
+    InstantContacts::under(Laws::rigid(surface), 0.01)
 }
 
 /// All hydrodynamics.

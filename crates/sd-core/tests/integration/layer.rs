@@ -1,7 +1,7 @@
 //! Runs of whole layers: what must hold for every one of them.
 
 use sd_core::cell::Cell;
-use sd_core::contact::{ContactState, Laws, PairForces, Surface};
+use sd_core::contact::{ContactState, Laws, Surface};
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{Resistance, RungeKutta, SolvePass, StageContacts, StageSolver, State};
 use sd_core::modes::Vec2;
@@ -65,7 +65,7 @@ fn energy_balances_to_1e_10_with_contacts_and_friction() {
         };
         for request in [
             InstantContacts::None,
-            InstantContacts::rigid(surface, 0.005),
+            InstantContacts::under(Laws::rigid(surface), 0.005),
             InstantContacts::Procedure { surface },
         ] {
             let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
@@ -98,13 +98,7 @@ fn friction_dissipates_in_a_layer() {
         tangential: TangentialLaw::Coulomb,
         ..ContactLaws::PAPER
     };
-    let request = InstantContacts::Laws {
-        laws: Laws::new(&coulomb, surface),
-        lubrication_gap: 0.0,
-        time_span: 0.005,
-        springs: PairForces::default(),
-        rolling_springs: PairForces::default(),
-    };
+    let request = InstantContacts::under(Laws::new(&coulomb, surface), 0.005);
     let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
     // Every contact that slips dissipates ν f |u_t|, and one that sticks nothing.
     let [mut slips, mut sticks] = [0; 2];
@@ -384,12 +378,12 @@ fn viscosity_does_not_depend_on_the_order_of_spheres_the_lattice_or_the_origin()
     let (_, snapshot) = run(&params(), 6, 40);
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
         let base = configuration(&snapshot, hydrodynamics);
-        let request = InstantContacts::rigid(
-            Surface {
+        let request = InstantContacts::under(
+            Laws::rigid(Surface {
                 roughness: 0.01,
                 friction: 0.3,
                 critical_load: 0.0,
-            },
+            }),
             0.005,
         );
         let viscosity = |c: &Configuration| {
@@ -437,12 +431,12 @@ fn rolling_friction_stops_the_slip_of_a_pair_alone() {
         torques: vec![0.0; 2],
     };
     let pressed = |friction| {
-        let request = InstantContacts::rigid(
-            Surface {
+        let request = InstantContacts::under(
+            Laws::rigid(Surface {
                 roughness: 0.01,
                 friction,
                 critical_load: 0.0,
-            },
+            }),
             0.005,
         );
         solve(&configuration, &request, &NearFields::default())
@@ -500,7 +494,7 @@ fn without_friction_the_rate_and_at_rate_zero_friction_change_no_bit() {
                 .map(|_| sample(simulation.step().unwrap()))
                 .collect();
             let mut settled = params;
-            settled.settle();
+            settled.canonicalise();
             (samples, settled)
         };
         let (plain, settled) = path(0.0, 0.0);

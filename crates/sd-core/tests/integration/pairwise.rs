@@ -7,6 +7,7 @@
     reason = "a test fails by panicking"
 )]
 
+use sd_core::Space as _;
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, Laws, Surface};
 use sd_core::internals::{
@@ -500,7 +501,7 @@ fn a_large_layer_satisfies_its_conditions_near_jamming() {
         assert!(w < 1e-8 || c.normal_force == 0.0, "{c:?}");
         assert!(c.tangential_force.abs() <= c.normal_force + 1e-7 * largest);
         // Contact forces on the spheres must balance the resistance of the fluid.
-        let (n, t) = (c.pair.normal, sd_core::internals::tangent(c.pair.normal));
+        let (n, t) = (c.pair.normal, sd_core::Layer::tangents(&c.pair.normal)[0]);
         let on_j = n * c.normal_force - t * c.tangential_force;
         for (sphere, lever, sign) in [(c.pair.i, c.levers[0], -1.0), (c.pair.j, c.levers[1], 1.0)] {
             forces[3 * sphere] -= sign * on_j.x;

@@ -1,10 +1,10 @@
 //! All components of the stress by cause: each against a separate calculation, and against
 //! symmetries.
 
+use sd_core::Space as _;
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, Surface};
+use sd_core::contact::{Contact, Laws, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use sd_core::internals::tangent;
 use sd_core::modes::Vec2;
 use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, StressComponents,
@@ -108,7 +108,7 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
     }
     let normal = moment(&instant.contacts, |c| c.pair.normal * c.normal_force);
     let tangential = moment(&instant.contacts, |c| {
-        -tangent(c.pair.normal) * c.tangential_force
+        -sd_core::Layer::tangents(&c.pair.normal)[0] * c.tangential_force
     });
     let repulsion = moment(&instant.repulsive, |c| c.pair.normal * c.normal_force);
     let parts = |of: StressParts| {
@@ -162,7 +162,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
         friction: 0.3,
         critical_load: 0.0,
     };
-    let request = InstantContacts::rigid(surface, 0.005);
+    let request = InstantContacts::under(Laws::rigid(surface), 0.005);
     let instant = solve(&configuration, &request, &NearFields::default()).unwrap();
     let contact = instant.contacts[0];
     assert!(contact.normal_force > 1.0 && contact.normal_velocity.abs() < 1e-8);

@@ -7,7 +7,7 @@ use super::reader::{
 };
 use crate::data::Value;
 use crate::model::axes::{Axis, interned};
-use sd_core::model::{Distribution, Form, Range, Refusal, Sizes, Words as _};
+use sd_core::model::{Distribution, Form, Keywords as _, Range, Refusal, Sizes};
 use std::ops;
 use toml::Spanned;
 use toml::de::DeValue;
@@ -78,7 +78,10 @@ fn sizes(written: Entry<'_>) -> Result<Value, Problem> {
 
 /// A distribution: its name and its spread.
 fn distribution(written: Entry<'_>) -> Result<Sizes, Problem> {
-    let names: Vec<&'static str> = Distribution::WORDS.iter().map(|word| word.word).collect();
+    let names: Vec<&'static str> = Distribution::KEYWORDS
+        .iter()
+        .map(|word| word.word)
+        .collect();
     with_keys(written, &names, |table| {
         let mut given = Distribution::ALL
             .iter()

@@ -240,7 +240,7 @@ impl<'t> Grid<'t> {
             protocol.check_lengths(params.time_step, time_step())?;
             let flows = params.flows().into_iter().zip(&params.segments);
             for (number, (mut flow, segment)) in flows.enumerate() {
-                flow.settle();
+                flow.canonicalise();
                 let crossed = segment.check_cross_shear(&params);
                 if let Err(error) = flow.validate().and_then(|()| Ok(crossed?)) {
                     return Err(protocol.of_segment(number, made(error)));

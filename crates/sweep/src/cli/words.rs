@@ -2,11 +2,11 @@
 
 use crate::model::axes::{AXES, Axis};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use sd_core::model::Words;
+use sd_core::model::Keywords;
 
 /// Reads one of the keywords of a choice.
-pub(super) fn choice<T: Words + Send + Sync>() -> impl TypedValueParser<Value = T> {
-    let words = T::WORDS.iter();
+pub(super) fn choice<T: Keywords + Send + Sync>() -> impl TypedValueParser<Value = T> {
+    let words = T::KEYWORDS.iter();
     let words = words.map(|word| PossibleValue::new(word.word).help(word.meaning));
     PossibleValuesParser::new(words).try_map(|word| T::of_word(&word).ok_or("not a keyword"))
 }

@@ -139,7 +139,7 @@ impl<S: Space> Contact<S> {
                     ));
                 }
                 if scheme == Scheme::Rigid {
-                    return Ok(InstantContacts::rigid(surface, time_span));
+                    return Ok(InstantContacts::under(Laws::rigid(surface), time_span));
                 }
                 self.laws(surface, hydrodynamics, time_span)
             }

@@ -104,11 +104,11 @@ impl Axis {
     }
 
     /// Sets its value in some parameters.
-    fn put(&self, params: &mut Params, value: Value) -> Result<(), Refusal> {
+    fn set(&self, params: &mut Params, value: Value) -> Result<(), Refusal> {
         match (&self.form, value) {
-            (Form::Choice(choice), Value::Word(word)) => (choice.put)(params, word)?,
-            (Form::Number(number), Value::Count(count)) => (number.put)(params, count as f64),
-            (Form::Number(number), Value::Number(value)) => (number.put)(params, value),
+            (Form::Choice(choice), Value::Word(word)) => (choice.set)(params, word)?,
+            (Form::Number(number), Value::Count(count)) => (number.set)(params, count as f64),
+            (Form::Number(number), Value::Number(value)) => (number.set)(params, value),
             (Form::Choice(_), _) | (Form::Number(_), Value::Word(_)) => {
                 unreachable!("values are read by the form of their axis")
             }
@@ -230,7 +230,7 @@ pub(crate) fn folded_params_of(
     // The last axis first, since a choice precedes the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
         if let Some(value) = value {
-            builder.put(axis, |params| axis.put(params, *value))?;
+            builder.set(axis, |params| axis.set(params, *value))?;
         }
     }
     let missing = builder.fill(AXES.iter().map(Deref::deref))?;
@@ -241,7 +241,7 @@ pub(crate) fn folded_params_of(
     let mut params = builder.as_given();
     params.impose(segments);
     let (friction, shear_rate) = (params.friction, params.shear_rate);
-    params.settle();
+    params.canonicalise();
     let touches = params.contact.laws().normal.touches();
     let given = Params {
         friction: if touches { friction + 0.0 } else { 0.0 },

@@ -23,10 +23,10 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case of these parameters, [settled](Params::settle) so that equal physics has equal
+    /// The case of these parameters, [canonical](Params::canonicalise) so that equal physics has equal
     /// numbers.
     pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
-        params.settle();
+        params.canonicalise();
         let in_steps = protocol.with_time_step(params.time_step);
         Self {
             params,

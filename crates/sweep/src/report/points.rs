@@ -146,7 +146,7 @@ impl Report {
             let averaged = all.iter().copied();
             let averaged = averaged.filter(|run| selection.averages(run)).collect();
             let mut settled = Params::clone(&all[0].params);
-            settled.settle();
+            settled.canonicalise();
             let rule = rules.get(&identity(&settled)).copied();
             let runs = Runs {
                 all,
@@ -224,7 +224,7 @@ fn as_written(runs: Vec<PointRun>, written: &AsWritten) -> Vec<PointRun> {
     let mut sharing: HashMap<Identity, Vec<usize>> = HashMap::new();
     for (place, (_, point)) in written.shared.iter().enumerate() {
         let mut settled = point.clone();
-        settled.settle();
+        settled.canonicalise();
         sharing.entry(identity(&settled)).or_default().push(place);
     }
     let mut all = Vec::with_capacity(runs.len());

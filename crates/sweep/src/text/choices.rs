@@ -9,15 +9,15 @@ macro_rules! choices {
             $(#[doc = $meaning] $variant,)+
         }
 
-        impl sd_core::model::Words for $name {
+        impl sd_core::model::Keywords for $name {
             const ALL: &'static [Self] = &[$(Self::$variant),+];
-            const WORDS: &'static [sd_core::model::Word] =
-                &[$(sd_core::model::Word { word: $word, meaning: $meaning }),+];
+            const KEYWORDS: &'static [sd_core::model::Keyword] =
+                &[$(sd_core::model::Keyword { word: $word, meaning: $meaning }),+];
         }
 
         impl Default for $name {
             fn default() -> Self {
-                <Self as sd_core::model::Words>::ALL[0]
+                <Self as sd_core::model::Keywords>::ALL[0]
             }
         }
     };

@@ -2,7 +2,7 @@
 
 use super::Check;
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, Surface};
+use sd_core::contact::{Contact, Laws, Surface};
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::internals::{FarField, FarResistance, Matrix};
 use sd_core::modes::Vec2;
@@ -143,7 +143,7 @@ fn energy(snapshot: &Snapshot, hydrodynamics: Hydrodynamics) -> Result<(f64, f64
         friction: 0.3,
         critical_load: 0.0,
     };
-    let request = InstantContacts::rigid(surface, 0.005);
+    let request = InstantContacts::under(Laws::rigid(surface), 0.005);
     let instant = solve(&configuration, &request, &NearFields::default())?;
     let Some(stress) = instant.stress else {
         return Ok((f64::NAN, f64::NAN));

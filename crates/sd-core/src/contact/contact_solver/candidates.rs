@@ -25,25 +25,25 @@ impl<S: Fluid> ContactSolver<S> {
             return;
         }
         let range = input.laws.surface.roughness + EXPECTED_APPROACH * input.span.time;
-        let mut known = warm_start.matching(pairs).peekable();
+        // Both lists are ordered by (i, j).
+        let mut known = warm_start.forces.iter().peekable();
         for pair in pairs {
-            let forces = known.next_if(|(other, _)| other.key() == pair.key());
+            while known.next_if(|&&(i, j, ..)| (i, j) < pair.key()).is_some() {}
+            let forces = known.next_if(|&&(i, j, ..)| (i, j) == pair.key());
             if forces.is_some() || pair.gap < range {
                 let mut contact = Contact::new(*pair, radii, input.flow);
-                if let Some((_, (f, t))) = forces {
-                    let across = |force| S::projected(&force, &pair.normal);
-                    (contact.normal_force, contact.tangential_force) = (f, across(t));
-                    contact.rolling_force = across(warm_start.rolling.of(&contact));
+                if let Some((.., f, t)) = forces {
+                    let across = |force| S::projected(force, &pair.normal);
+                    (contact.normal_force, contact.tangential_force) = (*f, across(t));
+                    contact.rolling_force = across(&warm_start.rolling.of(&contact));
                 }
                 self.list.push(contact);
             }
         }
     }
 
-    /// Adds to `list` the omitted pairs that would close within the time span; returns whether
-    /// there were any.
-    ///
-    /// Stores the forces of the others for the next stage.
+    /// Adds to `list` the omitted pairs that would close within the time span, and stores the
+    /// forces of the others for the next stage; returns whether pairs were added.
     pub(super) fn add_closing_pairs(
         &mut self,
         input: &StageInput<'_, S>,
@@ -69,7 +69,8 @@ impl<S: Fluid> ContactSolver<S> {
                 continue;
             }
             let contact = Contact::new(*pair, radii, input.flow);
-            if contact.approach(velocities) < separation_velocity(input, &contact) {
+            let (overlap, normal) = (overlap_of(input, &contact), &input.laws.normal);
+            if contact.approach(velocities) < normal.separation_velocity(&overlap, &input.span) {
                 self.list.push(contact);
             }
         }
@@ -91,14 +92,4 @@ pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<
         touching: contact.pair.gap < roughness,
         background: contact.background_approach,
     }
-}
-
-/// The normal velocity above which a pair bears no force.
-fn separation_velocity<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
-    let (overlap, immediately) = (
-        overlap_of(input, contact),
-        input.span.corrects_overlap_immediately(),
-    );
-    let normal = &input.laws.normal;
-    normal.separation_velocity(&overlap, input.span.time, immediately)
 }

@@ -23,9 +23,9 @@ impl<S: Fluid> ContactSolver<S> {
         pass: SolvePass,
     ) {
         let laws = input.laws;
-        let immediately = input.span.corrects_overlap_immediately();
         let has_friction = laws.surface.has_friction();
-        self.problem.uses_frictionless_slip = laws.uses_frictionless_slip() && has_friction;
+        self.problem.uses_frictionless_slip =
+            has_friction && laws.tangential.constraint() == FrictionConstraint::IsolatedSlip;
         let updates = matches!(pass, SolvePass::First | SolvePass::Repeat) && !laws.is_smooth();
         self.problem.critical_load = updates.then_some(laws.surface.critical_load);
         self.problem.friction.clear();
@@ -38,7 +38,7 @@ impl<S: Fluid> ContactSolver<S> {
             overlap.reference = laws
                 .normal
                 .first_reference(overlap.now, contact.normal_force);
-            let [bias, compliance] = laws.normal.entry(&overlap, input.span.time, immediately);
+            let [bias, compliance] = laws.normal.entry(&overlap, &input.span);
             self.overlaps.push(overlap);
             self.problem.normal.push(statement::Normal {
                 row: contact.normal_row(),
@@ -93,7 +93,7 @@ impl<S: Fluid> ContactSolver<S> {
         let mut add = |rows: S::PerTangent<Row<S>>,
                        [shift, force]: [S::Tangent; 2],
                        compliance: f64,
-                       (coefficient, intercept): (f64, f64)| {
+                       coefficient: f64| {
             let directions = contact.directions();
             self.problem.friction.push(statement::Friction {
                 contact: k,
@@ -101,29 +101,29 @@ impl<S: Fluid> ContactSolver<S> {
                 shift: S::along(&directions, &shift),
                 compliance,
                 coefficient,
-                intercept,
+                intercept: laws.intercept(coefficient),
                 active,
                 was_deactivated: false,
             });
             let force = S::along(&directions, &force);
             self.solver.forces.tangential.push(force);
         };
-        let (bound, slip) = (laws.friction_bound(), contact.slip_rows());
-        add(slip, [shift, contact.tangential_force], compliance, bound);
+        let ([friction, rolling], slip) = (laws.friction_coefficients(), contact.slip_rows());
+        let initial = [shift, contact.tangential_force];
+        add(slip, initial, compliance, friction);
         let zero = S::Tangent::default();
         if laws.tangential.constraint() == FrictionConstraint::SlipAndRotation {
             let initial = [contact.background_spin, zero];
-            add(contact.rotation_rows(), initial, compliance, bound);
+            add(contact.rotation_rows(), initial, compliance, friction);
         }
-        if laws.rolling_friction > 0.0 {
+        if rolling > 0.0 {
             let (mut shift, mut compliance) = (contact.background_rolling(), COMPLIANCE);
             if laws.tangential.has_spring() {
                 compliance += ahead.recip();
                 shift += memory.rolling_springs.base(contact, kind) / ahead;
             }
             let initial = [shift, contact.rolling_force];
-            let rows = contact.rolling_rows();
-            add(rows, initial, compliance, laws.rolling_bound());
+            add(contact.rolling_rows(), initial, compliance, rolling);
         }
     }
 
@@ -187,7 +187,6 @@ pub(super) fn refine<S: Fluid>(
     if law.is_rigid() {
         return 0;
     }
-    let time = input.span.time;
     let largest = forces
         .normal
         .iter()
@@ -197,7 +196,7 @@ pub(super) fn refine<S: Fluid>(
     for (k, (entry, overlap)) in problem.normal.iter_mut().zip(overlaps).enumerate() {
         let f = forces.normal[k];
         let velocity = forces.slack[k] - entry.bias - entry.compliance * f + overlap.background;
-        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], time, accepted) {
+        if let Some(refined) = law.refine(overlap, [velocity, f.max(0.0)], &input.span, accepted) {
             [entry.bias, entry.compliance] = refined;
             refined_count += 1;
         }

@@ -12,7 +12,7 @@
 //! slipping contacts, whose friction is proportional to the load: `t = ±ν (f − f₀)`.
 
 use super::statement::{
-    Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
+    FORCE_ROUNDOFF, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
 };
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -21,8 +21,12 @@ use crate::linalg::lu::LuSolver;
 use crate::linalg::staggered::StaggeredColumns;
 use crate::space::Space;
 
+/// Rounding error of velocities of a solved linear system, over the largest velocity.
+const VELOCITY_ROUNDOFF: f64 = 1e-12;
+
 /// Matrices, columns and workspace. Components of friction forces are numbered one after another,
 /// M in all.
+#[derive(Default)]
 pub(crate) struct DenseSystem {
     /// `L⁻¹ F` with the forces F other than contact forces.
     free: Vec<f64>,
@@ -34,7 +38,7 @@ pub(crate) struct DenseSystem {
     g_nn: Matrix,
     /// `[M × K]`.
     g_tn: Matrix,
-    /// `[M × M]`.
+    /// `[M × M]`; absent where friction depends on the motion under normal forces alone.
     g_tt: Matrix,
     /// `g_tn` and `g_tt` with the rows of slides rotated to their frames, in a suspension.
     rotated: [Matrix; 2],
@@ -48,42 +52,9 @@ pub(crate) struct DenseSystem {
     /// p = −t.
     opposite: Vec<f64>,
     solver: LuSolver,
-    /// Whether `g_tt` is absent.
-    uses_frictionless_slip: bool,
 }
 
 impl DenseSystem {
-    /// Reserves memory for that many candidates of that many spheres.
-    pub(crate) fn new<S: Space>(spheres: usize, candidates: usize) -> Self {
-        let (rows, components) = (S::MODES * spheres, S::TANGENTS * candidates);
-        let matrix = |entries| {
-            let mut matrix = Matrix::default();
-            matrix.reserve(entries);
-            matrix
-        };
-        let columns = |count| {
-            let mut columns = StaggeredColumns::default();
-            columns.reserve(rows, count);
-            columns
-        };
-        Self {
-            free: Vec::with_capacity(rows),
-            normal_columns: columns(candidates),
-            tangential_columns: columns(components),
-            g_nn: matrix(candidates * candidates),
-            g_tn: matrix(components * candidates),
-            g_tt: matrix(components * components),
-            rotated: [Matrix::default(), Matrix::default()],
-            free_normal: Vec::with_capacity(candidates),
-            free_slip: Vec::with_capacity(components),
-            unknowns: [candidates, components].map(Vec::with_capacity),
-            solution: Vec::with_capacity(candidates + components),
-            opposite: Vec::with_capacity(components),
-            solver: LuSolver::new(candidates + components),
-            uses_frictionless_slip: false,
-        }
-    }
-
     /// Sets up the candidates of a stage. `forces`: all forces on the spheres other than contact
     /// forces.
     pub(crate) fn set_up<S: Fluid>(
@@ -117,8 +88,7 @@ impl DenseSystem {
         let columns = &mut self.tangential_columns;
         fill(columns, resistance, rows);
         columns.transposed_product(&self.normal_columns, &mut self.g_tn);
-        self.uses_frictionless_slip = problem.uses_frictionless_slip;
-        if !self.uses_frictionless_slip {
+        if !problem.uses_frictionless_slip {
             columns.gram(&mut self.g_tt);
         }
         self.free_slip.clear();
@@ -209,7 +179,7 @@ impl DenseSystem {
             }
         }
         // Adds a multiple of the column of component m, for its force p = −t.
-        let is_coupled = !self.uses_frictionless_slip;
+        let is_coupled = !problem.uses_frictionless_slip;
         let add_column = |factor: f64, m: usize, target: &mut [f64]| {
             let (upper, lower) = target.split_at_mut(first);
             for (x, &k) in upper.iter_mut().zip(active.iter()) {
@@ -310,8 +280,8 @@ impl<S: Fluid> System<S> for DenseSystem {
         let velocities = given.chain(biases).chain(shifts);
         let friction = largest(S::components(&forces.tangential));
         Some(RoundoffThresholds {
-            force: 1e-13 * largest(&forces.normal).max(friction),
-            velocity: 1e-12 * velocities.fold(0.0, |most: f64, v| most.max(v.abs())),
+            force: FORCE_ROUNDOFF * largest(&forces.normal).max(friction),
+            velocity: VELOCITY_ROUNDOFF * velocities.fold(0.0, |most: f64, v| most.max(v.abs())),
             exact: true,
         })
     }
@@ -328,7 +298,7 @@ impl<S: Fluid> System<S> for DenseSystem {
         let slip = S::components_mut(&mut forces.slip);
         slip.copy_from_slice(&self.free_slip);
         self.g_tn.add_product(&forces.normal, slip);
-        if !self.uses_frictionless_slip {
+        if !problem.uses_frictionless_slip {
             self.g_tt.subtract_transposed_product(t, slip);
         }
         for ((w, f), entry) in slack.iter_mut().zip(&forces.normal).zip(&problem.normal) {

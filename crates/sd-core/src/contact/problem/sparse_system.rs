@@ -19,31 +19,24 @@
 //! in single precision. Soft and rigid contacts therefore have the same cost.
 
 mod active;
-mod assembly;
 mod linear;
+mod preconditioner;
 
 use self::active::ActiveTerms;
-use self::linear::{BothMotions, Linear, Preconditioner};
+use self::linear::{BothMotions, Linear};
+use self::preconditioner::Preconditioner;
 use super::statement::{
-    AppliedForces, Forces, FrictionState, Problem, RoundoffThresholds, States, System,
-    TYPICAL_MOBILITY, largest,
+    AppliedForces, FORCE_ROUNDOFF, Forces, FrictionState, Problem, RoundoffThresholds, States,
+    System, TYPICAL_MOBILITY, largest,
 };
 use crate::error::Error;
-use crate::hydrodynamics::resistance::{
-    Fluid, NearMatrix, NearPattern, PairwiseResistance, Resistance,
-};
+use crate::hydrodynamics::resistance::{Fluid, PairwiseResistance, Resistance};
 use crate::linalg::StopCriteria;
 use crate::linalg::dense::{add_scaled, dot};
-use crate::linalg::error::BadPivot;
 use crate::linalg::gmres::Gmres;
 use crate::space::Layer;
 use std::f64::consts::PI;
 
-/// Minimum compliance in the preconditioner, in a/(mu·a²·rate): its inverse is well represented in
-/// single precision.
-const MIN_COMPLIANCE: f64 = 1e-6;
-/// Maximum stiffness in the preconditioner, that of rigid contacts.
-const MAX_STIFFNESS: f64 = 1.0 / MIN_COMPLIANCE;
 /// Weight of velocities relative to forces in the norm of the residual, in mu·a.
 const VELOCITY_WEIGHT: f64 = 30.0;
 /// Factor by which one call reduces the residual. With 1e-3, layers of 1000 spheres require 20 %
@@ -56,6 +49,8 @@ const RESIDUAL_TOLERANCE: f64 = 1e-11;
 const VELOCITY_TOLERANCE: f64 = 1e-9;
 /// Residual due to rounding, over the norm of all forces.
 const ROUNDOFF_RESIDUAL: f64 = 1e-14;
+/// Rounding error of velocities, in a·rate: those of contacts are of order one.
+const MIN_VELOCITY: f64 = 1e-13;
 /// Maximum number of iterations of one call.
 const MAX_ITERATIONS: usize = 40;
 /// Maximum number of calls for the motion under given forces, from which their residual is
@@ -65,17 +60,7 @@ const MAX_MEASURE_CALLS: u32 = 8;
 /// mu·a²·rate.
 const MIN_FORCE: f64 = 6.0 * PI;
 
-/// Availability of the near-field part of R.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-enum NearFieldStatus {
-    #[default]
-    Missing,
-    Matrix,
-    /// Both the matrix and its factor.
-    Factor,
-}
-
-/// Velocities, factors and workspace.
+/// The motion of the last solution, the preconditioner and workspace.
 #[derive(Default)]
 pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// v, `[3N]`.
@@ -86,35 +71,16 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     has_motion: bool,
     /// F and F_N, `[3N]` each.
     applied: [Vec<f64>; 2],
-    /// Index of each candidate's pair in the pattern.
-    numbers: Vec<Option<usize>>,
-    /// Factor of the preconditioner, the near-field part of `R + Cᵀ S C + Dᵀ S D`.
-    stiff_factor: NearMatrix<S>,
-    /// Stiffnesses of the candidates and rows in that factor, and whether it was computed in this
-    /// stage.
-    factored: Vec<f64>,
-    is_factored: bool,
-    /// Whether the matrix has the current candidates and rows; spheres whose stiffness has changed
-    /// since.
-    is_same: bool,
-    changed: Vec<bool>,
-    /// Stiffnesses for the current active set.
-    stiffness: Vec<f64>,
+    preconditioner: Preconditioner<S>,
     /// Memory for the terms of the linear system, of no meaning between solutions.
     active: ActiveTerms<S>,
-    /// The near-field part of R, and whether it belongs to the current stage.
-    near: NearMatrix<S>,
-    near_status: NearFieldStatus,
-    /// Solver of the system.
     gmres: Gmres,
     /// Residual and correction, each of v, v_N, f and t.
     residual: Vec<f64>,
     correction: Vec<f64>,
-    /// Forces on the spheres, `[3N]`.
-    work: Vec<f64>,
     both: BothMotions<S>,
-    /// Workspace for the motion under given forces: applied and contact forces together, all
-    /// contacts open, no contact forces.
+    /// Workspace for the motion under given forces: the applied forces without them, all contacts
+    /// open, no contact forces.
     given: [Vec<f64>; 2],
     open_states: States<S>,
     no_forces: Forces<S>,
@@ -123,8 +89,7 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
 impl<S: Fluid> SparseSystem<S> {
     /// Starts a stage at new positions.
     pub(crate) fn begin_stage(&mut self) {
-        self.near_status = NearFieldStatus::Missing;
-        self.is_factored = false;
+        self.preconditioner.begin_stage();
     }
 
     /// Discards the motion of the preceding stage: the next solution starts from spheres that move
@@ -139,9 +104,7 @@ impl<S: Fluid> SparseSystem<S> {
     pub(crate) fn velocities(&self) -> [&[f64]; 2] {
         [&self.velocities, &self.frictionless]
     }
-}
 
-impl<S: Fluid> SparseSystem<S> {
     /// Computes the residual of the linear system at the current velocities and forces.
     fn compute_residual(&mut self, linear: &Linear<'_, S>, forces: &Forces<S>) {
         let problem = linear.problem;
@@ -188,77 +151,16 @@ impl<S: Fluid> SparseSystem<S> {
             r_t[m] = -VELOCITY_WEIGHT * (moved + entry.shift);
         }
     }
-
-    /// Sets the forces that the active set prescribes: zero, or by the load.
-    fn set_dependent_forces(linear: &Linear<'_, S>, forces: &mut Forces<S>) {
-        let problem = linear.problem;
-        forces.normal.resize(problem.normal.len(), 0.0);
-        let zero = S::each_tangent(0.0);
-        forces.tangential.resize(problem.friction.len(), zero);
-        for (f, closed) in forces.normal.iter_mut().zip(&linear.states.closed) {
-            if !closed {
-                *f = 0.0;
-            }
-        }
-        problem.prescribe(linear.states, forces, false);
-    }
-
-    /// Updates the preconditioner for the current active set, if necessary.
-    fn update_preconditioner(
-        &mut self,
-        linear: &Linear<'_, S>,
-        pattern: &NearPattern<S>,
-    ) -> Result<(), BadPivot> {
-        linear.stiffnesses(&mut self.stiffness);
-        let problem = linear.problem;
-        let rows = if problem.uses_frictionless_slip {
-            problem.normal.len()
-        } else {
-            self.stiffness.len()
-        };
-        // A slide whose direction or compliance changes affects the matrix little.
-        let slides = |at: usize| {
-            let component = at.checked_sub(problem.normal.len());
-            component.is_some_and(|m| {
-                let state = &linear.states.friction[m / S::TANGENTS];
-                matches!(state, FrictionState::Slip(_))
-            })
-        };
-        let is_soft = |stiffness: f64| stiffness > 0.0 && stiffness < MAX_STIFFNESS;
-        let mut pairs = self.factored.iter().zip(&self.stiffness).enumerate();
-        let fits = self.is_factored
-            && self.factored.len() == rows
-            && pairs
-                .all(|(at, (&old, &new))| old == new || is_soft(old) && is_soft(new) && slides(at));
-        if !fits {
-            self.assemble((problem, linear.active), pattern, rows);
-            // If the factorisation fails, there is no factor.
-            if std::mem::take(&mut self.is_factored) {
-                self.stiff_factor.factor_again(pattern)?;
-            } else {
-                self.stiff_factor.factor(pattern)?;
-            }
-            self.is_factored = true;
-            self.factored.clear();
-            self.factored.extend_from_slice(&self.stiffness[..rows]);
-        }
-        Ok(())
-    }
 }
 
 /// A [`SparseSystem`] with the hydrodynamic resistance of its stage.
 pub(crate) struct SparseSystemView<'a, S: Fluid> {
-    /// R as a sum over pairs.
-    pub(crate) resistance: &'a PairwiseResistance<S>,
-    /// Sparsity pattern of its near-field part.
-    pub(crate) pattern: &'a NearPattern<S>,
-    /// Velocities, factors and workspace.
-    pub(crate) system: &'a mut SparseSystem<S>,
+    resistance: &'a PairwiseResistance<S>,
+    system: &'a mut SparseSystem<S>,
     /// Terms of the linear system for the current active set, lent by `system`.
     active: ActiveTerms<S>,
-    /// Residual that is accurate enough, over the norm of the applied forces; 0: as
-    /// accurate as possible.
-    pub(crate) relative_tolerance: f64,
+    /// [`AppliedForces::relative_tolerance`].
+    relative_tolerance: f64,
 }
 
 impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
@@ -277,7 +179,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
             active: &self.active,
         };
         let system = &mut *self.system;
-        SparseSystem::set_dependent_forces(&linear, forces);
+        problem.prescribe(states, forces, false);
         system.compute_residual(&linear, forces);
         let square = |x: &[f64]| dot(x, x);
         let size = square(&system.applied[0])
@@ -300,22 +202,15 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         };
         let mut residual_norm = before;
         if before > floor {
-            system.update_preconditioner(&linear, self.pattern).ok()?;
+            system.preconditioner.update(&linear).ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
-            let mut preconditioner = Preconditioner {
-                pattern: self.pattern,
-                stiff_factor: &mut system.stiff_factor,
-                near: &mut system.near,
-                stiffness: &system.stiffness,
-                work: &mut system.work,
-            };
             let info = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
                 StopCriteria::new(goal, MAX_ITERATIONS),
                 |x, y| linear.apply(x, y, &mut system.both),
-                |r, z| linear.precondition(&mut preconditioner, r, z),
+                |r, z| system.preconditioner.apply(&linear, r, z),
             );
             residual_norm = info.residual;
             let [v, v_n, f, t] = linear.split(&system.correction);
@@ -326,7 +221,7 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
             for entry in &linear.active.sticking {
                 entry.add(t[entry.index], &mut forces.tangential);
             }
-            SparseSystem::set_dependent_forces(&linear, forces);
+            problem.prescribe(states, forces, false);
         }
         if !residual_norm.is_finite() {
             return None;
@@ -334,8 +229,8 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
         system.has_motion = true;
         self.read(problem, forces);
         Some(RoundoffThresholds {
-            force: residual_norm.max(1e-13 * largest(&forces.normal)),
-            velocity: (residual_norm / VELOCITY_WEIGHT).max(1e-13),
+            force: residual_norm.max(FORCE_ROUNDOFF * largest(&forces.normal)),
+            velocity: (residual_norm / VELOCITY_WEIGHT).max(MIN_VELOCITY),
             exact: residual_norm <= floor,
         })
     }
@@ -352,28 +247,26 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
             given.clone_from(applied);
         }
         for (entry, &f) in problem.normal.iter().zip(&forces.normal) {
-            for given in &mut self.system.given {
-                entry.row.add(f, given);
+            for applied in &mut self.system.applied {
+                entry.row.add(f, applied);
             }
         }
         for (entry, t) in problem.friction.iter().zip(&forces.tangential) {
             for (row, &t) in entry.rows.as_ref().iter().zip(t.as_ref()) {
-                row.add(-t, &mut self.system.given[0]);
+                row.add(-t, &mut self.system.applied[0]);
             }
         }
-        let swap_applied = |system: &mut SparseSystem<S>| {
-            std::mem::swap(&mut system.applied, &mut system.given);
-        };
-        swap_applied(self.system);
         let mut no_forces = std::mem::take(&mut self.system.no_forces);
+        no_forces.reset(problem);
         for _ in 0..MAX_MEASURE_CALLS {
             let roundoff = self.solve(problem, &open, true, &mut no_forces);
             if roundoff.is_none_or(|roundoff| roundoff.exact) {
                 break;
             }
         }
-        swap_applied(self.system);
-        (self.system.open_states, self.system.no_forces) = (open, no_forces);
+        let system = &mut *self.system;
+        std::mem::swap(&mut system.applied, &mut system.given);
+        (system.open_states, system.no_forces) = (open, no_forces);
         self.read(problem, forces);
     }
 
@@ -412,34 +305,8 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         for velocities in [&mut system.velocities, &mut system.frictionless] {
             velocities.resize(size, 0.0);
         }
-        system.work.resize(size, 0.0);
-        system.numbers.clear();
-        let numbers = problem.normal.iter().map(|entry| {
-            let [i, j] = entry.row.spheres;
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "sphere numbers fit 32 bits"
-            )]
-            resistance.number_of((i as u32, j as u32))
-        });
-        system.numbers.extend(numbers);
-        system.is_same = false;
-        let pattern = resistance.pattern();
-        if system.near_status == NearFieldStatus::Missing {
-            resistance.fill(pattern, &mut system.near);
-            system.near_status = NearFieldStatus::Matrix;
-        }
-        if problem.uses_frictionless_slip && system.near_status < NearFieldStatus::Factor {
-            let factored = system.near.factor(pattern);
-            factored.map_err(|bad| Error::NotPositiveDefinite {
-                matrix: "near part of the resistance",
-                pivot: bad.pivot,
-                sphere: bad.pivot / S::MODES,
-            })?;
-            system.near_status = NearFieldStatus::Factor;
-        }
+        system.preconditioner.begin(resistance, problem)?;
         Ok(Self {
-            pattern,
             resistance,
             active: std::mem::take(&mut system.active),
             system,

@@ -78,6 +78,7 @@ impl<S: Space> Friction<S> {
 }
 
 /// One contact problem; see [`super`].
+#[derive(Default)]
 pub(crate) struct Problem<S: Space = Layer> {
     /// Candidates, ordered by (i, j).
     pub(crate) normal: Vec<Normal<S>>,
@@ -91,24 +92,7 @@ pub(crate) struct Problem<S: Space = Layer> {
     pub(crate) critical_load: Option<f64>,
 }
 
-impl<S: Space> Default for Problem<S> {
-    fn default() -> Self {
-        Self::new(0)
-    }
-}
-
 impl<S: Space> Problem<S> {
-    /// A problem with memory for that many candidates and twice as many friction forces.
-    pub(crate) fn new(candidates: usize) -> Self {
-        Self {
-            normal: Vec::with_capacity(candidates),
-            friction: Vec::with_capacity(2 * candidates),
-            uses_frictionless_slip: false,
-            critical_load: None,
-        }
-    }
-
-    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.friction.clone_from(&other.friction);
@@ -121,9 +105,14 @@ impl<S: Space> Problem<S> {
         S::TANGENTS * self.friction.len()
     }
 
-    /// Sets the friction forces that an active set prescribes: zero, or by the load along the
+    /// Sets the forces that an active set prescribes: zero, or friction by the load along the
     /// direction of a slip. `in_frame`: whether the forces of slips are given in their frames.
     pub(crate) fn prescribe(&self, states: &States<S>, forces: &mut Forces<S>, in_frame: bool) {
+        for (f, closed) in forces.normal.iter_mut().zip(&states.closed) {
+            if !closed {
+                *f = 0.0;
+            }
+        }
         let entries = self.friction.iter().zip(&states.friction);
         for ((entry, state), t) in entries.zip(&mut forces.tangential) {
             match state {
@@ -162,6 +151,8 @@ impl<'a> AppliedForces<'a> {
     }
 }
 
+/// Difference from its bound, over the bound, below which a given friction force slips.
+const BOUND_TOLERANCE: f64 = 1e-12;
 /// Slip velocity, in a·rate, expected of a slide before the first linear system.
 const EXPECTED_SLIP: f64 = 0.3;
 
@@ -182,7 +173,7 @@ impl<S: Space> FrictionState<S> {
         let length = S::length(force);
         if bound == 0.0 {
             Self::Inactive
-        } else if length < bound * (1.0 - 1e-12) {
+        } else if length < bound * (1.0 - BOUND_TOLERANCE) {
             Self::Stick
         } else {
             Self::Slip(Slide::along(force, length, EXPECTED_SLIP / bound))
@@ -214,14 +205,6 @@ pub(crate) struct States<S: Space = Layer> {
 }
 
 impl<S: Space> States<S> {
-    /// States with memory for that many candidates and twice as many friction forces.
-    pub(crate) fn new(candidates: usize) -> Self {
-        Self {
-            closed: Vec::with_capacity(candidates),
-            friction: Vec::with_capacity(2 * candidates),
-        }
-    }
-
     /// Infers the states from the loads of candidates, and from the friction forces without bounds
     /// by their numbers and entries.
     pub(crate) fn infer(
@@ -343,22 +326,17 @@ pub(crate) struct Forces<S: Space = Layer> {
 
 impl<S: Space> Default for Forces<S> {
     fn default() -> Self {
-        Self::new(0)
+        let (normal, tangential) = (Vec::new(), Vec::new());
+        Self {
+            normal,
+            tangential,
+            slack: Vec::new(),
+            slip: Vec::new(),
+        }
     }
 }
 
 impl<S: Space> Forces<S> {
-    /// Forces with memory for that many candidates and twice as many friction forces.
-    pub(crate) fn new(candidates: usize) -> Self {
-        Self {
-            normal: Vec::with_capacity(candidates),
-            tangential: Vec::with_capacity(2 * candidates),
-            slack: Vec::with_capacity(candidates),
-            slip: Vec::with_capacity(2 * candidates),
-        }
-    }
-
-    /// Copies another value, without allocating once there is capacity.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.tangential.clone_from(&other.tangential);
@@ -375,7 +353,6 @@ impl<S: Space> Forces<S> {
             .resize(problem.friction.len(), S::each_tangent(0.0));
     }
 
-    /// Projects forces onto their bounds.
     pub(crate) fn project_onto_bounds(&mut self, problem: &Problem<S>) {
         for f in &mut self.normal {
             *f = f.max(0.0);
@@ -484,6 +461,9 @@ pub(crate) fn trial_force<S: Space>(
 /// Typical normal velocity of a contact under a unit of its own force, in 1/(mu·a).
 pub(crate) const TYPICAL_MOBILITY: f64 = 0.02;
 
+/// Rounding error of forces of a solved linear system, over the largest force.
+pub(crate) const FORCE_ROUNDOFF: f64 = 1e-13;
+
 /// Magnitudes treated as zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct RoundoffThresholds {
@@ -496,7 +476,6 @@ pub(crate) struct RoundoffThresholds {
 }
 
 impl RoundoffThresholds {
-    /// No magnitude is treated as zero.
     pub(crate) const NONE: Self = Self {
         force: 0.0,
         velocity: 0.0,
@@ -532,7 +511,6 @@ pub(crate) trait System<S: Space = Layer> {
     fn mobility(&self, candidate: usize) -> f64;
 }
 
-/// Largest magnitude.
 pub(crate) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
 }

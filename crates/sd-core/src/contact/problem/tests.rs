@@ -219,7 +219,7 @@ fn rigid_coulomb(friction: f64) -> Law {
 /// The problem of a law.
 fn problem_of<S: Space>(law: Law, count: usize, given: &[f64]) -> Problem<S> {
     let row = Row::normal([0, 1], &S::Vector::default());
-    let mut problem = Problem::new(count);
+    let mut problem = Problem::default();
     problem.uses_frictionless_slip = law.isolated;
     for k in 0..count {
         problem.normal.push(Normal {
@@ -258,7 +258,7 @@ fn solve<S: Space>(
     let count = network.normal.nrows();
     let mut problem = problem_of(law, count, given);
     problem.critical_load = critical_load;
-    let mut solver = ProblemSolver::new(count);
+    let mut solver = ProblemSolver::default();
     solver.states.closed.resize(count, true);
     let frictions = problem.friction.len();
     let states = &mut solver.states.friction;

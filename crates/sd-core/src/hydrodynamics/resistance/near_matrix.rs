@@ -170,7 +170,7 @@ impl<S: Space> NearMatrix<S> {
     /// changed values affect.
     ///
     /// # Errors
-    /// As there.
+    /// [`BadPivot`] with the row of the pivot.
     pub(crate) fn factor_again(&mut self, pattern: &NearPattern<S>) -> Result<(), BadPivot> {
         self.blocks.factor_again(&pattern.blocks)
     }

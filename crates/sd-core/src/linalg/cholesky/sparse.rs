@@ -273,7 +273,7 @@ impl BlockCholesky {
     /// changed values affect, with the same bits.
     ///
     /// # Errors
-    /// As there.
+    /// [`BadPivot`] with the row of the pivot.
     pub(crate) fn factor_again(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
         if self.factored.len() != self.values.len() {
             return self.factor(pattern);

@@ -2,31 +2,31 @@
 //! friction.
 
 use crate::error::Refusal;
-use crate::law::{NormalLaw, TangentialLaw, Word, Words, rolling_friction};
+use crate::law::{Keyword, Keywords, NormalLaw, TangentialLaw, rolling_friction};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, Sizes};
 use std::borrow::Cow;
 
 /// Keyword of the paper's steps, in place of a normal law.
-const PROCEDURE: Word = Word {
+const PROCEDURE: Keyword = Keyword {
     word: "procedure",
     meaning: "The paper's steps 1-6, to the letter.",
 };
 /// Keyword of a friction coefficient of 0, in place of a tangential law.
-const FRICTIONLESS: Word = Word {
+const FRICTIONLESS: Keyword = Keyword {
     word: "none",
     meaning: "No friction, whatever its coefficient.",
 };
 
 /// Keywords of `contact`: those of the normal laws, with the paper's steps after the first.
-pub(super) fn contact_words() -> Vec<Word> {
-    let mut words = NormalLaw::WORDS.to_vec();
+pub(super) fn contact_words() -> Vec<Keyword> {
+    let mut words = NormalLaw::KEYWORDS.to_vec();
     words.insert(1, PROCEDURE);
     words
 }
 
 /// Keywords of `tangential`: those of the tangential laws, and none.
-pub(super) fn tangential_words() -> Vec<Word> {
-    let mut words = TangentialLaw::WORDS.to_vec();
+pub(super) fn tangential_words() -> Vec<Keyword> {
+    let mut words = TangentialLaw::KEYWORDS.to_vec();
     words.push(FRICTIONLESS);
     words
 }
@@ -40,12 +40,16 @@ pub(super) fn contact_word(params: &Params) -> Cow<'static, str> {
 }
 
 /// Reads a choice by its keyword.
-pub(super) fn read<T: Words>(choice: &mut T, key: &'static str, word: &str) -> Result<(), Refusal> {
-    *choice = T::of_word(word).ok_or_else(|| unknown(key, word, T::WORDS))?;
+pub(super) fn read<T: Keywords>(
+    choice: &mut T,
+    key: &'static str,
+    word: &str,
+) -> Result<(), Refusal> {
+    *choice = T::of_word(word).ok_or_else(|| unknown(key, word, T::KEYWORDS))?;
     Ok(())
 }
 
-fn unknown(key: &'static str, word: &str, known: &[Word]) -> Refusal {
+fn unknown(key: &'static str, word: &str, known: &[Keyword]) -> Refusal {
     let words: Vec<String> = known
         .iter()
         .map(|word| format!("{:?}", word.word))
@@ -60,7 +64,7 @@ fn unknown(key: &'static str, word: &str, known: &[Word]) -> Refusal {
 }
 
 /// The paper's steps have their own laws: others chosen before are refused.
-pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal> {
+pub(super) fn set_contact(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word != PROCEDURE.word {
         return match params.contact.chosen_laws() {
             Some(laws) => read(&mut laws.normal, "contact", word),
@@ -99,17 +103,17 @@ pub(super) fn put_contact(params: &mut Params, word: &str) -> Result<(), Refusal
     Ok(())
 }
 
-pub(super) fn put_hydrodynamics(params: &mut Params, word: &str) -> Result<(), Refusal> {
+pub(super) fn set_hydrodynamics(params: &mut Params, word: &str) -> Result<(), Refusal> {
     let mut chosen = params.hydrodynamics;
     read(&mut chosen, "hydrodynamics", word)?;
     // The parameters of a choice may have been set before its keyword.
-    if chosen.place() != params.hydrodynamics.place() {
+    if chosen.index() != params.hydrodynamics.index() {
         params.hydrodynamics = chosen;
     }
     Ok(())
 }
 
-pub(super) fn put_tangential(params: &mut Params, word: &str) -> Result<(), Refusal> {
+pub(super) fn set_tangential(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word == FRICTIONLESS.word {
         params.friction = 0.0;
         return Ok(());
@@ -125,12 +129,12 @@ pub(super) fn put_tangential(params: &mut Params, word: &str) -> Result<(), Refu
     clippy::cast_sign_loss,
     reason = "a whole number within the range of the table"
 )]
-pub(super) fn put_spheres(params: &mut Params, value: f64) {
+pub(super) fn set_spheres(params: &mut Params, value: f64) {
     params.spheres = value as usize;
 }
 
 /// Sets a volume fraction, 0 for none. An area fraction that was not given is then 0.
-pub(in crate::model) fn put_volume_fraction(params: &mut Params, value: f64) {
+pub(in crate::model) fn set_volume_fraction(params: &mut Params, value: f64) {
     params.volume_fraction = (value != 0.0).then_some(value);
     // One that is given beside it stays, and is refused.
     if params.volume_fraction.is_some() && params.area_fraction.is_nan() {
@@ -139,7 +143,7 @@ pub(in crate::model) fn put_volume_fraction(params: &mut Params, value: f64) {
 }
 
 /// Changes the laws, if they are chosen individually.
-pub(super) fn put_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)) {
+pub(super) fn set_law(params: &mut Params, change: impl FnOnce(&mut ContactLaws)) {
     if let Some(laws) = params.contact.chosen_laws() {
         change(laws);
     }
@@ -169,7 +173,7 @@ pub(super) fn has_two_sizes(params: &Params) -> bool {
 pub(super) const ONE_OR_TWO: &str = "by size_ratio";
 
 /// Sets these sizes: one or two by their ratio and fraction.
-pub(super) fn put_sizes(params: &mut Params, word: &str) -> Result<(), Refusal> {
+pub(super) fn set_sizes(params: &mut Params, word: &str) -> Result<(), Refusal> {
     if word == ONE_OR_TWO {
         params.sizes = None;
         return Ok(());
@@ -217,7 +221,7 @@ pub(super) fn repels(params: &Params) -> bool {
 }
 
 /// The keywords of the choices that meet a condition.
-fn words_where<T: Words>(holds: impl Fn(T) -> bool) -> String {
+fn keywords_where<T: Keywords>(holds: impl Fn(T) -> bool) -> String {
     let choices = T::ALL.iter().copied().filter(|choice| holds(*choice));
     let words: Vec<String> = choices
         .map(|choice| format!("{:?}", choice.word()))
@@ -228,24 +232,24 @@ fn words_where<T: Words>(holds: impl Fn(T) -> bool) -> String {
 pub(super) fn needs_spring() -> String {
     format!(
         "a spring: `contact` = {}",
-        words_where(NormalLaw::is_spring)
+        keywords_where(NormalLaw::is_spring)
     )
 }
 
 pub(super) fn needs_leading_order() -> String {
-    let choice = words_where(|choice: Hydrodynamics| choice.leading_order().is_some());
+    let choice = keywords_where(|choice: Hydrodynamics| choice.leading_order().is_some());
     format!("`hydrodynamics` = {choice}")
 }
 
 pub(super) fn needs_lubrication_gap() -> String {
-    let others = words_where(|choice: Hydrodynamics| !choice.admits_overlap());
+    let others = keywords_where(|choice: Hydrodynamics| !choice.admits_overlap());
     format!("a soft law (a spring or a repulsion) and `hydrodynamics` = {others}")
 }
 
 pub(super) fn needs_tangential_spring() -> String {
     format!(
         "`tangential` = {} with a spring",
-        words_where(TangentialLaw::has_spring)
+        keywords_where(TangentialLaw::has_spring)
     )
 }
 
@@ -255,11 +259,11 @@ pub(super) fn needs_rolling() -> String {
 }
 
 pub(super) fn needs_touch() -> String {
-    let touching = words_where(NormalLaw::touches);
+    let touching = keywords_where(NormalLaw::touches);
     format!("surfaces that touch: `contact` = {touching}")
 }
 
 pub(super) fn needs_repulsion() -> String {
-    let alone = words_where(|law: NormalLaw| !law.touches());
+    let alone = keywords_where(|law: NormalLaw| !law.touches());
     format!("a repulsion: `repulsion` above 0 or `contact` = {alone}")
 }

@@ -4,8 +4,8 @@ use super::choices::{
     ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_leading_order,
     has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes, may_adhere,
     needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring,
-    needs_tangential_spring, needs_touch, put_contact, put_hydrodynamics, put_law, put_sizes,
-    put_spheres, put_tangential, put_volume_fraction, read, repels, resists_rolling,
+    needs_tangential_spring, needs_touch, read, repels, resists_rolling, set_contact,
+    set_hydrodynamics, set_law, set_sizes, set_spheres, set_tangential, set_volume_fraction,
     tangential_words,
 };
 use super::quantities::{
@@ -18,7 +18,7 @@ use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{DEFAULT_LENGTH, REPULSION, REPULSION_ALONE, REPULSION_LENGTH};
 use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNESS};
-use crate::law::{FrictionOnset, Quantity, StiffnessUnit, Words as _};
+use crate::law::{FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
 use crate::model::{
     ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, StartFrom,
@@ -40,10 +40,10 @@ pub static PARAMETERS: [Parameter; 28] = [
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
         form: Form::Choice(Choice {
-            words: || Hydrodynamics::WORDS.to_vec(),
+            words: || Hydrodynamics::KEYWORDS.to_vec(),
             default: "stokesian-dynamics",
             get: |p| p.hydrodynamics.word().into(),
-            put: put_hydrodynamics,
+            set: set_hydrodynamics,
         }),
         ..CHOICE
     },
@@ -54,7 +54,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             words: contact_words,
             default: "rigid",
             get: contact_word,
-            put: put_contact,
+            set: set_contact,
         }),
         ..CHOICE
     },
@@ -66,7 +66,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             words: tangential_words,
             default: "roll-slip",
             get: |p| p.contact.laws().tangential.word().into(),
-            put: put_tangential,
+            set: set_tangential,
         }),
         ..CHOICE
     },
@@ -75,10 +75,10 @@ pub static PARAMETERS: [Parameter; 28] = [
         meaning: "how friction begins with the load",
         has_meaning: |p| has_friction(p) && (p.shear_stress.is_some() || p.shear_rate.is_finite()),
         form: Form::Choice(Choice {
-            words: || FrictionOnset::WORDS.to_vec(),
+            words: || FrictionOnset::KEYWORDS.to_vec(),
             default: "critical-load",
             get: |p| p.contact.laws().onset.word().into(),
-            put: |p, word| match p.contact.chosen_laws() {
+            set: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.onset, "friction_onset", word),
                 None => Ok(()),
             },
@@ -91,10 +91,10 @@ pub static PARAMETERS: [Parameter; 28] = [
         has_meaning: has_spring,
         needs: Some(needs_spring),
         form: Form::Choice(Choice {
-            words: || StiffnessUnit::WORDS.to_vec(),
+            words: || StiffnessUnit::KEYWORDS.to_vec(),
             default: "critical-load",
             get: |p| p.contact.laws().stiffness_unit.word().into(),
-            put: |p, word| match p.contact.chosen_laws() {
+            set: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.stiffness_unit, "stiffness_unit", word),
                 None => Ok(()),
             },
@@ -105,7 +105,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             whole: true,
             get: |p| p.spheres as f64,
-            put: put_spheres,
+            set: set_spheres,
             ..NEEDED
         }),
         ..number(&SPHERES)
@@ -118,7 +118,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             without: Some(0.0),
             stays: true,
             get: |p| p.area_fraction,
-            put: |p, value| p.area_fraction = value,
+            set: |p, value| p.area_fraction = value,
             ..NEEDED
         }),
         ..number(&AREA_FRACTION)
@@ -128,7 +128,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             quantity: &VOLUME_FRACTION,
             get: |p| p.volume_fraction.unwrap_or(0.0),
-            put: put_volume_fraction,
+            set: set_volume_fraction,
             without: Some(0.0),
             ..NEEDED
         }),
@@ -139,13 +139,13 @@ pub static PARAMETERS: [Parameter; 28] = [
         meaning: "sizes of the spheres",
         has_meaning: |p| p.sizes.is_some(),
         form: Form::Choice(Choice {
-            words: || Distribution::WORDS.to_vec(),
+            words: || Distribution::KEYWORDS.to_vec(),
             default: ONE_OR_TWO,
             get: |p| match &p.sizes {
                 None => ONE_OR_TWO.into(),
                 Some(sizes) => sizes.to_string().into(),
             },
-            put: put_sizes,
+            set: set_sizes,
         }),
         ..CHOICE
     },
@@ -157,7 +157,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             // Two species set theirs.
             default: Some(|p| p.size_ratio),
             get: |p| p.size_ratio,
-            put: |p, value| p.size_ratio = value,
+            set: |p, value| p.size_ratio = value,
             without: Some(1.0),
             ..NEEDED
         }),
@@ -169,7 +169,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &LARGE_FRACTION,
             default: Some(|p| p.large_fraction),
             get: |p| p.large_fraction,
-            put: |p, value| p.large_fraction = value,
+            set: |p, value| p.large_fraction = value,
             without: Some(0.5),
             ..NEEDED
         }),
@@ -179,7 +179,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             quantity: &ROUGHNESS,
             get: |p| p.roughness,
-            put: |p, value| p.roughness = value,
+            set: |p, value| p.roughness = value,
             ..NEEDED
         }),
         ..number(&ROUGHNESS)
@@ -189,7 +189,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             quantity: &FRICTION,
             get: |p| p.friction,
-            put: |p, value| p.friction = value,
+            set: |p, value| p.friction = value,
             without: Some(0.0),
             ..NEEDED
         }),
@@ -202,7 +202,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &ROLLING_FRICTION,
             default: Some(|_| 0.0),
             get: |p| p.contact.laws().rolling_friction,
-            put: |p, value| put_law(p, |laws| laws.rolling_friction = value),
+            set: |p, value| set_law(p, |laws| laws.rolling_friction = value),
             ..OF_LAWS
         }),
         ..number(&ROLLING_FRICTION)
@@ -213,7 +213,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             quantity: &STIFFNESS,
             get: |p| p.contact.laws().stiffness,
-            put: |p, value| put_law(p, |laws| laws.stiffness = value),
+            set: |p, value| set_law(p, |laws| laws.stiffness = value),
             without: Some(f64::INFINITY),
             ..OF_LAWS
         }),
@@ -226,7 +226,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &TANGENTIAL_STIFFNESS,
             default: Some(|_| DEFAULT_STIFFNESS),
             get: |p| p.contact.laws().tangential_stiffness,
-            put: |p, value| put_law(p, |laws| laws.tangential_stiffness = value),
+            set: |p, value| set_law(p, |laws| laws.tangential_stiffness = value),
             ..OF_LAWS
         }),
         ..number(&TANGENTIAL_STIFFNESS)
@@ -238,7 +238,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &DASHPOT,
             default: Some(|_| 0.0),
             get: |p| p.contact.laws().dashpot,
-            put: |p, value| put_law(p, |laws| laws.dashpot = value),
+            set: |p, value| set_law(p, |laws| laws.dashpot = value),
             ..OF_LAWS
         }),
         ..number(&DASHPOT)
@@ -250,7 +250,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &LUBRICATION_GAP,
             default: Some(|p| ContactLaws::usual_lubrication_gap(p.roughness)),
             get: |p| p.contact.laws().lubrication_gap,
-            put: |p, value| put_law(p, |laws| laws.lubrication_gap = value),
+            set: |p, value| set_law(p, |laws| laws.lubrication_gap = value),
             ..OF_LAWS
         }),
         ..number(&LUBRICATION_GAP)
@@ -262,7 +262,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &CUTOFF,
             default: Some(|_| LeadingOrder::DEFAULT.cutoff),
             get: |p| p.hydrodynamics.leading_order().map_or(0.0, |n| n.cutoff),
-            put: |p, value| p.hydrodynamics.change(|n| n.cutoff = value),
+            set: |p, value| p.hydrodynamics.change(|n| n.cutoff = value),
             without: Some(0.0),
             ..NEEDED
         }),
@@ -279,7 +279,7 @@ pub static PARAMETERS: [Parameter; 28] = [
                     .leading_order()
                     .map_or(0.0, |n| n.regularisation)
             },
-            put: |p, value| p.hydrodynamics.change(|n| n.regularisation = value),
+            set: |p, value| p.hydrodynamics.change(|n| n.regularisation = value),
             without: Some(0.0),
             ..NEEDED
         }),
@@ -291,7 +291,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &REPULSION,
             default: Some(|p| if alone(p) { REPULSION_ALONE } else { 0.0 }),
             get: |p| p.contact.laws().repulsion,
-            put: |p, value| put_law(p, |laws| laws.repulsion = value),
+            set: |p, value| set_law(p, |laws| laws.repulsion = value),
             ..OF_LAWS
         }),
         ..number(&REPULSION)
@@ -303,7 +303,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &REPULSION_LENGTH,
             default: Some(|_| DEFAULT_LENGTH),
             get: |p| p.contact.laws().repulsion_length,
-            put: |p, value| put_law(p, |laws| laws.repulsion_length = value),
+            set: |p, value| set_law(p, |laws| laws.repulsion_length = value),
             ..OF_LAWS
         }),
         ..number(&REPULSION_LENGTH)
@@ -315,7 +315,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &ADHESION,
             default: Some(|_| 0.0),
             get: |p| p.contact.laws().adhesion,
-            put: |p, value| put_law(p, |laws| laws.adhesion = value),
+            set: |p, value| set_law(p, |laws| laws.adhesion = value),
             ..OF_LAWS
         }),
         ..number(&ADHESION)
@@ -327,7 +327,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             default: Some(|_| 0.0),
             get: |p| p.start.as_ref().map_or(0.0, |start| start.number() as f64),
             // A start layer cannot be restored from its number.
-            put: |p, value| {
+            set: |p, value| {
                 if value == f64::from(StartFrom::EQUILIBRIUM) {
                     p.start = Some(StartFrom::Equilibrium);
                 }
@@ -341,7 +341,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &DIRECTION,
             default: Some(|_| 1.0),
             get: |p| p.direction,
-            put: |p, value| p.direction = value,
+            set: |p, value| p.direction = value,
             ..NEEDED
         }),
         ..number(&DIRECTION)
@@ -351,7 +351,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &TIME_STEP,
             default: Some(|_| DEFAULT_TIME_STEP),
             get: |p| p.time_step,
-            put: |p, value| p.time_step = value,
+            set: |p, value| p.time_step = value,
             ..NEEDED
         }),
         ..number(&TIME_STEP)
@@ -362,7 +362,7 @@ pub static PARAMETERS: [Parameter; 28] = [
         form: Form::Number(Number {
             quantity: &SHEAR_RATE,
             get: |p| p.shear_rate,
-            put: |p, value| p.shear_rate = value,
+            set: |p, value| p.shear_rate = value,
             without: Some(0.0),
             ..NEEDED
         }),
@@ -375,7 +375,7 @@ pub static PARAMETERS: [Parameter; 28] = [
             quantity: &SHEAR_STRESS,
             default: Some(|_| 0.0),
             get: |p| p.shear_stress.unwrap_or(0.0),
-            put: |p, value| p.shear_stress = (value > 0.0).then_some(value),
+            set: |p, value| p.shear_stress = (value > 0.0).then_some(value),
             without: Some(0.0),
             ..NEEDED
         }),
@@ -402,7 +402,7 @@ const NEEDED: Number = Number {
     whole: false,
     default: None,
     get: |_| f64::NAN,
-    put: |_, _| (),
+    set: |_, _| (),
     without: None,
     stays: false,
     is_of_laws: false,

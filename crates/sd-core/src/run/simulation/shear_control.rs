@@ -214,7 +214,7 @@ impl<S: Starts> Simulation<S> {
             return;
         }
         let (stress, direction) = (self.params.shear_stress, self.params.direction);
-        self.params.take(run, &imposed);
+        self.params.copy_shear(run, &imposed);
         self.imposed = imposed;
         self.background = VelocityGradient::<S>::simple_shear(self.params.direction)
             .with_cross_shear(imposed.cross_rate());

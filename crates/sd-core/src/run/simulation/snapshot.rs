@@ -122,14 +122,6 @@ impl<S: Space> SchemeMemory<S> {
         }
     }
 
-    /// Reserves memory for that many contacts.
-    pub(super) fn reserve(&mut self, contacts: usize) {
-        match self {
-            Self::Laws(memory) => memory.reserve(contacts),
-            Self::Procedure { contact_list, .. } => contact_list.pairs.reserve(contacts),
-        }
-    }
-
     /// The reason why this is not the memory of a run of that scheme with this number of spheres,
     /// if any.
     fn fault(&self, scheme: &ContactScheme, spheres: usize) -> Option<&'static str> {

@@ -1,14 +1,13 @@
 //! A small dense solver of the rigid contact problem in two parts, by Newton's method on the states
 //! of the contacts.
 
-use crate::contact::contact_pair::tangent;
 use crate::contact::laws::{COMPLIANCE, OVERLAP_CORRECTION};
 use crate::contact::{Contact, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::Resistance;
 use crate::linalg::dense::{add_scaled, dot};
-use crate::space::VelocityGradient;
+use crate::space::{Layer, Space as _, VelocityGradient};
 use nalgebra::{DMatrix, DVector};
 
 /// State of a contact.
@@ -55,7 +54,7 @@ impl<'a> DenseContacts<'a> {
         let rows = [0, 1].map(|kind| -> Vec<Vec<f64>> {
             let row = |c: &Contact| {
                 let mut row = vec![0.0; width];
-                let direction = [c.pair.normal, tangent(c.pair.normal)][kind];
+                let direction = [c.pair.normal, Layer::tangents(&c.pair.normal)[0]][kind];
                 for k in 0..2 {
                     row[3 * c.pair.i + k] = -direction[k];
                     row[3 * c.pair.j + k] = direction[k];

@@ -12,7 +12,7 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, ContactState, Laws, PairForces};
+use sd_core::contact::{Contact, ContactState, Laws};
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
 use sd_core::{Bulk, Layer, NearFields, Params, RunSpace, Simulation, Strains, VelocityGradient};
@@ -101,13 +101,7 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
         torques: vec![S::Spin::default(); n],
     };
     let laws = Laws::new(params.contact.laws(), params.surface());
-    let request = InstantContacts::Laws {
-        laws,
-        lubrication_gap: 0.0,
-        time_span: params.time_step,
-        springs: PairForces::default(),
-        rolling_springs: PairForces::default(),
-    };
+    let request = InstantContacts::under(laws, params.time_step);
     let found = instant::solve(&configuration, &request, &tables).unwrap();
     let velocities = convex_minimum(&configuration, &laws, params.time_step, &found.contacts);
     let expected: Vec<f64> = found

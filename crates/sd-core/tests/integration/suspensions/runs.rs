@@ -19,7 +19,7 @@ fn rigid_contacts_keep_their_gaps_and_friction_raises_the_viscosity() {
         let mut params = params(rigid(TangentialLaw::Coulomb), Hydrodynamics::BallMelrose);
         params.friction = friction;
         params.shear_rate = f64::INFINITY;
-        params.settle();
+        params.canonicalise();
         let mut suspension = sheared(&params, 80);
         let viscosity: f64 = (0..40)
             .map(|_| suspension.step().unwrap().viscosity / 40.0)
@@ -61,7 +61,7 @@ fn interrupted_runs_have_the_same_bits_before_any_pair_is_near() {
     (params.spheres, params.volume_fraction) = (60, Some(0.3));
     (params.size_ratio, params.large_fraction) = (1.0, 0.0);
     (params.time_step, params.shear_rate) = (0.01, f64::INFINITY);
-    params.settle();
+    params.canonicalise();
     let mut run = sheared(&params, 1);
     assert!(run.snapshot().near_pairs.is_empty());
     let mut other = resumed(&params, &run);
@@ -83,7 +83,7 @@ fn soft_steps_are_of_order_two() {
     };
     let mut params = params(laws, Hydrodynamics::BallMelrose);
     params.shear_rate = f64::INFINITY;
-    params.settle();
+    params.canonicalise();
     let suspension = sheared(&params, 60);
     let centres = |steps: u64| {
         let mut finer = params.clone();

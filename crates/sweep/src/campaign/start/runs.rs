@@ -10,7 +10,7 @@ use sd_core::model::{StartFrom, StartLayer};
 use std::path::Path;
 
 /// Whether a run belongs to the point with these values. Points that share their runs count as one:
-/// see [`Params::settle`].
+/// see [`Params::canonicalise`].
 fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
     let mut meant = run.params.clone();
     for (axis, value) in wanted {
@@ -23,7 +23,7 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
             _ => {}
         }
     }
-    meant.settle();
+    meant.canonicalise();
     identity(&meant) == identity(&run.params)
 }
 

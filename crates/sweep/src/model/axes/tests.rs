@@ -15,7 +15,7 @@ pub(super) static ONE_MORE: [Parameter; 1] = [Parameter {
         whole: false,
         default: Some(|p| 1.0 - p.large_fraction),
         get: |p| 1.0 - p.large_fraction,
-        put: |p, value| {
+        set: |p, value| {
             // An unchanged value keeps its last digits.
             if value != 1.0 - p.large_fraction {
                 p.large_fraction = 1.0 - value;

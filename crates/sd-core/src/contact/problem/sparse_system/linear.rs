@@ -1,11 +1,9 @@
 //! Products with the linear system of an active set and with its preconditioner.
 
+use super::VELOCITY_WEIGHT;
 use super::active::ActiveTerms;
-use super::{MIN_COMPLIANCE, VELOCITY_WEIGHT};
 use crate::contact::problem::statement::{Problem, States};
-use crate::hydrodynamics::resistance::{
-    Fluid, Motion, NearMatrix, NearPattern, PairwiseResistance, side_by_side_mut,
-};
+use crate::hydrodynamics::resistance::{Fluid, Motion, PairwiseResistance, side_by_side_mut};
 use std::ops::Range;
 
 /// The data that define the linear system.
@@ -14,19 +12,6 @@ pub(super) struct Linear<'a, S: Fluid> {
     pub(super) problem: &'a Problem<S>,
     pub(super) states: &'a States<S>,
     pub(super) active: &'a ActiveTerms<S>,
-}
-
-/// The data that define the preconditioner.
-pub(super) struct Preconditioner<'a, S: Fluid> {
-    pub(super) pattern: &'a NearPattern<S>,
-    /// Factor of the near-field part of `R + Cᵀ S C + Dᵀ S D`.
-    pub(super) stiff_factor: &'a mut NearMatrix<S>,
-    /// Factor of the near-field part of R.
-    pub(super) near: &'a mut NearMatrix<S>,
-    /// Stiffness of each candidate, then of each component of friction.
-    pub(super) stiffness: &'a [f64],
-    /// Forces on the spheres, `[3N]`.
-    pub(super) work: &'a mut [f64],
 }
 
 /// Workspace for v and v_N, interleaved, and for the forces of both.
@@ -76,7 +61,6 @@ impl<S: Fluid> Linear<'_, S> {
         [0..n, n..flow, flow..contacts, contacts..end]
     }
 
-    /// Number of unknowns.
     pub(super) fn size(&self) -> usize {
         self.ranges()[3].end
     }
@@ -86,7 +70,6 @@ impl<S: Fluid> Linear<'_, S> {
         self.ranges().map(|range| &x[range])
     }
 
-    /// Splits a mutable vector into v, v_N, f and t.
     pub(super) fn split_mut<'x>(&self, x: &'x mut [f64]) -> [&'x mut [f64]; 4] {
         let parts = x.get_disjoint_mut(self.ranges());
         parts.unwrap_or_else(|_| unreachable!("successive ranges of a vector of this size"))
@@ -136,66 +119,6 @@ impl<S: Fluid> Linear<'_, S> {
         for sticking in &self.active.sticking {
             let m = sticking.index;
             y_t[m] = VELOCITY_WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
-        }
-    }
-
-    /// Computes the stiffnesses of the preconditioner.
-    pub(super) fn stiffnesses(&self, stiffness: &mut Vec<f64>) {
-        let of = |compliance: f64| compliance.max(MIN_COMPLIANCE).recip();
-        let (contacts, rows) = (self.problem.normal.len(), self.problem.friction_rows());
-        stiffness.clear();
-        stiffness.resize(contacts + rows, 0.0);
-        for closed in &self.active.closed {
-            stiffness[closed.index as usize] = of(closed.compliance);
-        }
-        for sticking in &self.active.sticking {
-            stiffness[contacts + sticking.index] = of(sticking.compliance);
-        }
-    }
-
-    /// `z = P⁻¹ r`.
-    pub(super) fn precondition(&self, by: &mut Preconditioner<'_, S>, r: &[f64], z: &mut [f64]) {
-        let (pattern, work) = (by.pattern, &mut *by.work);
-        let [r_v, r_n, r_f, r_t] = self.split(r);
-        let [z_v, z_n, z_f, z_t] = self.split_mut(z);
-        let (normal, tangential) = by.stiffness.split_at(self.problem.normal.len());
-        let frictionless = self.problem.uses_frictionless_slip;
-        let ActiveTerms {
-            closed, sticking, ..
-        } = self.active;
-        work.copy_from_slice(r_v);
-        for entry in closed {
-            let k = entry.index as usize;
-            entry.row().add(normal[k] * r_f[k] / VELOCITY_WEIGHT, work);
-        }
-        if !frictionless {
-            for entry in sticking {
-                let m = entry.index;
-                entry
-                    .row
-                    .add(tangential[m] * r_t[m] / VELOCITY_WEIGHT, work);
-            }
-        }
-        by.stiff_factor.solve(pattern, work, z_v);
-        if frictionless {
-            work.copy_from_slice(r_n);
-        }
-        z_f.fill(0.0);
-        for entry in closed {
-            let (k, row) = (entry.index as usize, entry.row());
-            z_f[k] = normal[k] * (r_f[k] / VELOCITY_WEIGHT - row.read(z_v));
-            if frictionless {
-                row.add(z_f[k], work);
-            }
-        }
-        if frictionless {
-            by.near.solve(pattern, work, z_n);
-        }
-        let read_from: &[f64] = if frictionless { z_n } else { z_v };
-        z_t.fill(0.0);
-        for entry in sticking {
-            let m = entry.index;
-            z_t[m] = tangential[m] * (entry.row.read(read_from) - r_t[m] / VELOCITY_WEIGHT);
         }
     }
 }

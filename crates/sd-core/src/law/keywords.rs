@@ -2,7 +2,7 @@
 
 /// A keyword with its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Word {
+pub struct Keyword {
     /// The keyword in files, tables and JSON.
     pub word: &'static str,
     /// A short description.
@@ -13,19 +13,19 @@ pub struct Word {
 ///
 /// ```
 /// use sd_core::NormalLaw;
-/// use sd_core::model::Words;
+/// use sd_core::model::Keywords;
 ///
 /// assert_eq!(NormalLaw::of_word("hertz"), Some(NormalLaw::Hertz));
 /// assert_eq!(NormalLaw::Hertz.word(), "hertz");
 /// ```
-pub trait Words: Copy + PartialEq + 'static {
+pub trait Keywords: Copy + PartialEq + 'static {
     /// All choices, in the order of their declaration.
     const ALL: &'static [Self];
     /// Their keywords, in the same order.
-    const WORDS: &'static [Word];
+    const KEYWORDS: &'static [Keyword];
 
-    /// Its index in [`Words::ALL`].
-    fn place(self) -> usize {
+    /// Its index in [`Keywords::ALL`].
+    fn index(self) -> usize {
         Self::ALL
             .iter()
             .position(|choice| *choice == self)
@@ -34,13 +34,13 @@ pub trait Words: Copy + PartialEq + 'static {
 
     /// The keyword of this choice.
     fn word(self) -> &'static str {
-        Self::WORDS[self.place()].word
+        Self::KEYWORDS[self.index()].word
     }
 
     /// The choice with this keyword.
     fn of_word(word: &str) -> Option<Self> {
-        let place = Self::WORDS.iter().position(|known| known.word == word)?;
-        Some(Self::ALL[place])
+        let index = Self::KEYWORDS.iter().position(|known| known.word == word)?;
+        Some(Self::ALL[index])
     }
 }
 
@@ -58,15 +58,15 @@ macro_rules! words {
             $(#[$note] $variant,)+
         }
 
-        impl $crate::law::Words for $name {
+        impl $crate::law::Keywords for $name {
             const ALL: &'static [Self] = &[$(Self::$variant),+];
-            const WORDS: &'static [$crate::law::Word] =
-                &[$($crate::law::Word { word: $word, meaning: $meaning }),+];
+            const KEYWORDS: &'static [$crate::law::Keyword] =
+                &[$($crate::law::Keyword { word: $word, meaning: $meaning }),+];
         }
 
         impl serde::Serialize for $name {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serializer.serialize_str($crate::law::Words::word(*self))
+                serializer.serialize_str($crate::law::Keywords::word(*self))
             }
         }
 
@@ -74,7 +74,7 @@ macro_rules! words {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 const NAMES: &[&str] = &[$($word),+];
                 let text = <String as serde::Deserialize>::deserialize(deserializer)?;
-                <Self as $crate::law::Words>::of_word(&text)
+                <Self as $crate::law::Keywords>::of_word(&text)
                     .ok_or_else(|| serde::de::Error::unknown_variant(&text, NAMES))
             }
         }
