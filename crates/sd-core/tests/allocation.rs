@@ -48,11 +48,11 @@ fn suspension(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
 fn check_dense(hydrodynamics: Hydrodynamics, contact: ContactScheme) {
     let params = layer(hydrodynamics, contact);
     let mut simulation = Simulation::<Layer>::new(&params, 3, &NearFields::default()).unwrap();
-    while simulation.steps() < 100 {
+    while simulation.steps() < 90 {
         simulation.step().unwrap();
     }
     let (mut contacts, mut allocating) = (0, Vec::new());
-    while simulation.steps() < 200 {
+    while simulation.steps() < 190 {
         let info = allocation_counter::measure(|| {
             contacts += simulation.step().unwrap().contacts;
         });

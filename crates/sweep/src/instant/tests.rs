@@ -66,6 +66,34 @@ fn lattices_are_read_and_bad_ones_refused() {
 }
 
 #[test]
+fn forces_that_are_not_finite_or_move_a_layer_without_end_are_refused() {
+    let solve_under = |forces: &str, hydrodynamics: &str| {
+        let text = format!(
+            r#"{{"centres": [[0.0, 0.0], [2.1, 0.0]], "cell": [12.5, 12.5], "forces": {forces},
+            "hydrodynamics": "{hydrodynamics}"}}"#
+        );
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes())?;
+        Ok::<_, InputError>(solve(&configuration, &contact, &NearFields::default())?)
+    };
+    for (forces, hydrodynamics, said) in [
+        (
+            "[[1e400, 0], [0, 0]]",
+            "ball-melrose",
+            "1:66: number out of range",
+        ),
+        (
+            "[[1, 2], [1, -2]]",
+            "stokesian-dynamics",
+            "forces must sum to 0 along x in a periodic layer under full Stokesian Dynamics, got 2e0",
+        ),
+    ] {
+        let error = solve_under(forces, hydrodynamics).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    solve_under("[[1, 2], [1, -2]]", "ball-melrose").unwrap();
+}
+
+#[test]
 fn overlapping_spheres_are_solved_under_lubrication() {
     let with = |more: &str| {
         let text = format!(

@@ -219,8 +219,10 @@ fn rigid_coulomb(friction: f64) -> Law {
 /// The problem of a law.
 fn problem_of<S: Space>(law: Law, count: usize, given: &[f64]) -> Problem<S> {
     let row = Row::normal([0, 1], &S::Vector::default());
-    let mut problem = Problem::default();
-    problem.uses_frictionless_slip = law.isolated;
+    let mut problem = Problem {
+        uses_frictionless_slip: law.isolated,
+        ..Problem::default()
+    };
     for k in 0..count {
         problem.normal.push(Normal {
             row,

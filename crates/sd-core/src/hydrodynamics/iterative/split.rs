@@ -37,7 +37,7 @@ pub(super) struct SplitMotion<S: Fluid> {
     /// `M q + V c`.
     flow: Vec<f64>,
     /// `P (M q + V c)`.
-    pushed: Vec<f64>,
+    reaction: Vec<f64>,
     /// P times the residual of one part, `[6N]`.
     work: Vec<f64>,
     /// The residual `x − M q − V c`.
@@ -66,7 +66,7 @@ impl<S: Fluid> SplitMotion<S> {
             roots,
             densities: vec![0.0; 2 * n],
             flow: vec![0.0; 2 * n],
-            pushed: vec![0.0; 2 * n],
+            reaction: vec![0.0; 2 * n],
             work: vec![0.0; n],
             residual: vec![0.0; 2 * n],
             change: vec![0.0; 2 * n + 4],
@@ -156,7 +156,10 @@ impl<S: Fluid> SplitMotion<S> {
         self.forces[moves..].fill(0.0);
         for part in 0..2 {
             let rows = part * whole..(part + 1) * whole;
-            let (flow, pushed) = (&mut self.flow[rows.clone()], &mut self.pushed[rows.clone()]);
+            let (flow, reaction) = (
+                &mut self.flow[rows.clone()],
+                &mut self.reaction[rows.clone()],
+            );
             for row in 0..S::DRIFTS {
                 let at = 2 * (whole + part) + row;
                 let c = self.scaled[at] * self.roots[at];
@@ -164,12 +167,12 @@ impl<S: Fluid> SplitMotion<S> {
                     modes[row] += c;
                 }
             }
-            local.apply(flow, pushed);
+            local.apply(flow, reaction);
             let modes = S::all_modes(&self.densities[rows]).iter();
             let forces = S::by_sphere_mut(&mut self.forces[part * moves..]).iter_mut();
-            for ((q, pushed), force) in modes.zip(S::all_modes(pushed)).zip(forces) {
+            for ((q, reaction), force) in modes.zip(S::all_modes(reaction)).zip(forces) {
                 for k in 0..S::MODES {
-                    force[k] -= q[k] - pushed[k];
+                    force[k] -= q[k] - reaction[k];
                 }
             }
         }
@@ -205,8 +208,8 @@ impl<S: Fluid> SplitMotion<S> {
                 }
             }
             local.apply(&self.residual[rows.clone()], &mut self.work);
-            for (at, pushed) in rows.clone().zip(&self.work) {
-                self.change[at] = pushed / self.roots[at];
+            for (at, reaction) in rows.clone().zip(&self.work) {
+                self.change[at] = reaction / self.roots[at];
             }
             // The next q, whose sum the pair terms balance.
             let mut net = [0.0; 2];
@@ -232,7 +235,7 @@ impl<S: Fluid> SplitMotion<S> {
             *v = n + t;
         }
         for (k, delta) in delta.iter_mut().enumerate() {
-            let parts = [k, k + whole].map(|at| self.densities[at] - self.pushed[at]);
+            let parts = [k, k + whole].map(|at| self.densities[at] - self.reaction[at]);
             *delta = parts[0] + parts[1];
         }
     }

@@ -180,3 +180,49 @@ impl<S: Space> NearMatrix<S> {
         self.blocks.solve(&pattern.blocks, r, z);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hydrodynamics::resistance::{Fluid, NearFields, Resistance};
+    use crate::linalg::cholesky::sparse::tests::times;
+    use crate::model::{Hydrodynamics, Params};
+    use crate::run::start::{self, Start};
+    use crate::space::cell::Cell;
+
+    fn print<S: Fluid>(name: &str, start: &Start<S>) {
+        let (kind, tables) = (Hydrodynamics::BallMelrose, NearFields::default());
+        let cell = Cell::<S>::equal_sides(start.side, 0.0).unwrap();
+        let all = Resistance::new_pairwise(kind, &cell, &start.radii, &tables, &[]);
+        let mut all = all.unwrap();
+        all.update(&cell, &start.centres).unwrap();
+        let (pairs, mut near) = (all.pairwise().unwrap(), NearMatrix::default());
+        pairs.fill(pairs.pattern(), &mut near);
+        let [ours, library] = times(&pairs.pattern().blocks, &mut near.blocks);
+        let [factor, solve] = [0, 1].map(|k| library[k] / ours[k]);
+        println!(
+            "{name}, {}: {:.3} and {:.4} ms; the library takes {factor:.2} and {solve:.2} times",
+            start.radii.len(),
+            1e3 * ours[0],
+            1e3 * ours[1]
+        );
+    }
+
+    #[test]
+    #[ignore = "a measurement, of which nothing is asserted"]
+    fn times_of_a_factorization_and_of_a_solve() {
+        for spheres in [200, 1000] {
+            let params = Params::builder()
+                .spheres(spheres)
+                .roughness(0.01)
+                .friction(0.5)
+                .shear_rate(f64::INFINITY)
+                .hydrodynamics(Hydrodynamics::BallMelrose)
+                .time_step(0.01);
+            let layer = params.clone().area_fraction(0.7).build().unwrap();
+            print("layer", &start::layer(&layer, 1).unwrap());
+            let suspension = params.volume_fraction(0.5).build().unwrap();
+            print("suspension", &start::suspension(&suspension, 1).unwrap());
+        }
+    }
+}

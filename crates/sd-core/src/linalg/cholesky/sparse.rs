@@ -366,8 +366,9 @@ fn narrow(place: usize) -> u32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    pub(crate) use numeric::tests::times;
 
     /// A ring of spheres, each coupled to the next and to one far away.
     fn ring(n: usize) -> Vec<(usize, usize)> {

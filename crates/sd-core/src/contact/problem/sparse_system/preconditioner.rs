@@ -28,9 +28,8 @@ pub(super) struct Preconditioner<S: Fluid = Layer> {
     stiff: NearMatrix<S>,
     factored: Vec<f64>,
     is_factored: bool,
-    /// Whether the matrix has the current candidates and rows; spheres whose stiffness has changed
-    /// since.
-    is_same: bool,
+    /// Whether the stiffness of each sphere has changed since; empty unless the matrix has the
+    /// current candidates and rows.
     changed: Vec<bool>,
     /// For the current active set: of each candidate, then of each component of friction.
     stiffness: Vec<f64>,
@@ -66,7 +65,7 @@ impl<S: Fluid> Preconditioner<S> {
             resistance.number_of((i as u32, j as u32))
         });
         self.numbers.extend(numbers);
-        self.is_same = false;
+        self.changed.clear();
         let pattern = resistance.pattern();
         if !self.has_near {
             resistance.fill(pattern, &mut self.near);
@@ -192,8 +191,7 @@ impl<S: Fluid> Preconditioner<S> {
         pattern: &NearPattern<S>,
         rows: usize,
     ) {
-        let is_update = self.is_factored && self.is_same && S::TANGENTS == 1;
-        self.is_same = true;
+        let is_update = self.is_factored && !self.changed.is_empty() && S::TANGENTS == 1;
         self.changed.clear();
         self.changed.resize(pattern.spheres(), !is_update);
         let (matrix, changed) = (&mut self.stiff, &mut self.changed);

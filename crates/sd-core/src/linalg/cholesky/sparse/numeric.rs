@@ -278,15 +278,18 @@ fn products<const R: usize, const C: usize>(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::super::tests::lattice;
+    use super::super::{BlockCholesky, BlockPattern};
     use faer::dyn_stack::{MemBuffer, MemStack};
     use faer::linalg::cholesky::llt::factor::LltRegularization;
     use faer::sparse::SparseColMatRef;
     use faer::sparse::linalg::cholesky::supernodal::{
-        factorize_supernodal_numeric_llt, factorize_supernodal_numeric_llt_scratch,
+        SupernodalLltRef, factorize_supernodal_numeric_llt,
+        factorize_supernodal_numeric_llt_scratch,
     };
-    use faer::{Par, Spec};
+    use faer::{Conj, MatMut, Par, Spec};
+    use std::time::Instant;
 
     #[test]
     fn factor_has_the_bits_of_the_libraries() {
@@ -317,5 +320,59 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Seconds of our factorization and solve, and of the library's, the least of rounds in turn.
+    pub(crate) fn times(pattern: &BlockPattern, matrix: &mut BlockCholesky) -> [[f64; 2]; 2] {
+        let (spec, none) = (Spec::default(), LltRegularization::default());
+        let symbolic = &pattern.symbolic;
+        let scratch =
+            factorize_supernodal_numeric_llt_scratch::<usize, f32>(symbolic, Par::Seq, spec)
+                .or(symbolic.solve_in_place_scratch::<f32>(1, Par::Seq));
+        let (mut memory, mut values) = (MemBuffer::new(scratch), vec![0.0; symbolic.len_val()]);
+        let size = pattern.scalar.nrows();
+        let r: Vec<f64> = (0..size).map(|k| (k as f64).cos()).collect();
+        let (mut z, mut x) = (vec![0.0; size], vec![0.0_f32; size]);
+        let mut least = [[f64::INFINITY; 2]; 2];
+        let time = |seconds: &mut f64, call: &mut dyn FnMut()| {
+            let start = Instant::now();
+            call();
+            *seconds = seconds.min(start.elapsed().as_secs_f64());
+        };
+        for _ in 0..30 {
+            let [[our_factor, our_solve], [factor, solve]] = &mut least;
+            time(our_factor, &mut || matrix.factor(pattern).unwrap());
+            time(our_solve, &mut || matrix.solve(pattern, &r, &mut z));
+            let lower = SparseColMatRef::new(pattern.scalar.as_ref(), &matrix.values);
+            time(factor, &mut || {
+                let stack = MemStack::new(&mut memory);
+                factorize_supernodal_numeric_llt(
+                    &mut values,
+                    lower,
+                    none,
+                    symbolic,
+                    Par::Seq,
+                    stack,
+                    spec,
+                )
+                .unwrap();
+            });
+            time(solve, &mut || {
+                #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
+                for (x, r) in x.iter_mut().zip(&r) {
+                    *x = *r as f32;
+                }
+                SupernodalLltRef::new(symbolic, &values).solve_in_place_with_conj(
+                    Conj::No,
+                    MatMut::from_column_major_slice_mut(&mut x, size, 1),
+                    Par::Seq,
+                    MemStack::new(&mut memory),
+                );
+                for (z, x) in z.iter_mut().zip(&x) {
+                    *z = f64::from(*x);
+                }
+            });
+        }
+        least
     }
 }
