@@ -103,7 +103,7 @@ impl<S: Fluid> StageSolver<S> {
     pub fn begin_step(&mut self) {
         self.contacts.begin_step();
         if let Some(far) = &mut self.far {
-            far.round();
+            far.split.round();
         }
     }
 
@@ -111,7 +111,7 @@ impl<S: Fluid> StageSolver<S> {
     /// sparse matrices, on which the bits of results depend.
     pub(crate) fn save(&mut self) {
         if let Some(far) = &mut self.far {
-            far.save();
+            far.split.save();
         }
         if let Some(pairwise) = self.resistance.pairwise_mut() {
             pairwise.save_pattern();
@@ -121,7 +121,7 @@ impl<S: Fluid> StageSolver<S> {
     /// Restores what [`StageSolver::save`] kept.
     pub(crate) fn restore(&mut self) {
         if let Some(far) = &mut self.far {
-            far.restore();
+            far.split.restore();
         }
         if let Some(pairwise) = self.resistance.pairwise_mut() {
             pairwise.restore_pattern();
@@ -132,14 +132,14 @@ impl<S: Fluid> StageSolver<S> {
     pub fn far_field(&self) -> Vec<f32> {
         self.far
             .as_ref()
-            .map_or_else(Vec::new, |far| far.warm_start())
+            .map_or_else(Vec::new, |far| far.split.warm_start())
     }
 
     /// Sets the initial far field of the next solve to the value of [`StageSolver::far_field`];
     /// zero if that is empty.
     pub fn start_far_field_from(&mut self, far_field: &[f32]) {
         if let Some(far) = &mut self.far {
-            far.start_from(far_field);
+            far.split.start_from(far_field);
         }
     }
 

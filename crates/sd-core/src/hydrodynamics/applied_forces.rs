@@ -1,9 +1,10 @@
-//! Which forces may be applied to the spheres.
+//! Which spheres there may be, and which forces may be applied to them.
 
 use super::resistance::Fluid;
 use crate::error::Error;
 use crate::model::Hydrodynamics;
 use crate::space::cell::Cell;
+use crate::space::{FixedArray as _, Space};
 
 /// Largest sum of forces, over the sum of their magnitudes, that counts as rounding.
 const ROUNDING: f64 = 1e-10;
@@ -22,6 +23,60 @@ pub(crate) fn check_numbers(field: &'static str, list: &[f64], each: usize) -> R
         }),
         None => Ok(()),
     }
+}
+
+/// Refuses parameters of the hydrodynamics out of range, and radii or centres of another number than
+/// spheres or out of range.
+///
+/// # Errors
+/// [`Error::OutOfRange`]; [`Error::Length`]; [`Error::OfSphere`].
+pub(crate) fn check_spheres<S: Space>(
+    hydrodynamics: Hydrodynamics,
+    radii: &[f64],
+    centres: &[S::Vector],
+) -> Result<(), Error> {
+    if let Some(numbers) = hydrodynamics.leading_order() {
+        numbers.check()?;
+    }
+    let bad = |radius: &f64| !(*radius > 0.0 && radius.is_finite());
+    if let Some(sphere) = radii.iter().position(bad) {
+        return Err(Error::OfSphere {
+            field: "radii",
+            sphere,
+            value: radii[sphere],
+            allowed: "positive and finite",
+        });
+    }
+    check_centres::<S>(centres, radii.len())
+}
+
+/// Refuses centres of another number, or that are not finite.
+///
+/// # Errors
+/// [`Error::Length`]; [`Error::OfSphere`].
+pub(crate) fn check_centres<S: Space>(centres: &[S::Vector], spheres: usize) -> Result<(), Error> {
+    check_length("centres", centres.len(), spheres)?;
+    let points: Vec<_> = centres.iter().map(S::point).collect();
+    check_numbers("centres", S::Point::flat(&points), S::DIMENSIONS)
+}
+
+/// Refuses a list without one entry for each sphere.
+///
+/// # Errors
+/// [`Error::Length`].
+pub(crate) fn check_length(
+    field: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), Error> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Error::Length {
+        field,
+        found,
+        expected,
+    })
 }
 
 /// Refuses a net force that moves the spheres infinitely fast: on a periodic layer under the full

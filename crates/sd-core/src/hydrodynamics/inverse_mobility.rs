@@ -1,7 +1,7 @@
 //! Solves with the mobility of the far field, by conjugate gradients.
 
 use super::far_field::far_operator::FarOperator;
-use super::resistance::Fluid;
+use super::resistance::{Fluid, isolated};
 use crate::error::Error;
 use crate::linalg::dense::{add_scaled, dot};
 use crate::space::FixedArray as _;
@@ -31,7 +31,7 @@ pub(crate) struct InverseMobility<S: Fluid> {
 
 impl<S: Fluid> InverseMobility<S> {
     pub(crate) fn new(cell: &Cell<S>, radii: &[f64]) -> Self {
-        let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
+        let drag: Vec<_> = radii.iter().map(|&radius| isolated::<S>(radius)).collect();
         let drag = S::PerAnyMode::flat(&drag).to_vec();
         let vector = || vec![0.0; drag.len()];
         Self {

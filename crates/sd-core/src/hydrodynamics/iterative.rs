@@ -26,7 +26,7 @@ mod uniform;
 
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
-use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::hydrodynamics::resistance::{Fluid, Resistance, isolated};
 use crate::space::cell::Cell;
 use crate::space::{FixedArray as _, Layer};
 use local::LocalResistance;
@@ -65,7 +65,8 @@ pub struct IterativeFarField<S: Fluid = Layer> {
     /// δ of the last solve.
     delta: Vec<f64>,
     uniform: Uniform<S>,
-    split: SplitMotion<S>,
+    /// The motion of the last solve, from which the next one starts.
+    pub(crate) split: SplitMotion<S>,
 }
 
 impl<S: Fluid> IterativeFarField<S> {
@@ -94,7 +95,7 @@ impl<S: Fluid> IterativeFarField<S> {
             });
         }
         let operator = FarOperator::new(cell, radii, OPERATOR_TOLERANCE * residual)?;
-        let drag: Vec<_> = radii.iter().map(|&radius| S::far_drag(radius)).collect();
+        let drag: Vec<_> = radii.iter().map(|&radius| isolated::<S>(radius)).collect();
         Ok(Self {
             operator,
             local: LocalResistance::default(),
@@ -112,41 +113,6 @@ impl<S: Fluid> IterativeFarField<S> {
     #[cfg(test)]
     pub(crate) fn limit_evaluations(&mut self, most: u32) {
         self.max_evaluations = most;
-    }
-
-    /// Discards the last solution: the next solve starts without a far field.
-    pub fn reset(&mut self) {
-        self.split.reset();
-    }
-
-    /// Rounds the last solution to single precision, as in [`IterativeFarField::warm_start`], so
-    /// that the next solve starts from the same numbers after a restart.
-    pub(crate) fn round(&mut self) {
-        self.split.round();
-    }
-
-    /// Keeps the initial guess of the next solve with contacts for
-    /// [`IterativeFarField::restore`].
-    pub(crate) fn save(&mut self) {
-        self.split.save();
-    }
-
-    /// Restores the initial guess as it was saved.
-    pub(crate) fn restore(&mut self) {
-        self.split.restore();
-    }
-
-    /// Initial guess of the next solve, in single precision: force modes and translations, scaled;
-    /// `[12N + 4]`.
-    pub(crate) fn warm_start(&self) -> Vec<f32> {
-        self.split.warm_start()
-    }
-
-    /// Sets the initial guess of the next solve to the value of
-    /// [`IterativeFarField::warm_start`]; zero if that is empty.
-    pub(crate) fn start_from(&mut self, warm_start: &[f32]) {
-        self.reset();
-        self.split.start_from(warm_start);
     }
 
     /// Products with M at the current positions.

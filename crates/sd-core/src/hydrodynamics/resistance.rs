@@ -43,6 +43,7 @@ use dense::DenseResistance;
 use far_pairs::FarPairs;
 pub(crate) use fluid::Fluid;
 pub(crate) use fluid::{FarMatrix, ModeBlock, NearTerm, modes_in_strain};
+pub(crate) use isolated::isolated;
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
 pub(crate) use pairwise::PairwiseResistance;
 pub(crate) use pairwise::{Motion, side_by_side_mut};

@@ -5,7 +5,9 @@ use crate::contact::pair_forces::PairForces;
 use crate::contact::springs::{GAMMA, Springs};
 use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
-use crate::hydrodynamics::applied_forces::check_net_force;
+use crate::hydrodynamics::applied_forces::{
+    check_length, check_net_force, check_numbers, check_spheres,
+};
 use crate::hydrodynamics::resistance::{Fluid, NearFields};
 use crate::model::Surface;
 use crate::model::parameters::{FRICTION, ROUGHNESS};
@@ -265,7 +267,6 @@ pub(super) fn solve_with<S: Fluid>(
     request: &InstantContacts<S>,
     tables: &NearFields,
 ) -> Result<SolvedConfiguration<S>, Error> {
-    check(configuration)?;
     let Configuration {
         centres,
         radii,
@@ -280,6 +281,7 @@ pub(super) fn solve_with<S: Fluid>(
         .zip(&configuration.torques)
         .flat_map(|(f, t)| S::join(f, t).as_ref().to_vec())
         .collect();
+    check(configuration, &external)?;
     check_net_force::<S>(*hydrodynamics, cell, &external, S::MODES)?;
     let mut stage = method.solver(
         *hydrodynamics,
@@ -335,73 +337,24 @@ fn in_range(ok: bool, field: &'static str, value: f64, allowed: &'static str) ->
     }
 }
 
-/// Refuses a configuration with a list of another length or a value out of range.
-fn check<S: Space>(configuration: &Configuration<S>) -> Result<(), Error> {
-    let joined = |vectors: &[S::Vector], spins: &[S::Spin]| {
-        let pairs = vectors.iter().zip(spins);
-        pairs
-            .flat_map(|(x, spin)| S::join(x, spin).as_ref().to_vec())
-            .collect::<Vec<_>>()
-    };
-    let still = vec![S::Spin::default(); configuration.centres.len()];
-    let drawn = vec![S::Vector::default(); configuration.centres.len()];
-    check_lists(
-        configuration.centres.len(),
-        [
-            ("radii", configuration.radii.len()),
-            ("forces", configuration.forces.len()),
-            ("torques", configuration.torques.len()),
-        ],
-    )?;
-    configuration
-        .background
-        .check(configuration.centres.len())?;
-    check_numbers(
-        configuration.hydrodynamics,
-        [
-            ("centres", joined(&configuration.centres, &still)),
-            ("forces", joined(&configuration.forces, &still)),
-            ("torques", joined(&drawn, &configuration.torques)),
-        ],
-        &configuration.radii,
-    )
-}
-
-/// Refuses a configuration without spheres, or with a list without exactly one entry per sphere.
-fn check_lists(spheres: usize, lists: [(&'static str, usize); 3]) -> Result<(), Error> {
+/// Refuses a configuration with a list of another length or a value out of range; `external`: its
+/// forces and torques.
+fn check<S: Space>(configuration: &Configuration<S>, external: &[f64]) -> Result<(), Error> {
+    let spheres = configuration.centres.len();
     if spheres == 0 {
         return Err(Error::NoSpheres);
     }
-    for (field, found) in lists {
-        if found != spheres {
-            return Err(Error::Length {
-                field,
-                found,
-                expected: spheres,
-            });
-        }
+    for (field, found) in [
+        ("radii", configuration.radii.len()),
+        ("forces", configuration.forces.len()),
+        ("torques", configuration.torques.len()),
+    ] {
+        check_length(field, found, spheres)?;
     }
-    Ok(())
-}
-
-/// Refuses parameters of the hydrodynamics, numbers or radii out of range.
-fn check_numbers(
-    hydrodynamics: Hydrodynamics,
-    groups: [(&'static str, Vec<f64>); 3],
-    radii: &[f64],
-) -> Result<(), Error> {
-    if let Some(numbers) = hydrodynamics.leading_order() {
-        numbers.check()?;
-    }
-    for (field, values) in groups {
-        for value in values {
-            in_range(value.is_finite(), field, value, "finite")?;
-        }
-    }
-    for &a in radii {
-        in_range(a > 0.0 && a.is_finite(), "radii", a, "positive and finite")?;
-    }
-    Ok(())
+    configuration.background.check(spheres)?;
+    let (radii, centres) = (&configuration.radii, &configuration.centres);
+    check_spheres::<S>(configuration.hydrodynamics, radii, centres)?;
+    check_numbers("forces and torques", external, S::MODES)
 }
 
 /// Refuses a surface with a value out of range; rigid contacts must have a roughness.

@@ -32,14 +32,18 @@
 
 use crate::contact::SolvePass;
 use crate::error::Error;
-use crate::hydrodynamics::applied_forces::{check_net_force, check_numbers};
+use crate::hydrodynamics::applied_forces::{
+    check_centres, check_net_force, check_numbers, check_spheres,
+};
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::inverse_mobility::InverseMobility;
-use crate::hydrodynamics::resistance::{Fluid, NearFields, NearTerm as _, modes_in_strain};
+use crate::hydrodynamics::resistance::{
+    Fluid, NearFields, NearTerm as _, isolated, modes_in_strain,
+};
 use crate::model::{Hydrodynamics, SolverSettings};
 use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
-use crate::space::{IncidentFlow, Layer, Space, VelocityGradient};
+use crate::space::{IncidentFlow, Layer, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
 
 /// The mobility of all force modes of the spheres: forces, torques and stresslets, without
@@ -234,20 +238,7 @@ impl<S: Fluid> Resistance<S> {
         settings: &SolverSettings,
     ) -> Result<Self, Error> {
         settings.validate()?;
-        if let Some(numbers) = hydrodynamics.leading_order() {
-            numbers.check()?;
-        }
-        for (sphere, &value) in radii.iter().enumerate() {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::OfSphere {
-                    field: "radii",
-                    sphere,
-                    value,
-                    allowed: "positive and finite",
-                });
-            }
-        }
-        check_centres::<S>(centres, radii.len())?;
+        check_spheres::<S>(hydrodynamics, radii, centres)?;
         let method = Method::of_instant(hydrodynamics, cell, radii, false);
         let mut stage = method.solver(hydrodynamics, cell, radii, tables, &[], settings)?;
         if hydrodynamics.admits_overlap() {
@@ -349,13 +340,12 @@ impl<S: Fluid> Resistance<S> {
             }
         }
         for (sphere, (far, &radius)) in S::all_modes(far).iter().zip(near.radii()).enumerate() {
-            let (drag, of_strain) = S::isolated(radius);
-            for m in 0..S::MODES {
-                of_spheres[sphere][m] += far[m] - drag[m] * modes[sphere][m];
+            let drag = isolated::<S>(radius);
+            for k in 0..S::MODES {
+                of_spheres[sphere][k] += far[k] - drag[k] * modes[sphere][k];
             }
             for k in S::MODES..S::ALL_MODES {
-                let approximate = of_strain * modes[sphere][k];
-                self.stresslets[sphere][k - S::MODES] -= far[k] - approximate;
+                self.stresslets[sphere][k - S::MODES] -= far[k] - drag[k] * modes[sphere][k];
             }
         }
         Ok(())
@@ -410,20 +400,4 @@ fn check_lengths(
         }
     }
     Ok(())
-}
-
-/// Refuses centres of another number, or that are not finite.
-fn check_centres<S: Space>(centres: &[S::Vector], spheres: usize) -> Result<(), Error> {
-    if centres.len() != spheres {
-        return Err(Error::Length {
-            field: "centres",
-            found: centres.len(),
-            expected: spheres,
-        });
-    }
-    let numbers: Vec<f64> = centres
-        .iter()
-        .flat_map(|centre| S::point(centre).as_ref().to_vec())
-        .collect();
-    check_numbers("centres", &numbers, S::DIMENSIONS)
 }

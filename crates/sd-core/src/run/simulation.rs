@@ -189,7 +189,7 @@ impl<S: Starts> Simulation<S> {
             forces: AppliedForces::default(),
             background: VelocityGradient::<S>::simple_shear(params.direction)
                 .with_cross_shear(imposed.cross_rate()),
-            offset: S::offset(&params),
+            offset: params.given_layer().map_or(0.0, |layer| layer.offset),
             memory: snapshot.memory,
             counters: snapshot.counters,
             systems: 0,

@@ -145,7 +145,7 @@ impl<S: Fluid> IterativeFarField<S> {
                 Ok(found)
             }
             Ok(false) => {
-                self.reset();
+                self.split.reset();
                 Err(self.unconverged())
             }
             Err(error) => Err(error),

@@ -25,7 +25,7 @@ const DEPTH: usize = 40;
 
 /// Vectors of the iteration, `[12N]`: all modes of part N sphere by sphere, `[6N]`, then those of
 /// part T; where noted also c of both parts, four numbers.
-pub(super) struct SplitMotion<S: Fluid> {
+pub(crate) struct SplitMotion<S: Fluid> {
     /// `√M₀ q` and c times the root of the layer's drag, `[12N + 4]`.
     pub(super) scaled: Vec<f64>,
     /// `scaled` before the step, to which it returns if the step fails.
@@ -77,35 +77,38 @@ impl<S: Fluid> SplitMotion<S> {
         }
     }
 
-    /// Discards the last solution: the next solve starts from zero.
-    pub(super) fn reset(&mut self) {
+    /// Discards the last solution: the next solve starts without a far field.
+    pub(crate) fn reset(&mut self) {
         self.scaled.fill(0.0);
     }
 
-    /// Rounds `scaled` to single precision.
-    pub(super) fn round(&mut self) {
+    /// Rounds the last solution to single precision, as in [`SplitMotion::warm_start`], so that the
+    /// next solve starts from the same numbers after a restart.
+    pub(crate) fn round(&mut self) {
         for x in &mut self.scaled {
             *x = f64::from(single(*x));
         }
     }
 
-    /// Keeps `scaled` for [`SplitMotion::restore`].
-    pub(super) fn save(&mut self) {
+    /// Keeps the initial guess of the next solve for [`SplitMotion::restore`].
+    pub(crate) fn save(&mut self) {
         self.saved.clone_from(&self.scaled);
     }
 
-    /// Restores `scaled` as it was saved.
-    pub(super) fn restore(&mut self) {
+    /// Restores the initial guess as it was saved.
+    pub(crate) fn restore(&mut self) {
         self.scaled.clone_from(&self.saved);
     }
 
-    /// `scaled` in single precision.
-    pub(super) fn warm_start(&self) -> Vec<f32> {
+    /// Initial guess of the next solve, in single precision: `scaled`, `[12N + 4]`.
+    pub(crate) fn warm_start(&self) -> Vec<f32> {
         self.scaled.iter().map(|&x| single(x)).collect()
     }
 
-    /// Restores a value of [`SplitMotion::warm_start`].
-    pub(super) fn start_from(&mut self, warm_start: &[f32]) {
+    /// Sets the initial guess of the next solve to a value of [`SplitMotion::warm_start`]; zero if
+    /// that is empty.
+    pub(crate) fn start_from(&mut self, warm_start: &[f32]) {
+        self.reset();
         for (x, &start) in self.scaled.iter_mut().zip(warm_start) {
             *x = f64::from(start);
         }

@@ -5,7 +5,6 @@ use super::reach::Reach;
 use crate::error::Error;
 use crate::hydrodynamics::far_field::suspension::DenseMobility;
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
-use crate::hydrodynamics::free_space::spatial::self_mobility;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::linalg::cholesky::trailing::trailing_inverse;
@@ -33,32 +32,6 @@ impl Fluid for Bulk {
     fn term(term: &PairTerm, twist: [f64; 3]) -> BulkTerm {
         BulkTerm(term.couplings(twist))
     }
-
-    fn isolated(radius: f64) -> ([f64; 6], f64) {
-        let [velocity, rotation, strain] = isolated(radius);
-        let drag = std::array::from_fn(|k| if k < 3 { velocity } else { rotation });
-        (drag, strain)
-    }
-
-    fn far_drag(radius: f64) -> [f64; MODES] {
-        let [velocity, rotation, strain] = isolated(radius);
-        std::array::from_fn(|k| match k {
-            0..3 => velocity,
-            3..6 => rotation,
-            _ => strain,
-        })
-    }
-}
-
-/// Drag of an isolated sphere: 6πa, 8πa³, (20/3)πa³.
-fn isolated(radius: f64) -> [f64; 3] {
-    let own = self_mobility(radius);
-    [
-        own.force_velocity[0],
-        own.torque_rotation[0],
-        own.stress_strain[0],
-    ]
-    .map(f64::recip)
 }
 
 /// The blocks (i, i), (j, i) and (j, j) of a pair.

@@ -2,6 +2,7 @@
 //! spheres in it.
 
 use super::fluid::{FarMatrix, Fluid};
+use super::isolated::isolated;
 use super::pair_terms;
 use crate::error::Error;
 use crate::linalg::cholesky::dense::DenseCholesky;
@@ -55,9 +56,9 @@ impl<S: Fluid> DenseResistance<S> {
             let n = S::MODES * self.radii.len();
             matrix.reset(n, n);
             for (i, &a) in self.radii.iter().enumerate() {
-                for (m, drag) in S::isolated(a).0.as_ref().iter().enumerate() {
-                    let row = Self::row(i) + m;
-                    matrix[(row, row)] = *drag;
+                let (drag, first) = (isolated::<S>(a), Self::row(i));
+                for m in 0..S::MODES {
+                    matrix[(first + m, first + m)] = drag[m];
                 }
             }
         }
@@ -143,8 +144,8 @@ pub(super) fn add_isolated<S: Fluid>(
 ) {
     let spheres = S::by_sphere(velocities).iter().zip(radii);
     for (sphere, (v, &a)) in spheres.enumerate() {
-        let (drag, stresslet) = S::isolated(a);
+        let drag = isolated::<S>(a);
         forces.extend((0..S::MODES).map(|m| drag[m] * v[m]));
-        stresslets.push(*strains.at(sphere) * stresslet);
+        stresslets.push(*strains.at(sphere) * drag[S::MODES]);
     }
 }

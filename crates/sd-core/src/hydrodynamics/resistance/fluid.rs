@@ -27,12 +27,6 @@ pub trait Fluid: FarSpace {
 
     /// The resistance of a pair; `twist`: entries (i, i), (i, j), (j, j) of X^C in mu·a³.
     fn term(term: &PairTerm, twist: [f64; 3]) -> Self::Term;
-
-    /// Drag of an isolated sphere on its velocities, and its stresslet over the rate of strain.
-    fn isolated(radius: f64) -> (Self::PerMode<f64>, f64);
-
-    /// Drag of an isolated sphere on each of its modes in the far field.
-    fn far_drag(radius: f64) -> Self::PerAnyMode<f64>;
 }
 
 /// Modes of one sphere from those of another, by columns.

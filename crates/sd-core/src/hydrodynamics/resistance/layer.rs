@@ -1,11 +1,9 @@
 //! The hydrodynamics of a layer.
 
 use super::fluid::{FarMatrix, Fluid, NearTerm};
-use super::isolated;
 use super::reach::Reach;
 use crate::error::Error;
 use crate::hydrodynamics::far_field::{FarField, FarResistance};
-use crate::hydrodynamics::free_space::planar::self_mobility;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
 use crate::space::Layer;
@@ -44,15 +42,6 @@ impl Fluid for Layer {
     #[inline(always)]
     fn term(term: &PairTerm, _: [f64; 3]) -> PairTerm {
         *term
-    }
-
-    fn isolated(radius: f64) -> ([f64; 3], f64) {
-        (isolated::drag(radius), isolated::stresslet(radius))
-    }
-
-    fn far_drag(radius: f64) -> [f64; 6] {
-        let single = self_mobility(radius);
-        std::array::from_fn(|k| single[k].recip())
     }
 }
 

@@ -2,6 +2,7 @@
 //! for a sparse factor.
 
 use super::fluid::{Fluid, NearTerm as _};
+use super::isolated::isolated;
 use super::near_matrix::{NearMatrix, NearPattern};
 use super::reach::Reach;
 use crate::error::Error;
@@ -70,7 +71,7 @@ impl<S: Fluid> PairwiseResistance<S> {
     ) -> Result<(), Error> {
         self.own.clear();
         self.own.extend(radii.iter().map(|&a| {
-            let (drag, mut block): (_, S::Block) = (S::isolated(a).0, FixedArray::each(0.0));
+            let (drag, mut block): (_, S::Block) = (isolated::<S>(a), FixedArray::each(0.0));
             for k in 0..S::MODES {
                 block[(S::MODES + 1) * k] = drag[k];
             }
