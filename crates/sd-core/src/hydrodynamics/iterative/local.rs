@@ -27,8 +27,8 @@ impl<S: Fluid> LocalResistance<S> {
         }));
         self.couplings.clear();
         for (pair, term) in near.far_pairs() {
-            for (p, sphere) in [pair.i, pair.j].into_iter().enumerate() {
-                let added = term.mode_block(&pair.normal, p, p);
+            let [of_i, coupling, of_j] = term.mode_blocks(&pair.normal);
+            for (sphere, added) in [(pair.i, of_i), (pair.j, of_j)] {
                 let columns = self.own[sphere].as_mut().iter_mut();
                 for (own, added) in columns.zip(added.as_ref()) {
                     for (own, added) in own.as_mut().iter_mut().zip(added.as_ref()) {
@@ -36,7 +36,6 @@ impl<S: Fluid> LocalResistance<S> {
                     }
                 }
             }
-            let coupling = term.mode_block(&pair.normal, 1, 0);
             self.couplings.push(([pair.i, pair.j], coupling));
         }
     }

@@ -38,17 +38,6 @@ impl Fluid for Bulk {
 #[derive(Debug, Clone, Copy)]
 pub struct BulkTerm([Coupling; 3]);
 
-impl BulkTerm {
-    /// Block (p, q).
-    #[inline(always)]
-    fn coupling(&self, p: usize, q: usize) -> Coupling {
-        match (p, q) {
-            (0, 1) => self.0[1].transposed(),
-            _ => self.0[p + q],
-        }
-    }
-}
-
 impl NearTerm<Bulk> for BulkTerm {
     fn add(&mut self, other: &Self) {
         for (own, other) in self.0.iter_mut().zip(&other.0) {
@@ -61,14 +50,16 @@ impl NearTerm<Bulk> for BulkTerm {
     }
 
     #[inline(always)]
-    fn block(&self, n: &Vector3<f64>, p: usize, q: usize) -> [f64; 36] {
-        let mut block = [0.0; 36];
-        block.copy_from_slice(self.coupling(p, q).force_matrix(n).as_flattened());
-        block
+    fn blocks(&self, n: &Vector3<f64>) -> [[f64; 36]; 3] {
+        self.0.map(|coupling| {
+            let mut block = [0.0; 36];
+            block.copy_from_slice(coupling.force_matrix(n).as_flattened());
+            block
+        })
     }
 
-    fn mode_block(&self, n: &Vector3<f64>, p: usize, q: usize) -> [[f64; MODES]; MODES] {
-        self.coupling(p, q).matrix(n)
+    fn mode_blocks(&self, n: &Vector3<f64>) -> [[[f64; MODES]; MODES]; 3] {
+        self.0.map(|coupling| coupling.matrix(n))
     }
 
     #[inline(always)]

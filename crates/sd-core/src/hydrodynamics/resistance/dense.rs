@@ -33,11 +33,6 @@ impl<S: Fluid> DenseResistance<S> {
         }
     }
 
-    /// First row of a sphere in the factor.
-    pub(super) fn row(sphere: usize) -> usize {
-        S::MODES * sphere
-    }
-
     /// `R_FU` of the far field and the pair terms.
     ///
     /// # Errors
@@ -56,20 +51,19 @@ impl<S: Fluid> DenseResistance<S> {
             let n = S::MODES * self.radii.len();
             matrix.reset(n, n);
             for (i, &a) in self.radii.iter().enumerate() {
-                let (drag, first) = (isolated::<S>(a), Self::row(i));
+                let (drag, first) = (isolated::<S>(a), S::MODES * i);
                 for m in 0..S::MODES {
                     matrix[(first + m, first + m)] = drag[m];
                 }
             }
         }
-        pair_terms::add_to_matrix(pairs, terms, Self::row, matrix);
+        pair_terms::add_to_matrix(pairs, terms, matrix);
         Ok(())
     }
 
     /// Adds `slope` n nᵀ of a pair's relative velocity.
     pub(super) fn add_spring(&mut self, pair: &Neighbours<S>, slope: f64) {
-        let rows = [pair.i, pair.j].map(Self::row);
-        pair_terms::add_spring(pair, slope, rows, self.factor.matrix_mut());
+        pair_terms::add_spring(pair, slope, self.factor.matrix_mut());
     }
 
     pub(super) fn factor(&mut self) -> Result<(), BadPivot> {

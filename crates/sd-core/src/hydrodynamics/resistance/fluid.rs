@@ -40,11 +40,11 @@ pub trait NearTerm<S: Fluid>: Copy {
     /// This term times a factor.
     fn scaled(&self, factor: f64) -> Self;
 
-    /// Forces and torque on sphere p from the velocities of sphere q.
-    fn block(&self, n: &S::Vector, p: usize, q: usize) -> S::Block;
+    /// Forces and torques from velocities: of i from i, of j from i, and of j from j.
+    fn blocks(&self, n: &S::Vector) -> [S::Block; 3];
 
-    /// All modes of sphere p from those of q.
-    fn mode_block(&self, n: &S::Vector, p: usize, q: usize) -> ModeBlock<S>;
+    /// All modes of i from those of i, of j from i, and of j from j.
+    fn mode_blocks(&self, n: &S::Vector) -> [ModeBlock<S>; 3];
 
     /// Force modes of both spheres from their velocity modes, `(U, Ω, −e)`.
     fn apply(&self, n: &S::Vector, x: &[S::PerAnyMode<f64>; 2]) -> [S::PerAnyMode<f64>; 2];

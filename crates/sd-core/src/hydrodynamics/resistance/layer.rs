@@ -45,6 +45,9 @@ impl Fluid for Layer {
     }
 }
 
+/// Spheres p and q of the blocks of a pair.
+const BLOCKS: [(usize, usize); 3] = [(0, 0), (1, 0), (1, 1)];
+
 impl NearTerm<Layer> for PairTerm {
     #[inline]
     fn add(&mut self, other: &Self) {
@@ -57,15 +60,17 @@ impl NearTerm<Layer> for PairTerm {
     }
 
     #[inline(always)]
-    fn block(&self, n: &Vec2, p: usize, q: usize) -> [f64; 9] {
-        let mut block = [0.0; 9];
-        block.copy_from_slice(Self::block(self, *n, p, q).as_flattened());
-        block
+    fn blocks(&self, n: &Vec2) -> [[f64; 9]; 3] {
+        BLOCKS.map(|(p, q)| {
+            let mut block = [0.0; 9];
+            block.copy_from_slice(self.block(*n, p, q).as_flattened());
+            block
+        })
     }
 
     #[inline]
-    fn mode_block(&self, n: &Vec2, p: usize, q: usize) -> [[f64; 6]; 6] {
-        Self::mode_block(self, *n, p, q)
+    fn mode_blocks(&self, n: &Vec2) -> [[[f64; 6]; 6]; 3] {
+        BLOCKS.map(|(p, q)| self.mode_block(*n, p, q))
     }
 
     #[inline(always)]

@@ -5,58 +5,39 @@ use crate::linalg::dense::Matrix;
 use crate::space::pair::Neighbours;
 use crate::space::{Space, Strains};
 
-/// Adds the terms to the lower triangle of `R_FU`; `row` is the first row of a sphere there.
+/// Adds the terms to the lower triangle of `R_FU`.
 pub(super) fn add_to_matrix<S: Fluid>(
     pairs: &[Neighbours<S>],
     terms: &[S::Term],
-    row: impl Fn(usize) -> usize,
     matrix: &mut Matrix,
 ) {
     for (pair, term) in pairs.iter().zip(terms) {
-        let n = &pair.normal;
-        let (i, j) = (row(pair.i), row(pair.j));
-        for (first, block) in [(i, term.block(n, 0, 0)), (j, term.block(n, 1, 1))] {
-            for (column, entries) in block.as_ref().chunks_exact(S::MODES).enumerate() {
-                let own = &mut matrix.column_mut(first + column)[first..first + S::MODES];
-                for row in column..S::MODES {
-                    own[row] += entries[row];
-                }
-            }
-        }
+        let (i, j) = (S::MODES * pair.i, S::MODES * pair.j);
+        let blocks = term.blocks(&pair.normal);
         // The coupling is below the diagonal, in the columns of the first sphere.
-        let (first, second, block) = if i < j {
-            (i, j, term.block(n, 1, 0))
-        } else {
-            (j, i, term.block(n, 0, 1))
-        };
-        for (column, entries) in block.as_ref().chunks_exact(S::MODES).enumerate() {
-            let coupling = &mut matrix.column_mut(first + column)[second..second + S::MODES];
-            for (value, entry) in coupling.iter_mut().zip(entries) {
-                *value += entry;
+        for ((row, column), block) in [(i, i), (j, i), (j, j)].into_iter().zip(&blocks) {
+            for (k, entries) in block.as_ref().chunks_exact(S::MODES).enumerate() {
+                let first = if row == column { k } else { 0 };
+                let values = &mut matrix.column_mut(column + k)[row..row + S::MODES];
+                for (value, entry) in values[first..].iter_mut().zip(&entries[first..]) {
+                    *value += entry;
+                }
             }
         }
     }
 }
 
-/// Adds `slope` n nᵀ of a pair's relative velocity to the lower triangle of `R_FU`, `rows` the
-/// first rows of its spheres.
-pub(super) fn add_spring<S: Space>(
-    pair: &Neighbours<S>,
-    slope: f64,
-    rows: [usize; 2],
-    matrix: &mut Matrix,
-) {
-    let [i, j] = rows;
-    let (first, second) = if i < j { (i, j) } else { (j, i) };
-    let n = pair.normal;
+/// Adds `slope` n nᵀ of a pair's relative velocity to the lower triangle of `R_FU`.
+pub(super) fn add_spring<S: Space>(pair: &Neighbours<S>, slope: f64, matrix: &mut Matrix) {
+    let (i, j, n) = (S::MODES * pair.i, S::MODES * pair.j, pair.normal);
     for column in 0..S::DIMENSIONS {
         for row in 0..S::DIMENSIONS {
             let value = slope * n[row] * n[column];
             if row >= column {
-                matrix[(first + row, first + column)] += value;
-                matrix[(second + row, second + column)] += value;
+                matrix[(i + row, i + column)] += value;
+                matrix[(j + row, j + column)] += value;
             }
-            matrix[(second + row, first + column)] -= value;
+            matrix[(j + row, i + column)] -= value;
         }
     }
 }

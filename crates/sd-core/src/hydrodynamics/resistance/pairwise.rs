@@ -83,14 +83,14 @@ impl<S: Fluid> PairwiseResistance<S> {
             #[inline(always)]
             || {
                 for (pair, term) in pairs.iter().zip(terms) {
-                    let block = |p: usize, q: usize| term.block(&pair.normal, p, q);
-                    for (sphere, block) in [(pair.i, block(0, 0)), (pair.j, block(1, 1))] {
+                    let [of_i, coupling, of_j] = term.blocks(&pair.normal);
+                    for (sphere, block) in [(pair.i, of_i), (pair.j, of_j)] {
                         for (x, entry) in own[sphere].as_mut().iter_mut().zip(block.as_ref()) {
                             *x += entry;
                         }
                     }
                     let (i, j) = pair.key();
-                    couplings.push(([i, j], block(1, 0)));
+                    couplings.push(([i, j], coupling));
                 }
             },
         );
