@@ -14,6 +14,17 @@ pub(crate) mod simd;
 pub(crate) mod staggered;
 mod vector;
 
+/// The whole number below a number from 0 on; casts saturate.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "callers count what fits the memory"
+)]
+#[inline(always)]
+pub(crate) fn whole(x: f64) -> usize {
+    x as usize
+}
+
 /// Stopping criteria of an iteration; the first one met ends it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StopCriteria {

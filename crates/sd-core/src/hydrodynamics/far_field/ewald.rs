@@ -240,10 +240,6 @@ impl Ewald {
 
 /// Adds the wave-space sums of a chunk to its real-space sums, in one layer or two, and the
 /// mobility of the uniform force.
-#[expect(
-    clippy::inline_always,
-    reason = "must be compiled for the caller's instruction set"
-)]
 #[inline(always)]
 fn add_waves(wave: &WaveSums, layers: usize, uniform: f64, lanes: &mut [Lanes]) {
     for layer in 0..layers {

@@ -94,10 +94,6 @@ impl RadialTable {
     }
 
     /// Values at `smallest ≤ r² ≤ to`.
-    #[expect(
-        clippy::inline_always,
-        reason = "must be compiled for the caller's instruction set"
-    )]
     #[inline(always)]
     fn evaluate(&self, square: f64) -> [f64; RADIAL] {
         let bits = square.to_bits();
@@ -120,10 +116,6 @@ impl RadialTable {
 }
 
 /// Leading binary digits of a positive number, exponent included: steps 2^digits times per octave.
-#[expect(
-    clippy::inline_always,
-    reason = "must be compiled for the caller's instruction set"
-)]
 #[inline(always)]
 fn index(square: f64, digits: u32) -> usize {
     #[expect(clippy::cast_possible_truncation, reason = "at most 12 + digits bits")]
@@ -247,10 +239,6 @@ impl RealSpace {
 
     /// Sums of the images of all pairs (i, j), i > j, of one j; `sums` takes one entry per i and
     /// table.
-    #[expect(
-        clippy::inline_always,
-        reason = "must be compiled for the caller's instruction set"
-    )]
     #[inline(always)]
     pub(crate) fn column(&self, centres: &[Vec2], j: usize, sums: &mut [Lanes]) {
         let Some(lattice) = &self.lattice else {
@@ -307,10 +295,6 @@ struct Sum {
 }
 
 impl Sum {
-    #[expect(
-        clippy::inline_always,
-        reason = "must be compiled for the caller's instruction set"
-    )]
     #[inline(always)]
     fn new(lanes: &Lanes) -> Self {
         Self {
@@ -320,10 +304,6 @@ impl Sum {
         }
     }
 
-    #[expect(
-        clippy::inline_always,
-        reason = "must be compiled for the caller's instruction set"
-    )]
     #[inline(always)]
     fn add(&mut self, radial: &[f64; RADIAL], separation: Vec2) {
         let (re, im) = kernels::harmonics(separation);
@@ -338,10 +318,6 @@ impl Sum {
         }
     }
 
-    #[expect(
-        clippy::inline_always,
-        reason = "must be compiled for the caller's instruction set"
-    )]
     #[inline(always)]
     fn store(&self, lanes: &mut Lanes) {
         lanes[..8].copy_from_slice(&self.re);

@@ -12,6 +12,7 @@
 use crate::hydrodynamics::free_space::kernels::{self, LANES, Lanes, RADIAL};
 use crate::linalg::dense::{Matrix, product};
 use crate::linalg::simd::vectorised;
+use crate::linalg::whole;
 use crate::space::cell::Lattice;
 use crate::space::modes::Vec2;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
@@ -149,12 +150,7 @@ impl WaveSpace {
         let offset = lattice.offset();
         let first = 2.0 * PI / length_x;
         let second = 2.0 * PI / length_y;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "as many as the plan allows"
-        )]
-        let columns = (self.cut_off / first).floor() as usize;
+        let columns = whole((self.cut_off / first).floor());
         if self.cosines.rows() != centres.len() {
             self.reserve(centres.len(), columns, first, second);
         }
@@ -185,12 +181,7 @@ impl WaveSpace {
 
     /// Allocates the maximum number of wave vectors at any offset.
     fn reserve(&mut self, spheres: usize, columns: usize, first: f64, second: f64) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "as many as the plan allows"
-        )]
-        let count = |length: f64| (length / second).floor() as usize + 1;
+        let count = |length: f64| whole((length / second).floor()) + 1;
         let vectors: usize = (0..=columns)
             .map(|m| {
                 let kx = first * m as f64;

@@ -64,10 +64,6 @@ impl FiniteSize {
 }
 
 /// `point + factor ∇²point`, lane by lane, factors by radial function.
-#[expect(
-    clippy::inline_always,
-    reason = "must be compiled for the caller's instruction set"
-)]
 #[inline(always)]
 pub(crate) fn finite_size(point: &Lanes, laplacian: &Lanes, factors: &[f64; RADIAL]) -> Lanes {
     let mut lanes = *point;
@@ -82,10 +78,6 @@ pub(crate) fn finite_size(point: &Lanes, laplacian: &Lanes, factors: &[f64; RADI
 }
 
 /// `Re zᵐ` (lanes 0-7) and `Im zᵐ` (lanes 8-15) of each radial function's order m.
-#[expect(
-    clippy::inline_always,
-    reason = "must be compiled for the caller's instruction set"
-)]
 #[inline(always)]
 pub(crate) fn harmonics(x: Vec2) -> ([f64; 8], [f64; 8]) {
     let (c1, s1) = (x.x, x.y);
@@ -115,7 +107,6 @@ pub(crate) struct Blocks {
 /// same separation.
 ///
 /// The two differ only in the finite-size factors; for equal radii they are the same.
-#[expect(clippy::inline_always, reason = "must be compiled for the caller's instruction set")]
 #[inline(always)]
 #[rustfmt::skip]
 pub(crate) fn blocks(ij: &Lanes, ji: &Lanes) -> Blocks {

@@ -13,6 +13,7 @@ use super::fluid::{Fluid, NearTerm};
 use super::tables::{PerSizePair, largest_of_continuous_sizes};
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::{FarPair, PairTerm, check_size_ratio};
+use crate::linalg::whole;
 use crate::space::pair::Neighbours;
 
 /// Pairs closer than this, in s', are near.
@@ -43,12 +44,7 @@ impl Tables {
             Self::Many(tables) => tables,
         };
         let (a, b) = (radii[pair.i], radii[pair.j]);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at most the number of tables"
-        )]
-        let step = ((a / b).ln().abs() / STEP).round() as usize;
+        let step = whole(((a / b).ln().abs() / STEP).round());
         many[step.min(many.len() - 1)].evaluate_near(a, b, pair.distance)
     }
 }

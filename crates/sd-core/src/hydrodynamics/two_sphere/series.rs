@@ -21,6 +21,7 @@
 use super::{Scalars, ordered};
 use crate::linalg::dense::{Matrix, add_outer};
 use crate::linalg::lu;
+use crate::linalg::whole;
 
 /// Multipoles kept per unit of 1/α, α the bispherical coordinate of the sphere's surface.
 const ORDERS_PER_ALPHA: f64 = 16.0;
@@ -54,12 +55,7 @@ impl Geometry {
         // cosh α − 1 = (r² + a² − a'²)/(2ra) − 1, without cancellation.
         let x = self.gap * (self.distance - own + other) / (2.0 * self.distance * own);
         let alpha = (x + (x * (2.0 + x)).sqrt()).ln_1p();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a positive count"
-        )]
-        let order = (effort * ORDERS_PER_ALPHA / alpha).ceil() as usize;
+        let order = whole((effort * ORDERS_PER_ALPHA / alpha).ceil());
         order.max(MINIMUM_ORDER)
     }
 

@@ -19,6 +19,7 @@ use super::pair_term::PairTerm;
 use super::{Scalars, check_size_ratio, equal_spheres, series};
 use crate::error::Error;
 use crate::linalg::polynomial::{chebyshev_points, horner, interpolate};
+use crate::linalg::whole;
 use serde::{Deserialize, Serialize};
 
 /// Version of the stored form; others are refused.
@@ -131,14 +132,15 @@ fn solved_nodes(size_ratio: f64) -> impl Iterator<Item = (usize, usize)> {
 /// The interval of `ln ξ` and the position in it, clamped to the ends.
 #[inline(always)]
 pub(super) fn locate(logarithm: f64) -> (usize, f64) {
-    let position = ((logarithm - FIRST) / WIDTH).clamp(0.0, INTERVALS as f64);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the grid"
-    )]
-    let interval = (position as usize).min(INTERVALS - 1);
-    (interval, 2.0 * (position - interval as f64) - 1.0)
+    cell_of((logarithm - FIRST) / WIDTH, INTERVALS)
+}
+
+/// The cell at a number of cells from the first one, and the position in it, clamped to the ends.
+#[inline(always)]
+fn cell_of(cells: f64, count: usize) -> (usize, f64) {
+    let cells = cells.clamp(0.0, count as f64);
+    let cell = whole(cells).min(count - 1);
+    (cell, 2.0 * (cells - cell as f64) - 1.0)
 }
 
 /// Coefficients of powers on each interval of the polynomials with these values at its nodes.

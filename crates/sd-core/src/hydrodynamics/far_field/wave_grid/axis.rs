@@ -6,6 +6,7 @@
 //! Between two grid points every value of the window is a fitted polynomial of the position.
 
 use crate::linalg::polynomial::{chebyshev_points, interpolate};
+use crate::linalg::whole;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -63,13 +64,7 @@ pub(in crate::hydrodynamics::far_field) fn plan_axes(
 
 /// The largest wave number of wave vectors up to `cut_off` along a lattice vector of that length.
 pub(in crate::hydrodynamics::far_field) fn highest(length: f64, cut_off: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "as many as the plan allows"
-    )]
-    let highest = (cut_off * length / (2.0 * PI)).floor() as usize;
-    highest
+    whole((cut_off * length / (2.0 * PI)).floor())
 }
 
 impl Axis {
@@ -80,12 +75,7 @@ impl Axis {
         oversampling: f64,
         planner: &mut FftPlanner<f64>,
     ) -> Self {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a grid fits the memory"
-        )]
-        let least = (oversampling * (2 * highest + 1) as f64).ceil() as usize;
+        let least = whole((oversampling * (2 * highest + 1) as f64).ceil());
         let points = regular(least.max(2 * WIDTH));
         let ratio = points as f64 / (2 * highest + 1) as f64;
         // Beatty, Nishimura & Pauly 2005, eq. (5).
@@ -128,12 +118,7 @@ impl Axis {
         }
         // u advances by 2 from one grid point to the next.
         let slopes = slopes.map(|slope| 2.0 * points * slope);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "wrapped to a grid point"
-        )]
-        let first = start.rem_euclid(points) as usize % self.points;
+        let first = whole(start.rem_euclid(points)) % self.points;
         Window {
             first,
             values,

@@ -8,8 +8,8 @@
 //! |Im t| < π, so that the interpolation converges as `(ρ + √(ρ² + 1))^−2M` with `ρ = π/L`. The evaluated form is a polynomial in ln λ and ln ξ on every cell of a uniform grid.
 
 use super::{
-    BLOCK, BLOCKS, INTERVALS, LANES, NODES, NearField, SLIP, SPLIT, evaluate, fit_intervals,
-    lanes_of, locate, node_xi, positions, singular_lanes,
+    BLOCK, BLOCKS, INTERVALS, LANES, NODES, NearField, SLIP, SPLIT, cell_of, evaluate,
+    fit_intervals, lanes_of, locate, node_xi, positions, singular_lanes,
 };
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::near_contact::{self, singular, singular_part};
@@ -17,6 +17,7 @@ use crate::hydrodynamics::two_sphere::pair_frame;
 use crate::hydrodynamics::two_sphere::pair_term::PairTerm;
 use crate::hydrodynamics::two_sphere::{Scalars, check_size_ratio};
 use crate::linalg::polynomial::{horner, horner_of_two, interpolate};
+use crate::linalg::whole;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -136,12 +137,7 @@ pub(in crate::hydrodynamics::two_sphere) struct Cells {
 impl Cells {
     /// Cells of equal width.
     pub(in crate::hydrodynamics::two_sphere) fn new(largest: f64) -> Self {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a small count"
-        )]
-        let count = (largest.ln() / WIDEST).ceil() as usize;
+        let count = whole((largest.ln() / WIDEST).ceil());
         Self {
             count,
             width: largest.ln() / count as f64,
@@ -168,14 +164,7 @@ impl Cells {
     /// The cell of a size ratio ≥ 1, and the position in it, clamped to the ends.
     #[inline(always)]
     pub(in crate::hydrodynamics::two_sphere) fn locate(self, size_ratio: f64) -> (usize, f64) {
-        let position = (size_ratio.ln() / self.width).clamp(0.0, self.count as f64);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to the grid"
-        )]
-        let cell = (position as usize).min(self.count - 1);
-        (cell, 2.0 * (position - cell as f64) - 1.0)
+        cell_of(size_ratio.ln() / self.width, self.count)
     }
 }
 
