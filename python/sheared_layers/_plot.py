@@ -8,7 +8,11 @@ _MARKERS = {
     "triangle-down": "v",
     "plus": "+",
     "cross": "x",
+    # Around the markers of other points.
+    "ring": "o",
+    "frame": "s",
 }
+_AROUND = ["ring", "frame"]
 _INCH = 72.0  # points, in which lengths of the outline are
 _HOLLOW = "hollow-"
 
@@ -74,7 +78,7 @@ def _draw_curve(ax, curve):
         style |= {
             "marker": _MARKERS[marker.removeprefix(_HOLLOW)],
             "markersize": 2 * curve["marker_size"],
-            "markerfacecolor": "white" if is_hollow else colour,
+            "markerfacecolor": "none" if marker in _AROUND else "white" if is_hollow else colour,
             "markeredgewidth": 0.8 * curve["width"],
         }
     for start, end, height in curve["across"]:

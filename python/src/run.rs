@@ -503,7 +503,7 @@ fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>
     /// The keys, made once: they are the same for every sample.
     static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
     // Manual steps do not record the contact network.
-    let numbers = || columns(Level::Samples).filter(|number: &&Number| !number.is_of_network());
+    let numbers = || columns(Level::Samples).filter(|number: &&Number| !number.is_observed());
     let keys = KEYS.get_or_init(py, || {
         let names = numbers().map(|number| number.name);
         names.map(|name| PyString::new(py, name).unbind()).collect()

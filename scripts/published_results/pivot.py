@@ -8,6 +8,7 @@ from scipy.stats import t as student
 
 from .numbers import interval, plain, short, significant
 from .place import Wrong
+from .steady import MARKS, trend
 from .units import PublishedUnits
 
 # Relative difference between a value and its label.
@@ -148,6 +149,8 @@ class Shown:
             text = significant(value, 3 if self.percent else 4)
         if self.percent and text != "–":
             text += " %"
+        if text != "–" and (found := trend(row, self.quantity.removesuffix(OF_ERROR))):
+            text += f" {MARKS[found]}"
         return f"{text} ({short(number(row, self.beside), 3)})" if self.beside else text
 
     def heading(self):

@@ -13,6 +13,8 @@ A table stands between two comments, of which the first says how it is made:
 - `labels`: `0.00348=0.1` shows values of `columns` near the first number as the second;
   `columns: shear_stress as published_stress` then gives them another name.
 
+Averages of runs that are not in steady state have a mark, which is explained below the table.
+
 Published numbers of others are in NAME.reference.csv and keep their digits. Other tables are those of
 `sweep pair` (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), of `sweep fit`
 (`<!-- table: flow-curve-rigid-fit.json -->`) and of the campaigns (`<!-- table: campaigns -->`). A table
@@ -22,6 +24,7 @@ of files that do not exist yet is left out.
 from . import fits, passing, reports
 from .pivot import Pivot
 from .place import RESULTS, Wrong
+from .steady import MARKS
 
 BEGIN = "<!-- table: "
 END = "<!-- end -->"
@@ -32,6 +35,13 @@ def markdown(lines):
     rows = ["| " + " | ".join(line) + " |" for line in lines]
     rows.insert(1, "|" + " --- |" * len(lines[0]))
     return "\n".join(rows)
+
+
+def _legend(lines):
+    """The meaning of the marks in a table, as lines below it."""
+    cells = [cell for line in lines[1:] for cell in line]
+    words = [f"{mark} {name}" for name, mark in MARKS.items() if any(mark in cell for cell in cells)]
+    return ["", ", ".join(words)] if words else []
 
 
 def _lines(parts, folder):
@@ -60,7 +70,7 @@ def with_tables(page, folder=RESULTS):
             table = _lines(line.removeprefix(BEGIN).removesuffix("-->").strip().split(" | "), folder)
         except Wrong as error:
             raise Wrong(f"{line}\n{error}") from error
-        made += [markdown(table), END] if table else [END]
+        made += [markdown(table), *_legend(table), END] if table else [END]
         if END not in lines:
             raise Wrong(f"{line}\nhas no {END}")
     return "\n".join(made) + "\n"

@@ -13,6 +13,9 @@ In a page a number stands before a comment with its name, `rises 1.4<!-- value: 
 without a number stand before a comment with a condition on values, in the form in which they would be
 quoted: `does not rise<!-- claim: 0.97 < NAME, NAME < 1.03 -->`. No such comment may begin a line, where
 Markdown takes the rest of the line for HTML.
+
+A sentence that quotes averages of runs that are not in steady state must say so, as `not steady`, `not in
+steady state` or `ordering`; otherwise it is named too.
 """
 
 import math
@@ -23,6 +26,7 @@ import pandas as pd
 from .numbers import short, significant
 from .pivot import Shown, chosen
 from .place import RESULTS, Wrong
+from .steady import is_said, trend
 
 _SENTENCE = re.compile(r"(\n\n+|\n(?=[-|#])|(?<=\.)\s+(?=[^\W\d_a-z]|\*\*))")
 _MARKER = re.compile(r"(-?\d[\d.]*(?:e-?\d+)?(?: %)?)?<!-- (value|claim): ([^>]*?) -->")
@@ -43,7 +47,8 @@ class Values:
         lines = (folder / "values.txt").read_text(encoding="utf-8").splitlines()
         self.lines = {line.split(" | ")[0]: line.split(" | ")[1:] for line in lines if " | " in line}
 
-    def _cell(self, fields, of_two):
+    def _row(self, fields, of_two):
+        """The row of a cell, and what is shown of it."""
         file, column, *row = fields
         shown = Shown.parse(column)
         wanted = [(key, [value]) for key, value in (part.split("=", 1) for part in row)]
@@ -53,10 +58,10 @@ class Values:
         rows = chosen(self.folder / f"{file}.csv", wanted, shown.columns())
         if len(rows) != 1 or math.isnan(shown.value(rows[0])[0]):
             raise Wrong(f"{file}.csv has {len(rows)} rows with a number there, where one is needed")
-        return shown.value(rows[0])[0]
+        return rows[0], shown
 
-    def number(self, name):
-        """A value, and the form in which it is quoted."""
+    def _sides(self, name):
+        """The rows of the one or two cells of a value, and its form."""
         if name not in self.lines:
             raise Wrong("values.txt does not name it")
         *fields, form = self.lines[name]
@@ -65,7 +70,17 @@ class Values:
         # The text before a slash for one cell, that after it for the other.
         two = re.compile("^([^=]*=)?([^/]*)/(.*)")
         sides = [[two.sub(side, field) for field in fields] for side in [r"\1\2", r"\1\3"]]
-        return _FORMS[form](*(self._cell(side, "/" in fields[0]) for side in sides)), form
+        return [self._row(side, "/" in fields[0]) for side in sides], form
+
+    def number(self, name):
+        """A value, and the form in which it is quoted."""
+        sides, form = self._sides(name)
+        return _FORMS[form](*(shown.value(row)[0] for row, shown in sides)), form
+
+    def trend(self, name):
+        """What the runs of a value do, if they are not in steady state."""
+        trends = [trend(row, shown.quantity) for row, shown in self._sides(name)[0]]
+        return next(filter(None, trends), None)
 
     def text(self, name):
         """A value as it is written."""
@@ -94,6 +109,10 @@ class Values:
         def write(match):
             number, kind, what = match.groups()
             try:
+                names = [part.strip() for part in re.split("[<,]", what)]
+                for name in names if not is_said(sentence) else []:
+                    if name[:1].isalpha() and (found := self.trend(name)):
+                        raise Wrong(f"the runs of {name} are {found}, which the sentence must say")
                 if kind == "claim" and not self.holds(what):
                     raise Wrong("does not hold")
                 if kind == "claim" or number == self.text(what):

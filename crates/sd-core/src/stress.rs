@@ -70,7 +70,9 @@ impl StressParts {
     }
 }
 
-/// The components of the bulk stress, by cause, in mu·rate.
+/// The six components of the bulk stress Σ, by cause, in mu·rate: those off the diagonal, and the
+/// normal ones as differences and pressure, from which [`StressComponents::xx`] and the others
+/// follow.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StressComponents {
     /// Stress of the spheres that resists the flow, in addition to that of the fluid: Σ_xy in
@@ -82,6 +84,15 @@ pub struct StressComponents {
     pub n2: StressParts,
     /// Particle pressure −(1/3) trace Σ, without its hydrodynamic part, which is 0 here.
     pub particle_pressure: StressParts,
+    /// Σ_xy: in simple shear `shear`, with the sign of its direction.
+    #[serde(default)]
+    pub xy: StressParts,
+    /// Σ_xz; 0 in a layer.
+    #[serde(default)]
+    pub xz: StressParts,
+    /// Σ_yz; 0 in a layer.
+    #[serde(default)]
+    pub yz: StressParts,
 }
 
 /// Bulk stress at one instant.
@@ -193,17 +204,63 @@ struct Sums {
 impl Sums {
     /// Adds a tensor `[xx, yy, zz, xy, xz, yz]` to one part of every component.
     fn add(&mut self, tensor: [f64; 6], part: fn(&mut StressParts) -> &mut f64) {
-        let [xx, yy, zz, ..] = tensor;
+        let [xx, yy, zz, xy, xz, yz] = tensor;
         let along = tensor.iter().zip(&self.weights);
         let sums = &mut self.components;
         *part(&mut sums.shear) += along.map(|(x, weight)| x * weight).sum::<f64>();
         *part(&mut sums.n1) += xx - yy;
         *part(&mut sums.n2) += yy - zz;
         *part(&mut sums.particle_pressure) -= (xx + yy + zz) / 3.0;
+        *part(&mut sums.xy) += xy;
+        *part(&mut sums.xz) += xz;
+        *part(&mut sums.yz) += yz;
     }
 }
 
 impl StressComponents {
+    /// Σ_xx, by cause.
+    ///
+    /// ```
+    /// use sd_core::{StressComponents, StressParts};
+    ///
+    /// let contacts = |normal_contact| StressParts { normal_contact, ..StressParts::default() };
+    /// let stress = StressComponents {
+    ///     n1: contacts(0.5),
+    ///     n2: contacts(-3.0),
+    ///     particle_pressure: contacts(10.0),
+    ///     ..StressComponents::default()
+    /// };
+    /// let [xx, yy, zz] = [stress.xx(), stress.yy(), stress.zz()].map(|part| part.total());
+    /// assert!((xx - yy - 0.5).abs() < 1e-12 && (yy - zz + 3.0).abs() < 1e-12);
+    /// assert!((xx + yy + zz + 30.0).abs() < 1e-12);
+    /// ```
+    pub fn xx(&self) -> StressParts {
+        self.normal(2.0, 1.0)
+    }
+
+    /// Σ_yy, by cause: minus the pressure `P_22` on planes across the gradient.
+    pub fn yy(&self) -> StressParts {
+        self.normal(-1.0, 1.0)
+    }
+
+    /// Σ_zz, by cause; in a layer that of the stresslets, which are traceless.
+    pub fn zz(&self) -> StressParts {
+        self.normal(-1.0, -2.0)
+    }
+
+    /// `(a N1 + b N2)/3 − Π`, by cause.
+    fn normal(&self, a: f64, b: f64) -> StressParts {
+        let sum = |part: fn(&StressParts) -> f64| {
+            (a * part(&self.n1) + b * part(&self.n2)) / 3.0 - part(&self.particle_pressure)
+        };
+        StressParts {
+            hydrodynamic: sum(|parts| parts.hydrodynamic),
+            normal_contact: sum(|parts| parts.normal_contact),
+            tangential_contact: sum(|parts| parts.tangential_contact),
+            repulsion: sum(|parts| parts.repulsion),
+        }
+    }
+
     /// All parts of all components times a number.
     fn scaled(self, factor: f64) -> Self {
         Self {
@@ -211,6 +268,9 @@ impl StressComponents {
             n1: self.n1.scaled(factor),
             n2: self.n2.scaled(factor),
             particle_pressure: self.particle_pressure.scaled(factor),
+            xy: self.xy.scaled(factor),
+            xz: self.xz.scaled(factor),
+            yz: self.yz.scaled(factor),
         }
     }
 }

@@ -12,7 +12,7 @@ mod tables;
 pub use run::PointRun;
 pub(crate) use run::RunData;
 pub(crate) use runs::Runs;
-pub(crate) use steady::{Drift, Steadiness, mser_5};
+pub(crate) use steady::{Drift, Steadiness, Trend, mser_5};
 pub(crate) use stopping::{Decision, Outcome, Verdict, relative_half_width};
 pub use tables::sample_table;
 pub(crate) use tables::{axis_column, key_column, run_table, seed_column};

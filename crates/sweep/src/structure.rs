@@ -8,6 +8,10 @@
 //! clusters    clusters of contacts, and whether they percolate in the sheared cell
 //! core        k-core, rattlers
 //! pebble      rigid clusters of a layer
+//! order       lanes, bond orientation, waves of number and shear rate
+//! constraints degree of hyperstaticity
+//! profiles    velocity and fraction along gradient and vorticity
+//! sampled     the numbers of these that every run samples
 //! scalars     one number each of an instant
 //! average     sums over the frames of a run, and means over runs with their intervals
 //! ```
@@ -15,11 +19,15 @@
 mod average;
 mod bins;
 mod clusters;
+mod constraints;
 mod contacts;
 mod core;
 mod network;
+mod order;
 mod pairs;
 mod pebble;
+mod profiles;
+mod sampled;
 mod scalars;
 #[cfg(test)]
 mod tests;
@@ -27,4 +35,5 @@ mod tests;
 pub(crate) use average::{Band, Curve, RunStructure, Structure};
 pub(crate) use clusters::clusters;
 pub(crate) use network::{Link, Network};
+pub(crate) use sampled::{Reference, sampled};
 pub(crate) use scalars::{NAMED, observe};

@@ -62,6 +62,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         minimum_gap: 0.0099,
         counters: counters(),
         network: None,
+        structure: None,
     }
 }
 

@@ -84,3 +84,19 @@ def test_a_table_without_its_end_is_refused(tmp_path):
     (tmp_path / "some.csv").write_text(FILE)
     with pytest.raises(Wrong, match="has no"):
         with_tables(f"{BEGIN}some | rows: friction, shear_rate | cells: seeds -->\n", tmp_path)
+
+
+def test_averages_of_unsteady_runs_are_marked(tmp_path):
+    rows = ["0.1,8,7.0,1,0", "0.2,8,7.5,0,1", "0.3,8,8.0,0,0"]
+    (tmp_path / "some.csv").write_text("\n".join(["friction,seeds,viscosity,not_steady,ordering", *rows]) + "\n")
+    page = f"{BEGIN}some | rows: friction | cells: viscosity, seeds -->\n{END}\nafter\n"
+    text = with_tables(page, tmp_path)
+    assert text.splitlines()[3:-1] == [
+        "| 0.1 | 7.000 † | 8 |",
+        "| 0.2 | 7.500 ‡ | 8 |",
+        "| 0.3 | 8.000 | 8 |",
+        "",
+        "† not steady, ‡ ordering",
+        END,
+    ]
+    assert with_tables(text, tmp_path) == text

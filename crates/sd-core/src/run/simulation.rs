@@ -12,7 +12,7 @@ mod step;
 pub use crate::stress::JAM_VISCOSITY;
 pub use forces::Instant;
 pub use frame::{Frame, FrameContact};
-pub use sample::{Counters, NetworkSample, Sample};
+pub use sample::{Counters, NetworkSample, Sample, StructureSample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
 
 use crate::contact::laws::Laws;

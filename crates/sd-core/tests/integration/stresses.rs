@@ -7,8 +7,8 @@ use sd_core::contact::{Contact, Laws, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::modes::Vec2;
 use sd_core::{
-    ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation, StressComponents,
-    StressParts, TangentialLaw, VelocityGradient,
+    Bulk, ContactLaws, ContactScheme, Hydrodynamics, NearFields, Params, Simulation,
+    StressComponents, StressParts, TangentialLaw, VelocityGradient,
 };
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -132,6 +132,11 @@ fn every_part_is_the_moment_of_its_forces_and_the_parts_add_up_to_the_viscosity(
         close(n2[cause], (yy - zz) / volume, 1.0);
         // Traceless stresslets have none.
         close(pressure[cause], -(xx + yy + zz) / (3.0 * volume), 1.0);
+        let components = [c.xx(), c.yy(), c.zz(), c.xy].map(|of| parts(of)[cause]);
+        for (found, expected) in components.into_iter().zip([xx, yy, zz, xy]) {
+            close(found, expected / volume, 1.0);
+        }
+        assert_eq!([parts(c.xz)[cause], parts(c.yz)[cause]], [0.0; 2]);
     }
     assert!(instant.repulsive.iter().any(|c| c.normal_force > 0.0));
     let sum: f64 = tensors.iter().map(|tensor| tensor[3]).sum();
@@ -174,6 +179,7 @@ fn pair_on_the_compression_axis_has_the_stress_found_by_hand() {
         n1,
         n2,
         particle_pressure,
+        ..
     } = instant.stress.unwrap().components;
     close(shear.normal_contact, 0.5 * per_force, per_force);
     close(n1.normal_contact, 0.0, per_force);
@@ -208,6 +214,16 @@ fn mirror_image_resists_its_mirrored_flow_as_much() {
         (one.n1, two.n1),
         (one.n2, two.n2),
         (one.particle_pressure, two.particle_pressure),
+        (one.yy(), two.yy()),
+        (
+            one.xy,
+            StressParts {
+                hydrodynamic: -two.xy.hydrodynamic,
+                normal_contact: -two.xy.normal_contact,
+                tangential_contact: -two.xy.tangential_contact,
+                repulsion: -two.xy.repulsion,
+            },
+        ),
     ] {
         let scale = 1e3 * (1.0 + one.shear.total().abs());
         close(b.hydrodynamic, a.hydrodynamic, scale);
@@ -263,4 +279,58 @@ fn samples_of_a_run_have_the_parts_of_their_viscosity() {
         touched |= pressure.normal_contact > 0.0 && sample.stress.shear.tangential_contact != 0.0;
     }
     assert!(touched);
+}
+
+#[test]
+fn all_six_components_of_a_suspension_are_the_moments_of_its_frame() {
+    let params = Params::builder()
+        .spheres(60)
+        .volume_fraction(0.45)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .contact(ContactScheme::Laws(ContactLaws::linear_spring(
+            1e4,
+            TangentialLaw::Coulomb,
+            0.01,
+        )))
+        .time_step(0.01)
+        .build()
+        .unwrap();
+    let mut suspension = Simulation::<Bulk>::new(&params, 4, &NearFields::default()).unwrap();
+    let (mut sample, mut frame) = suspension.step_with_frame().unwrap();
+    while sample.contacts < 40 {
+        (sample, frame) = suspension.step_with_frame().unwrap();
+    }
+    let volume = frame.side.powi(3);
+    let (mut hydrodynamic, mut normal, mut tangential) = ([0.0; 6], [0.0; 6], [0.0; 6]);
+    for &[xx, yy, xy, xz, yz] in &frame.stresslets {
+        for (sum, value) in hydrodynamic.iter_mut().zip([xx, yy, -xx - yy, xy, xz, yz]) {
+            *sum += value;
+        }
+    }
+    // −r ⊗ F of the force F on the second sphere, its symmetric part.
+    let add = |sums: &mut [f64; 6], r: [f64; 3], f: [f64; 3]| {
+        for (sum, (a, b)) in sums
+            .iter_mut()
+            .zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)])
+        {
+            *sum -= 0.5 * (r[a] * f[b] + r[b] * f[a]);
+        }
+    };
+    for c in &frame.contacts {
+        let r = c.normal.map(|n| n * (2.0 + c.gap));
+        add(&mut normal, r, c.normal.map(|n| n * c.normal_force));
+        add(&mut tangential, r, (-c.tangential_force).into());
+    }
+    let s = sample.stress;
+    let components = [s.xx(), s.yy(), s.zz(), s.xy, s.xz, s.yz];
+    for (place, found) in components.into_iter().enumerate() {
+        close(found.hydrodynamic, hydrodynamic[place] / volume, 1.0);
+        close(found.normal_contact, normal[place] / volume, 1.0);
+        close(found.tangential_contact, tangential[place] / volume, 1.0);
+        assert!(found.hydrodynamic != 0.0 && found.tangential_contact != 0.0);
+    }
+    assert_eq!(s.xy, s.shear);
 }

@@ -6,10 +6,10 @@
 
 use super::run::RunData;
 use super::runs::Runs;
-use super::{mean, ratio};
+use super::{Trend, mean, ratio};
 use crate::data::{Kind, Value};
 use crate::model::case::State;
-use sd_core::simulation::{Counters, NetworkSample};
+use sd_core::simulation::{Counters, NetworkSample, StructureSample};
 use sd_core::{Sample, StressComponents};
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -43,6 +43,8 @@ enum InSample {
     Part(fn(&mut StressComponents) -> &mut f64),
     /// A number of the contact network, which samples have only if it is observed.
     Network(fn(&mut NetworkSample) -> &mut f64),
+    /// A number of the spheres, which samples of earlier programs lack.
+    Structure(fn(&mut StructureSample) -> &mut f64),
 }
 
 /// How the result of a run has it.
@@ -121,7 +123,7 @@ impl Number {
 #[rustfmt::skip]
 #[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
 pub static NUMBERS: &[Number] = {
-    use InSample::{Count, Extreme, Network, Part, Real, Sum, Total};
+    use InSample::{Count, Extreme, Network, Part, Real, Structure, Sum, Total};
     use InTime::{Count as CountOf, Mean, Real as Of};
     use OverRuns::{Count as CountOver, Mean as MeanOver, Real as Over};
     &[
@@ -243,6 +245,84 @@ pub static NUMBERS: &[Number] = {
         number("n2_repulsion", "mu rate").sample("N₂ of the repulsion", Part(|s| &mut s.n2.repulsion)).averaged(),
         number("particle_pressure_normal_contact", "mu rate").sample("particle pressure of the normal contact forces", Part(|s| &mut s.particle_pressure.normal_contact)).averaged(),
         number("particle_pressure_repulsion", "mu rate").sample("particle pressure of the repulsion", Part(|s| &mut s.particle_pressure.repulsion)).averaged(),
+        number("sigma_xx", "mu rate").sample("particle stress Σ_xx, contacts included", Sum(|s| s.xx().total())).averaged(),
+        number("sigma_xx_hydrodynamic", "mu rate").sample("Σ_xx of the stresslets", Sum(|s| s.xx().hydrodynamic)).averaged().label(""),
+        number("sigma_xx_normal_contact", "mu rate").sample("Σ_xx of the normal contact forces", Sum(|s| s.xx().normal_contact)).averaged().label(""),
+        number("sigma_xx_tangential_contact", "mu rate").sample("Σ_xx of the tangential contact forces", Sum(|s| s.xx().tangential_contact)).averaged().label(""),
+        number("sigma_xx_repulsion", "mu rate").sample("Σ_xx of the repulsion", Sum(|s| s.xx().repulsion)).averaged().label(""),
+        number("sigma_yy", "mu rate").sample("particle stress Σ_yy, contacts included", Sum(|s| s.yy().total())).averaged(),
+        number("sigma_yy_hydrodynamic", "mu rate").sample("Σ_yy of the stresslets", Sum(|s| s.yy().hydrodynamic)).averaged().label(""),
+        number("sigma_yy_normal_contact", "mu rate").sample("Σ_yy of the normal contact forces", Sum(|s| s.yy().normal_contact)).averaged().label(""),
+        number("sigma_yy_tangential_contact", "mu rate").sample("Σ_yy of the tangential contact forces", Sum(|s| s.yy().tangential_contact)).averaged().label(""),
+        number("sigma_yy_repulsion", "mu rate").sample("Σ_yy of the repulsion", Sum(|s| s.yy().repulsion)).averaged().label(""),
+        number("sigma_zz", "mu rate").sample("particle stress Σ_zz, contacts included; in a layer of the stresslets alone, which are traceless", Sum(|s| s.zz().total())).averaged(),
+        number("sigma_zz_hydrodynamic", "mu rate").sample("Σ_zz of the stresslets", Sum(|s| s.zz().hydrodynamic)).averaged().label(""),
+        number("sigma_zz_normal_contact", "mu rate").sample("Σ_zz of the normal contact forces", Sum(|s| s.zz().normal_contact)).averaged().label(""),
+        number("sigma_zz_tangential_contact", "mu rate").sample("Σ_zz of the tangential contact forces", Sum(|s| s.zz().tangential_contact)).averaged().label(""),
+        number("sigma_zz_repulsion", "mu rate").sample("Σ_zz of the repulsion", Sum(|s| s.zz().repulsion)).averaged().label(""),
+        number("sigma_xy", "mu rate").sample("particle stress Σ_xy, contacts included", Sum(|s| s.xy.total())).averaged(),
+        number("sigma_xy_hydrodynamic", "mu rate").sample("Σ_xy of the stresslets", Part(|s| &mut s.xy.hydrodynamic)).averaged().label(""),
+        number("sigma_xy_normal_contact", "mu rate").sample("Σ_xy of the normal contact forces", Part(|s| &mut s.xy.normal_contact)).averaged().label(""),
+        number("sigma_xy_tangential_contact", "mu rate").sample("Σ_xy of the tangential contact forces", Part(|s| &mut s.xy.tangential_contact)).averaged().label(""),
+        number("sigma_xy_repulsion", "mu rate").sample("Σ_xy of the repulsion", Part(|s| &mut s.xy.repulsion)).averaged().label(""),
+        number("sigma_xz", "mu rate").sample("particle stress Σ_xz, contacts included", Sum(|s| s.xz.total())).averaged(),
+        number("sigma_xz_hydrodynamic", "mu rate").sample("Σ_xz of the stresslets", Part(|s| &mut s.xz.hydrodynamic)).averaged().label(""),
+        number("sigma_xz_normal_contact", "mu rate").sample("Σ_xz of the normal contact forces", Part(|s| &mut s.xz.normal_contact)).averaged().label(""),
+        number("sigma_xz_tangential_contact", "mu rate").sample("Σ_xz of the tangential contact forces", Part(|s| &mut s.xz.tangential_contact)).averaged().label(""),
+        number("sigma_xz_repulsion", "mu rate").sample("Σ_xz of the repulsion", Part(|s| &mut s.xz.repulsion)).averaged().label(""),
+        number("sigma_yz", "mu rate").sample("particle stress Σ_yz, contacts included", Sum(|s| s.yz.total())).averaged(),
+        number("sigma_yz_hydrodynamic", "mu rate").sample("Σ_yz of the stresslets", Part(|s| &mut s.yz.hydrodynamic)).averaged().label(""),
+        number("sigma_yz_normal_contact", "mu rate").sample("Σ_yz of the normal contact forces", Part(|s| &mut s.yz.normal_contact)).averaged().label(""),
+        number("sigma_yz_tangential_contact", "mu rate").sample("Σ_yz of the tangential contact forces", Part(|s| &mut s.yz.tangential_contact)).averaged().label(""),
+        number("sigma_yz_repulsion", "mu rate").sample("Σ_yz of the repulsion", Part(|s| &mut s.yz.repulsion)).averaged().label(""),
+        number("pressure", "mu rate").label("particle pressure P")
+            .run("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
+            .point("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
+        number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without the isotropic stress of the fluid", Sum(|s| -s.yy().total())).averaged(),
+        number("viscous_number", "1").label("viscous number J")
+            .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
+            .point("viscous number J = μ rate/P₂₂, mean over runs", MeanOver),
+        number("macroscopic_friction", "1").label("macroscopic friction coefficient σ/P₂₂")
+            .run("macroscopic friction coefficient σ/P₂₂, of means in time; none in an oscillation", Of(|r| ratio(r.viscosity?.mean, r.steady_pressure_22()?)))
+            .point("macroscopic friction coefficient σ/P₂₂, mean over runs", MeanOver),
+        number("normal_viscosity", "mu").label("normal viscosity η_n")
+            .run("normal viscosity η_n = P₂₂/rate, of means in time; none in an oscillation", Of(|r| r.steady_pressure_22()))
+            .point("normal viscosity η_n = P₂₂/rate, mean over runs", MeanOver),
+        number("lambda_2", "1").label("normal stress ratio λ₂")
+            .run("normal stress ratio λ₂ = Σ_yy/Σ_xx, of means in time; none in an oscillation", Of(|r| r.normal_stress_ratio("sigma_yy")))
+            .point("normal stress ratio λ₂ = Σ_yy/Σ_xx, mean over runs", MeanOver),
+        number("lambda_3", "1").label("normal stress ratio λ₃")
+            .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer or an oscillation", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
+            .point("normal stress ratio λ₃ = Σ_zz/Σ_xx, mean over runs", MeanOver),
+        number("sticking", "1").label("sticking contacts, of all")
+            .run("contacts that stick (`rolling`) over contacts", Of(|r| ratio(r.sticking as f64, r.contacts as f64)))
+            .point("contacts that stick (`rolling`) over contacts", Over(|r| ratio(r.sum("rolling"), r.sum("contacts")))),
+        number("sliding", "1").label("sliding contacts, of all")
+            .run("contacts that slide (`slipping`) over contacts", Of(|r| ratio((r.activated - r.sticking) as f64, r.contacts as f64)))
+            .point("contacts that slide (`slipping`) over contacts", Over(|r| ratio(r.sum("activated") - r.sum("rolling"), r.sum("contacts")))),
+        number("layering", "1").sample("order in lanes along the flow: largest |Σ_j exp(2πi m y_j/L)|/N over m from 2 to L/a", Structure(|s| &mut s.layering)).averaged().label("layering"),
+        number("psi_6", "1").sample("bond orientation Ψ₆ of a layer, 1 for a hexagonal lattice", Structure(|s| &mut s.psi_6)).averaged(),
+        number("q_6", "1").sample("bond orientation Q₆ of a suspension, 0.575 for an fcc lattice", Structure(|s| &mut s.q_6)).averaged(),
+        number("localisation", "1").sample("first harmonic along the gradient of the local shear rate, over the rate", Structure(|s| &mut s.localisation)).averaged().label("shear localisation"),
+        number("concentration_y", "1").sample("first harmonic along the gradient of the number density, over its mean", Structure(|s| &mut s.concentration_y)).averaged(),
+        number("concentration_z", "1").sample("first harmonic along the vorticity of the number density of a suspension, over its mean", Structure(|s| &mut s.concentration_z)).averaged(),
+        number("hyperstaticity", "1").sample("constraints of loaded contacts less degrees of freedom of the spheres with such contacts, over their number", Structure(|s| &mut s.hyperstaticity)).averaged().label("degree of hyperstaticity"),
+        number("displacement_yy", "a²").sample("mean square displacement along the gradient since the start of the run", Structure(|s| &mut s.displacement_yy)),
+        number("displacement_zz", "a²").sample("mean square displacement along the vorticity of a suspension since the start of the run", Structure(|s| &mut s.displacement_zz)),
+        number("diffusivity_yy", "a² rate").label("shear-induced diffusivity D_yy")
+            .run("half the slope of the mean square displacement along the gradient; none below an averaged strain of 1 or ten samples", Of(|r| r.diffusivity(0)))
+            .point("shear-induced diffusivity D_yy along the gradient", MeanOver),
+        number("diffusivity_zz", "a² rate").label("shear-induced diffusivity D_zz")
+            .run("half the slope of the mean square displacement along the vorticity; none below an averaged strain of 1 or ten samples", Of(|r| r.diffusivity(1)))
+            .point("shear-induced diffusivity D_zz along the vorticity", MeanOver),
+        number("layering_drift", "1")
+            .run("mean layering of the second half of the strain kept less that of the first", Of(|r| r.order_drift(0)))
+            .point("mean layering of the second half of the strain kept less that of the first", MeanOver),
+        number("bond_order_drift", "1")
+            .run("the same of the bond orientation, Ψ₆ of a layer and Q₆ of a suspension", Of(|r| r.order_drift(1)))
+            .point("the same of the bond orientation, Ψ₆ of a layer and Q₆ of a suspension", MeanOver),
+        number("not_steady", "1").point("1 if the viscosity drifts or remembers the start, or order falls, significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::NotSteady))),
+        number("ordering", "1").point("1 if layering or bond orientation rises significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::Ordering))),
         number("coordination", "1").sample("loaded contacts of a sphere", Network(|n| &mut n.coordination)).averaged(),
         number("frictional_coordination", "1").sample("contacts of a sphere on which friction acts", Network(|n| &mut n.frictional_coordination)).averaged(),
         number("largest_cluster", "1").sample("fraction of spheres in the largest cluster of frictional contacts", Network(|n| &mut n.largest_cluster)).averaged(),
@@ -303,9 +383,12 @@ impl Number {
         )
     }
 
-    /// Whether it belongs to the contact network, which most samples lack.
-    pub fn is_of_network(&self) -> bool {
-        matches!(self.sample, Some((_, InSample::Network(_))))
+    /// Whether it is observed from a frame, by `sweep`: steps have none, and a sample may lack it.
+    pub fn is_observed(&self) -> bool {
+        matches!(
+            self.sample,
+            Some((_, InSample::Network(_) | InSample::Structure(_)))
+        )
     }
 
     /// Type of its values in the tables of the store.
@@ -338,6 +421,10 @@ impl Number {
                 let network = &mut copy.network.unwrap_or(NetworkSample::NONE);
                 Value::Number(*number(network))
             }
+            InSample::Structure(number) => {
+                let structure = &mut copy.structure.unwrap_or(StructureSample::NONE);
+                Value::Number(*number(structure))
+            }
         }
     }
 
@@ -359,7 +446,10 @@ impl Number {
             Some((_, InSample::Network(of))) if !number.is_nan() => {
                 *of(sample.network.get_or_insert(NetworkSample::NONE)) = number;
             }
-            Some((_, InSample::Network(_) | InSample::Sum(_))) | None => {}
+            Some((_, InSample::Structure(of))) if !number.is_nan() => {
+                *of(sample.structure.get_or_insert(StructureSample::NONE)) = number;
+            }
+            Some((_, InSample::Network(_) | InSample::Structure(_) | InSample::Sum(_))) | None => {}
         }
     }
 
@@ -376,7 +466,7 @@ impl Number {
     pub(super) fn averaged_value(&self, sample: &Sample) -> Option<f64> {
         matches!(self.run, Some((_, InTime::Mean)))
             .then(|| self.of_sample(sample).number())
-            .filter(|value| !self.is_of_network() || !value.is_nan())
+            .filter(|value| !value.is_nan())
     }
 }
 
@@ -432,20 +522,47 @@ mod tests {
                 number.name
             );
         }
-        let real = |number: &Number| number.of_sample(&sample).number();
-        for column in columns(Level::Samples).filter(|number| !number.is_kept()) {
-            let begins = format!("{}_", column.name);
-            let parts = kept().filter(|part| {
-                part.name.starts_with(&begins)
-                    && matches!(part.sample, Some((_, InSample::Part(_))))
-            });
-            let sum: f64 = parts.map(real).sum();
-            assert_eq!(real(column), sum, "{}", column.name);
+        let real = |name: &str| Number::named(name).unwrap().of_sample(&sample).number();
+        let is_near = |a: f64, b: f64| (a - b).abs() < 1e-12 * a.abs().max(1.0);
+        let mut sums = columns(Level::Samples).filter(|number| number.is_sum());
+        let mut wholes = 0;
+        for whole in sums.by_ref() {
+            let begins = format!("{}_", whole.name);
+            let parts = columns(Level::Samples).filter(|part| part.name.starts_with(&begins));
+            let parts: Vec<f64> = parts.map(|part| real(part.name)).collect();
+            if parts.len() > 1 {
+                let sum: f64 = parts.iter().sum();
+                assert!(is_near(real(whole.name), sum), "{}", whole.name);
+                wholes += 1;
+            }
         }
+        assert_eq!(wholes, 9, "N₁, N₂, Π and six components");
+        // The normal stresses are those of the differences and the pressure.
+        for part in [
+            "",
+            "_hydrodynamic",
+            "_normal_contact",
+            "_tangential_contact",
+            "_repulsion",
+        ] {
+            let of = |name: &str| real(&format!("{name}{part}"));
+            let [xx, yy, zz] = ["sigma_xx", "sigma_yy", "sigma_zz"].map(of);
+            assert!(
+                is_near(xx - yy, of("n1")) && is_near(yy - zz, of("n2")),
+                "{part}"
+            );
+        }
+        let sum: f64 = ["sigma_xx", "sigma_yy", "sigma_zz"].map(real).iter().sum();
+        assert!(is_near(sum, -3.0 * real("particle_pressure")));
+        let differences = (real("n1") - real("n2")) / 3.0;
+        assert!(is_near(
+            real("pressure_22"),
+            real("particle_pressure") + differences
+        ));
         let mut unseen = Sample::default();
-        for number in kept().filter(|number| number.is_of_network()) {
+        for number in kept().filter(|number| number.is_observed()) {
             number.put(&mut unseen, Value::Number(f64::NAN));
         }
-        assert_eq!(unseen.network, None);
+        assert_eq!((unseen.network, unseen.structure), (None, None));
     }
 }

@@ -2,6 +2,7 @@
 
 use super::doubt::Doubt;
 use super::numbers::{Level, Number, columns};
+use super::steady::rise;
 use super::{Distribution, Steadiness, ratio};
 use crate::data::Value;
 use crate::model::case::State;
@@ -30,6 +31,10 @@ pub(crate) struct RunData<'p> {
     pub(super) sticking: u64,
     /// Approach velocities, summed over the contacts of all samples.
     pub(super) approach: f64,
+    /// Layering, and bond orientation, of the averaged samples.
+    order: [Vec<f64>; 2],
+    /// Mean square displacements along y and z against strain.
+    displacements: [Slope; 2],
     /// Means in time of the numbers of results.
     means: Vec<Mean>,
     pub(super) viscosity: Option<Distribution>,
@@ -42,6 +47,48 @@ pub(crate) struct RunData<'p> {
 struct Mean {
     sum: f64,
     number: u64,
+}
+
+/// Minimum averaged strain of a diffusivity, in which a sphere of a dense suspension passes several
+/// others.
+const DIFFUSION_STRAIN: f64 = 1.0;
+/// Minimum number of samples of one.
+const DIFFUSION_SAMPLES: u64 = 10;
+
+/// A line of least squares in progress.
+#[derive(Debug, Clone, Copy, Default)]
+struct Slope {
+    number: u64,
+    /// The first abscissa, that all are relative to, and the last.
+    ends: [f64; 2],
+    /// Sums of x, y, x² and x y.
+    sums: [f64; 4],
+}
+
+impl Slope {
+    fn add(&mut self, x: f64, y: f64) {
+        if y.is_nan() {
+            return;
+        }
+        if self.number == 0 {
+            self.ends[0] = x;
+        }
+        self.ends[1] = x;
+        self.number += 1;
+        let x = x - self.ends[0];
+        for (sum, value) in self.sums.iter_mut().zip([x, y, x * x, x * y]) {
+            *sum += value;
+        }
+    }
+
+    /// The slope; `None` over too short an interval.
+    fn value(&self) -> Option<f64> {
+        let [x, y, xx, xy] = self.sums;
+        let n = self.number as f64;
+        // Strains are multiples of the time step, rounded.
+        let is_long = self.ends[1] - self.ends[0] > DIFFUSION_STRAIN * (1.0 - 1e-9);
+        (is_long && self.number >= DIFFUSION_SAMPLES).then(|| (n * xy - x * y) / (n * xx - x * x))
+    }
 }
 
 impl<'p> RunData<'p> {
@@ -62,6 +109,8 @@ impl<'p> RunData<'p> {
             activated: 0,
             sticking: 0,
             approach: 0.0,
+            order: [Vec::new(), Vec::new()],
+            displacements: [Slope::default(); 2],
             means: vec![Mean::default(); columns(Level::Runs).count()],
             viscosity: None,
             viscosity_stresslet: None,
@@ -90,6 +139,15 @@ impl<'p> RunData<'p> {
         self.activated += u64::from(sample.activated);
         self.sticking += u64::from(sample.sticking);
         self.approach += -sample.normal_velocity * f64::from(sample.contacts);
+        if let Some(structure) = &sample.structure {
+            let [along_y, along_z] = &mut self.displacements;
+            along_y.add(sample.strain, structure.displacement_yy);
+            along_z.add(sample.strain, structure.displacement_zz);
+            let [layering, bonds] = &mut self.order;
+            layering.push(structure.layering);
+            // One of them is of layers, and the other of suspensions.
+            bonds.push(structure.psi_6.max(structure.q_6));
+        }
         for (mean, number) in self.means.iter_mut().zip(columns(Level::Runs)) {
             if let Some(value) = number.averaged_value(sample) {
                 mean.sum += value;
@@ -114,6 +172,60 @@ impl<'p> RunData<'p> {
     pub(super) fn mean(&self, name: &str) -> Option<f64> {
         let mean = self.means.get(place_of(name)?)?;
         ratio(mean.sum, mean.number as f64)
+    }
+
+    /// Whether it is a suspension, and not a layer.
+    pub(super) fn is_suspension(&self) -> bool {
+        self.params.volume_fraction.is_some()
+    }
+
+    /// The particle pressure P. Traceless stresslets add nothing in a suspension, and in a layer
+    /// the half of their zz.
+    pub(super) fn pressure(&self) -> Option<f64> {
+        let [xx, yy, zz] = ["sigma_xx", "sigma_yy", "sigma_zz"].map(|name| self.mean(name));
+        Some(if self.is_suspension() {
+            -(xx? + yy? + zz?) / 3.0
+        } else {
+            -(xx? + yy?) / 2.0
+        })
+    }
+
+    /// Whether its averages are of a shear in one direction, at a rate or under a stress.
+    fn is_steady_shear(&self) -> bool {
+        let last = self.params.segments.last();
+        !self.params.at_rest && last.is_none_or(|segment| segment.amplitude.is_none())
+    }
+
+    /// The pressure on planes across the gradient, over μ times the rate, in a shear in one
+    /// direction.
+    ///
+    /// Stresses of samples have the rate of their instant as unit, and samples are taken at equal
+    /// strains. So under an imposed stress, too, this is the mean in time of the pressure over that
+    /// of the rate:
+    ///
+    /// ```text
+    /// ∫ P dt/∫ rate dt = ∫ (P/rate) dγ/∫ dγ
+    /// ```
+    pub(super) fn steady_pressure_22(&self) -> Option<f64> {
+        self.mean("pressure_22").filter(|_| self.is_steady_shear())
+    }
+
+    /// A mean normal stress over that along the flow, where that is a pressure.
+    pub(super) fn normal_stress_ratio(&self, name: &str) -> Option<f64> {
+        let along = self.mean("sigma_xx").filter(|_| self.is_steady_shear())?;
+        ratio(-self.mean(name)?, -along)
+    }
+
+    /// The diffusivity along y or z, in a²·rate: half the slope of the mean square displacement
+    /// since the start of the run, over the averaged samples.
+    pub(super) fn diffusivity(&self, axis: usize) -> Option<f64> {
+        self.displacements[axis].value().map(|slope| 0.5 * slope)
+    }
+
+    /// Change of layering or of bond orientation from the first half of the averaged samples to the
+    /// second.
+    pub(super) fn order_drift(&self, place: usize) -> Option<f64> {
+        rise(&self.order[place])
     }
 
     /// Strain after some steps.
@@ -217,6 +329,173 @@ mod tests {
         assert_eq!(run.number("samples"), Some(2.0));
         assert!(run.number("viscosity").unwrap() < 100.0);
         assert_eq!(run.contacts, 2 * u64::from(sample(0.0).contacts));
+    }
+
+    /// Samples of given viscosities and of normal stresses Σ_xx, Σ_yy, Σ_zz of the contacts.
+    fn stressed(all: &[(f64, [f64; 3])]) -> Vec<(u64, Sample)> {
+        let one = |(step, (viscosity, [xx, yy, zz])): (usize, &(f64, [f64; 3]))| {
+            let mut sample = sample(0.0);
+            sample.viscosity = *viscosity;
+            sample.stress = sd_core::StressComponents::default();
+            sample.stress.n1.normal_contact = xx - yy;
+            sample.stress.n2.normal_contact = yy - zz;
+            sample.stress.particle_pressure.normal_contact = -(xx + yy + zz) / 3.0;
+            (step as u64, sample)
+        };
+        all.iter().enumerate().map(one).collect()
+    }
+
+    fn close(run: &RunData<'_>, name: &str, wanted: f64) {
+        let found = run.number(name).unwrap();
+        assert!((found - wanted).abs() < 1e-12, "{name}: {found}");
+    }
+
+    #[test]
+    fn ratios_of_stress_and_rate_are_those_of_means_in_time_also_under_imposed_stress() {
+        // σ = 1 in some unit: the rate is 1/η, and equal strains take times that rise with η.
+        let all = [
+            (4.0, [-3.0, -2.0, -1.0]),
+            (8.0, [-9.0, -7.0, -6.0]),
+            (30.0, [-60.0, -40.0, -20.0]),
+        ];
+        let (mut time, mut strain, mut of_stress) = (0.0, 0.0, [0.0; 3]);
+        for (viscosity, normal) in all {
+            let (rate, dt) = (1.0 / viscosity, viscosity);
+            time += dt;
+            strain += rate * dt;
+            for (sum, stress) in of_stress.iter_mut().zip(normal) {
+                *sum += stress * rate * dt;
+            }
+        }
+        let (rate, [xx, yy, zz]) = (strain / time, of_stress.map(|sum| sum / time));
+        let params = Params {
+            volume_fraction: Some(0.5),
+            ..params()
+        };
+        let run = RunData::of(&params, &stressed(&all), 0);
+        close(&run, "viscous_number", rate / -yy);
+        close(&run, "macroscopic_friction", 1.0 / -yy);
+        close(&run, "normal_viscosity", -yy / rate);
+        close(&run, "lambda_2", yy / xx);
+        close(&run, "lambda_3", zz / xx);
+        close(&run, "pressure", -(xx + yy + zz) / (3.0 * rate));
+        let n = |name: &str| run.number(name).unwrap();
+        close(
+            &run,
+            "pressure_22",
+            n("pressure") + (n("n1") - n("n2")) / 3.0,
+        );
+    }
+
+    #[test]
+    fn pressure_of_a_layer_is_that_in_its_plane() {
+        let params = params();
+        let mut samples = stressed(&[(4.0, [-3.0, -2.0, 0.0]), (6.0, [-7.0, -4.0, 0.0])]);
+        for (_, sample) in &mut samples {
+            // Traceless stresslets, with the zz that their plane leaves.
+            sample.stress.n1.hydrodynamic = 0.5;
+            sample.stress.n2.hydrodynamic = -1.0;
+        }
+        let run = RunData::of(&params, &samples, 0);
+        let n = |name: &str| run.number(name).unwrap();
+        close(&run, "pressure", -0.5 * (n("sigma_xx") + n("sigma_yy")));
+        close(&run, "pressure_22", n("pressure") + 0.5 * n("n1"));
+        close(&run, "viscous_number", 1.0 / n("pressure_22"));
+        // zz is of stresslets alone.
+        close(&run, "sigma_zz", n("sigma_zz_hydrodynamic"));
+        assert_eq!(run.number("lambda_3"), None);
+    }
+
+    #[test]
+    fn ratios_to_the_rate_have_no_meaning_in_an_oscillation_or_under_tension() {
+        let samples = stressed(&[(4.0, [-3.0, -2.0, -1.0])]);
+        let names = [
+            "viscous_number",
+            "macroscopic_friction",
+            "normal_viscosity",
+            "lambda_2",
+        ];
+        let oscillation = Params {
+            segments: vec![sd_core::model::Segment {
+                amplitude: Some(0.5),
+                ..sd_core::model::Segment::default()
+            }],
+            ..params()
+        };
+        let steady = params();
+        for name in names {
+            assert_eq!(
+                RunData::of(&oscillation, &samples, 0).number(name),
+                None,
+                "{name}"
+            );
+            assert!(RunData::of(&steady, &samples, 0).number(name).is_some());
+        }
+        let tension = stressed(&[(4.0, [3.0, 2.0, 1.0])]);
+        let run = RunData::of(&steady, &tension, 0);
+        for name in ["viscous_number", "macroscopic_friction", "lambda_2"] {
+            assert_eq!(run.number(name), None, "{name}");
+        }
+        close(&run, "pressure_22", -2.0);
+    }
+
+    #[test]
+    fn diffusivity_is_half_the_slope_of_displacements_after_the_discarded_strain() {
+        use rand::{RngExt as _, SeedableRng as _};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);
+        // Walkers with D = 0.04 along y and 0.01 along z, after a start at five times these.
+        let (n, every) = (20_000, 0.05_f64);
+        let mut walkers = vec![[0.0_f64; 2]; n];
+        let mut samples = Vec::new();
+        for step in 0..80_u32 {
+            let strain = f64::from(step) * every;
+            let squares = |k: usize| walkers.iter().map(|x| x[k] * x[k]).sum::<f64>() / n as f64;
+            let mut one = sample(strain);
+            one.structure = Some(sd_core::simulation::StructureSample {
+                displacement_yy: squares(0),
+                displacement_zz: squares(1),
+                ..sd_core::simulation::StructureSample::NONE
+            });
+            samples.push((u64::from(step), one));
+            let scale = if strain < 1.0 { 5.0 } else { 1.0 };
+            for walker in &mut walkers {
+                for (x, d) in walker.iter_mut().zip([0.04, 0.01]) {
+                    // A uniform number of variance 2 D dγ.
+                    let reach = (6.0 * scale * d * every).sqrt();
+                    *x += random.random_range(-reach..reach);
+                }
+            }
+        }
+        let params = params();
+        let run = RunData::of(&params, &samples, 20);
+        // The error of a mean square is √(2/n) of it, 0.56 at the end.
+        for (name, wanted) in [("diffusivity_yy", 0.04), ("diffusivity_zz", 0.01)] {
+            let found = run.number(name).unwrap();
+            assert!((found / wanted - 1.0).abs() < 0.05, "{name}: {found}");
+        }
+        // Too short, too few samples, and samples of an earlier program.
+        let early = &samples[..40];
+        assert_eq!(
+            RunData::of(&params, early, 20).number("diffusivity_yy"),
+            None
+        );
+        assert!(
+            RunData::of(&params, &samples[..41], 20)
+                .number("diffusivity_yy")
+                .is_some()
+        );
+        let few: Vec<_> = samples.iter().copied().step_by(7).collect();
+        assert_eq!(
+            RunData::of(&params, &few, 20).number("diffusivity_yy"),
+            None
+        );
+        for (_, sample) in &mut samples {
+            sample.structure = None;
+        }
+        assert_eq!(
+            RunData::of(&params, &samples, 20).number("diffusivity_yy"),
+            None
+        );
     }
 
     #[test]

@@ -1,8 +1,15 @@
 //! The runs of a point, from which its numbers are made.
 
 use super::run::{PointRun, place_of};
-use super::{Decision, Distribution, Drift, Estimate, relative_half_width};
+use super::steady::{MIN_RUNS, is_significant};
+use super::{Decision, Distribution, Drift, Estimate, Trend, relative_half_width};
 use crate::model::precision::{Precision, Quantity};
+
+/// Changes of order over the kept strain, by name, with the word for what changes.
+const ORDER: [(&str, &str); 2] = [
+    ("layering_drift", "layering"),
+    ("bond_order_drift", "bond orientation"),
+];
 
 /// The runs of a point.
 #[derive(Debug)]
@@ -86,5 +93,32 @@ impl Runs<'_> {
     pub(crate) fn drift(&self) -> Option<Drift> {
         let steady = self.averaged.iter().filter_map(|run| run.steadiness());
         Drift::of(&steady.map(|steady| steady.parts).collect::<Vec<_>>())
+    }
+
+    /// The measures of order that change significantly from the first half of the kept strain to
+    /// the second, with the change.
+    pub(crate) fn changes_of_order(&self) -> Vec<(&'static str, f64)> {
+        let changes = ORDER.into_iter().filter_map(|(name, word)| {
+            let change = self.estimate(name)?;
+            is_significant(&change, self.values(name).len()).then_some((word, change.mean))
+        });
+        changes.collect()
+    }
+
+    /// How they change over the kept strain, if they are known not to be in steady state.
+    pub(crate) fn trend(&self) -> Option<Trend> {
+        let changes = self.changes_of_order();
+        if changes.iter().any(|(_, change)| *change > 0.0) {
+            return Some(Trend::Ordering);
+        }
+        let drifts = |drift: Drift| drift.drifts() || drift.remembers_start();
+        let is_unsteady = !changes.is_empty() || self.drift().is_some_and(drifts);
+        is_unsteady.then_some(Trend::NotSteady)
+    }
+
+    /// 1 if they have this trend and 0 if not; `None` with too few runs to know.
+    pub(super) fn has_trend(&self, trend: Trend) -> Option<f64> {
+        let is_known = self.values("viscosity_variance").len() >= MIN_RUNS;
+        is_known.then(|| f64::from(u8::from(self.trend() == Some(trend))))
     }
 }

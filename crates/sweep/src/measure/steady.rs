@@ -1,5 +1,5 @@
-//! Steadiness of a run: drift between its kept parts, the initial transient to discard, and the
-//! correlation time of the viscosity.
+//! Steadiness of a run: drift of the viscosity and of order between its kept parts, the initial
+//! transient to discard, and the correlation time of the viscosity.
 
 use super::{Estimate, mean, student};
 
@@ -8,7 +8,7 @@ pub(crate) const PARTS: usize = 4;
 /// Significance level of a difference, two-sided 1 %.
 const BEYOND_CHANCE: f64 = 0.995;
 /// Minimum number of runs for a test.
-const MIN_RUNS: usize = 3;
+pub(super) const MIN_RUNS: usize = 3;
 /// Window of the sum of correlations, in correlation times.
 const WINDOW: f64 = 5.0;
 /// Samples of a batch.
@@ -108,6 +108,42 @@ pub(crate) fn mser_5(values: &[f64]) -> Option<(usize, bool)> {
     Some((best * BATCH, best == most))
 }
 
+/// Mean of the second half of some values less that of the first; `None` for fewer than eight.
+pub(super) fn rise(values: &[f64]) -> Option<f64> {
+    let (first, second) = values.split_at(values.len() / 2);
+    let rise = mean(second)? - mean(first)?;
+    (values.len() >= 2 * PARTS && rise.is_finite()).then_some(rise)
+}
+
+/// Whether a mean over runs differs from 0 significantly.
+pub(super) fn is_significant(difference: &Estimate, runs: usize) -> bool {
+    let limit = difference
+        .standard_error
+        .zip(student(runs as f64 - 1.0, BEYOND_CHANCE))
+        .map(|(error, student)| error * student);
+    runs >= MIN_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
+}
+
+/// How the averaged runs of a point change over the kept strain, where they are not in steady
+/// state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Trend {
+    /// The viscosity drifts or remembers the start, or order falls.
+    NotSteady,
+    /// Order rises.
+    Ordering,
+}
+
+impl Trend {
+    /// Its name in tables, figures and on pages.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::NotSteady => "not steady",
+            Self::Ordering => "ordering",
+        }
+    }
+}
+
 /// Whether the runs of a point drift, judged from the same parts of all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drift {
@@ -136,21 +172,13 @@ impl Drift {
 
     /// Whether the halves differ significantly.
     pub(crate) fn drifts(&self) -> bool {
-        self.beyond_chance(&self.halves)
+        is_significant(&self.halves, self.runs)
     }
 
     /// Whether the first quarter differs significantly from the rest: the initial transient
     /// persists.
     pub(crate) fn remembers_start(&self) -> bool {
-        self.beyond_chance(&self.start)
-    }
-
-    fn beyond_chance(&self, difference: &Estimate) -> bool {
-        let limit = difference
-            .standard_error
-            .zip(student(self.runs as f64 - 1.0, BEYOND_CHANCE))
-            .map(|(error, student)| error * student);
-        self.runs >= MIN_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
+        is_significant(&self.start, self.runs)
     }
 }
 

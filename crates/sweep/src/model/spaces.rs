@@ -106,6 +106,27 @@ impl AnySimulation {
         })
     }
 
+    /// Places of the spheres at the start of the run along gradient and vorticity, in a; 0 along the
+    /// vorticity of a layer. For a run that has begun the start is made again.
+    ///
+    /// # Errors
+    /// Those of [`Snapshot::start`].
+    pub(crate) fn places_at_start(
+        &self,
+        params: &Params,
+        seed: u64,
+    ) -> Result<Vec<[f64; 2]>, Error> {
+        let start = match self {
+            _ if self.steps() == 0 => self.snapshot(),
+            Self::Layer(_) => InSpace::Layer(Snapshot::start(params, seed)?),
+            Self::Suspension(_) => InSpace::Suspension(Snapshot::start(params, seed)?),
+        };
+        Ok(match start {
+            InSpace::Layer(of) => of.centres.iter().map(|x| [x[1], 0.0]).collect(),
+            InSpace::Suspension(of) => of.centres.iter().map(|x| [x[1], x[2]]).collect(),
+        })
+    }
+
     /// Steps done.
     pub(crate) fn steps(&self) -> u64 {
         of_either!(self, run => run.steps())

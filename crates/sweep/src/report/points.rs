@@ -9,7 +9,7 @@ use super::steady;
 use super::table::{Columns, measure};
 use super::units::{At, Units};
 use crate::measure::doubt::is_rigid;
-use crate::measure::{Decision, Estimate, PointRun, Runs};
+use crate::measure::{Decision, Estimate, PointRun, Runs, Trend};
 use crate::model::axes::{Axis, Identity, identity};
 use crate::model::campaign::AsWritten;
 use crate::model::case::State;
@@ -78,8 +78,8 @@ pub struct Point {
     pub viscosity: Option<Estimate>,
     /// The requested precision and the state of its rule; `None` for a fixed number of seeds.
     pub rule: Option<(Precision, Decision)>,
-    /// Advice on runs that are not steady.
-    pub advice: Option<String>,
+    /// How its runs change, if they are not in steady state, with advice.
+    pub(crate) trend: Option<(Trend, String)>,
     /// Measured numbers, by column; NaN for missing ones.
     pub(super) measured: Box<[f64]>,
 }
@@ -154,7 +154,7 @@ impl Report {
                 rule,
             };
             points.push(Point {
-                advice: steady::advice(store, runs.drift(), &runs.averaged, &protocol)?,
+                trend: steady::trend(store, &runs, &protocol)?,
                 ..Point::of(&runs)
             });
         }
@@ -342,7 +342,7 @@ impl Point {
             failed,
             viscosity,
             rule: None,
-            advice: None,
+            trend: None,
             measured: Box::default(),
         }
     }
@@ -355,7 +355,7 @@ impl Point {
             failed: runs.number_of(|run| run.state == State::Failed),
             viscosity: runs.estimate("viscosity"),
             rule: runs.rule,
-            advice: None,
+            trend: None,
             measured: measure(runs),
         }
     }

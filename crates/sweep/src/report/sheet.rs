@@ -226,6 +226,16 @@ impl Report {
         SheetColumn::of(view, &data, interval.as_ref(), format).with_unit(column.unit(), data.unit)
     }
 
+    /// A column with the trends of some points, if any of them is not in steady state.
+    pub(super) fn trends<'p>(points: impl Iterator<Item = &'p Point>) -> Option<SheetColumn> {
+        let name = |point: &Point| Some(point.trend.as_ref()?.0.name().to_owned());
+        let column = SheetColumn {
+            is_of_words: true,
+            ..SheetColumn::of_words("trend", 1, points.map(name).collect())
+        };
+        (!column.is_empty()).then_some(column)
+    }
+
     /// Whether it has something to show in a default column.
     fn shows(&self, name: &str) -> bool {
         match name {
@@ -250,12 +260,14 @@ impl Report {
             .iter()
             .map(|axis| SheetColumn::of_axis(axis, self, &points));
         let mut columns: Vec<SheetColumn> = columns.collect();
+        let fixed = columns.len();
+        columns.extend(Self::trends(self.points.iter()));
         let Some(chosen) = &self.columns.0 else {
             for view in OF_POINTS.into_iter().filter(|view| self.shows(view.0)) {
                 let column = Column::named(view.0);
                 columns.extend(column.map(|column| self.view(column, view, shape.format)));
             }
-            return Sheet::new(axes.len(), columns).shaped(shape, width);
+            return Sheet::new(fixed, columns).shaped(shape, width);
         };
         for column in chosen {
             // On the screen by its name as requested, which is explained below.
@@ -268,7 +280,7 @@ impl Report {
                 ..shown
             });
         }
-        Sheet::new(axes.len(), columns)
+        Sheet::new(fixed, columns)
     }
 }
 

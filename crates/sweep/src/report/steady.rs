@@ -1,58 +1,76 @@
-//! Advice for a point whose runs are not steady: suitable values of `discard` or `strain`.
+//! Points whose runs are not in steady state, with advice: suitable values of `discard` or `strain`.
 
 use super::error::ReportError;
-use crate::measure::PointRun;
-use crate::measure::{Drift, Steadiness, mser_5};
+use crate::measure::{Drift, Runs, Steadiness, Trend, mser_5};
 use crate::model::protocol::Protocol;
 use crate::store::Store;
 use crate::text::format::{short, significant};
 
-/// Advice about a point, if its averaged runs drift or remember their start. Their samples are read
-/// only then.
-pub(super) fn advice(
+/// The trend of a point whose averaged runs are not in steady state, with advice. Their samples are
+/// read only then.
+pub(super) fn trend(
     store: &Store,
-    drift: Option<Drift>,
-    averaged: &[&PointRun],
+    runs: &Runs<'_>,
     protocol: &Protocol,
-) -> Result<Option<String>, ReportError> {
-    let Some(drift) = drift.filter(|drift| drift.drifts() || drift.remembers_start()) else {
+) -> Result<Option<(Trend, String)>, ReportError> {
+    let Some(trend) = runs.trend() else {
         return Ok(None);
     };
-    let traces = averaged
+    let traces = runs
+        .averaged
         .iter()
         .map(|run| store.trace(&run.key))
         .collect::<Result<Vec<_>, _>>()?;
     let percent = |part: f64| significant(100.0 * part.abs(), 2);
     let direction = |part: f64| if part > 0.0 { "above" } else { "below" };
-    let found = if drift.drifts() {
+    let mut found: Vec<String> = Vec::new();
+    for (what, change) in runs.changes_of_order() {
+        let verb = if change > 0.0 { "rises" } else { "falls" };
+        let size = significant(change.abs(), 2);
+        found.push(format!(
+            "{what} {verb} by {size} from the first half of the kept strain to the second"
+        ));
+    }
+    let drift = runs.drift();
+    if let Some(drift) = drift.filter(Drift::drifts) {
         let halves = drift.halves.mean;
-        format!(
+        found.push(format!(
             "the mean over the second half of the kept strain is {} % {} that over the first",
             percent(halves),
             direction(halves)
-        )
-    } else {
+        ));
+    } else if let Some(drift) = drift.filter(Drift::remembers_start) {
         let start = drift.start.mean;
-        format!(
+        found.push(format!(
             "the mean over its first quarter is {} % {} that over the rest: the initial transient persists",
             percent(start),
             direction(start)
-        )
+        ));
+    }
+    let remedy = if trend == Trend::Ordering {
+        longer(protocol)
+    } else {
+        remedy(&traces, protocol)
     };
-    Ok(Some(format!("{found}; {}", remedy(&traces, protocol))))
+    Ok(Some((trend, format!("{}; {remedy}", found.join(", and ")))))
 }
 
-/// The remedy suggested by the same runs.
-fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
-    // In terms of the keys of the file: with segments those of the last, which is the one averaged.
-    let (start, of_segment) = match protocol.segments.last() {
+/// The strain of the run at which the averaged segment starts, and its name in terms of the keys of
+/// the file: with segments the last is averaged.
+fn averaged_segment(protocol: &Protocol) -> (f64, String) {
+    match protocol.segments.last() {
         None => (0.0, String::new()),
         Some(last) => {
             let number = protocol.segments.len();
             (last.imposed.start, format!(" of segment {number}"))
         }
-    };
-    let longer = || match protocol.segments.last() {
+    }
+}
+
+/// Advice to make runs longer.
+fn longer(protocol: &Protocol) -> String {
+    let (start, of_segment) = averaged_segment(protocol);
+    match protocol.segments.last() {
         Some(last) if last.imposed.amplitude.is_some() => {
             format!("more cycles{of_segment} are needed")
         }
@@ -60,13 +78,18 @@ fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
             "longer runs are needed, such as strain = {}{of_segment}",
             short(2.0 * (protocol.strain - start), 6)
         ),
-    };
+    }
+}
+
+/// The remedy suggested by the same runs.
+fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
+    let (start, of_segment) = averaged_segment(protocol);
     let length = traces.iter().map(Vec::len).min().unwrap_or(0);
     let series: Vec<f64> = (0..length)
         .map(|n| traces.iter().map(|trace| trace[n].1).sum::<f64>() / traces.len() as f64)
         .collect();
     let Some((left_out, is_limit)) = mser_5(&series) else {
-        return longer();
+        return longer(protocol);
     };
     let strain = traces[0][left_out].0;
     let parts: Vec<_> = traces
@@ -84,7 +107,7 @@ fn remedy(traces: &[Vec<(f64, f64)>], protocol: &Protocol) -> String {
             significant(strain - start, 3)
         );
     }
-    longer()
+    longer(protocol)
 }
 
 #[cfg(test)]

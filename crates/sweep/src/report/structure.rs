@@ -10,12 +10,13 @@ use super::selection::Selection;
 use super::sheet::{Shape, Sheet, View};
 use super::table::axis_table;
 use crate::data::{DataColumn, Kind, Object, Value};
+use crate::measure::numbers::{Level, Number};
 use crate::measure::{Estimate, PointRun};
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::spaces::of_either;
 use crate::store::Store;
-use crate::structure::{Band, NAMED, Network, RunStructure, Structure};
+use crate::structure::{Band, NAMED, Network, Reference, RunStructure, Structure, sampled};
 use crate::text::choices::choices;
 use crate::text::format::{count, counted, short};
 use sd_core::Params;
@@ -47,11 +48,13 @@ choices! {
         NormalForce = "normal-force", "Probability density of normal forces over their mean";
         TangentialForce = "tangential-force", "The same for friction forces";
         ClusterSize = "cluster-size", "Fraction of spheres in clusters of frictional contacts by size";
+        VelocityProfile = "velocity-profile", "Velocity along the flow by height along the gradient";
+        FractionProfile = "fraction-profile", "Local area or volume fraction by height along the gradient";
     }
 }
 
 /// Views of the table.
-const VIEWS: [View<'_>; 12] = [
+const VIEWS: [View<'_>; 18] = [
     ("runs", "runs", 3, 0),
     ("frames", "frames", 3, 4),
     ("coordination", "contacts\nof a sphere", 3, 0),
@@ -64,6 +67,12 @@ const VIEWS: [View<'_>; 12] = [
     ("rattlers", "rattlers", 3, 3),
     ("sticking", "sticking", 3, 3),
     ("fabric_deviator", "fabric\ndeviator", 3, 3),
+    ("layering", "layering", 3, 2),
+    ("psi_6", "Ψ6", 3, 2),
+    ("q_6", "Q6", 3, 2),
+    ("localisation", "locali-\nsation", 3, 3),
+    ("hyperstaticity", "hyper-\nstaticity", 3, 3),
+    ("diffusivity_yy", "D_yy", 3, 3),
 ];
 
 /// A curve of a structure: its name in tables, its names and those of both axes in JSON, and the
@@ -75,15 +84,20 @@ type NamedCurve = (
     fn(&Structure) -> &crate::structure::Curve,
 );
 
-/// All of them. Both weights of the contact angle are one object of JSON.
+/// All of them. Both weights of the contact angle are one object of JSON, and so are velocity and
+/// fraction along an axis.
 #[rustfmt::skip]
-const CURVES: [NamedCurve; 6] = [
+const CURVES: [NamedCurve; 10] = [
     ("g_r", ["g_r", "r", "g"], ["r / a", "g(r)"], |s| &s.radial),
     ("contact_angle", ["contact_angle", "theta", "probability"], ["angle of the normal (rad)", "share of contacts"], |s| &s.contact_angle),
     ("force_angle", ["contact_angle", "theta", "force_weighted"], ["angle of the normal (rad)", "share of normal forces"], |s| &s.force_angle),
     ("normal_force", ["normal_force", "f", "density"], ["normal force over its mean", "probability density"], |s| &s.normal_force),
     ("tangential_force", ["tangential_force", "f", "density"], ["friction force over its mean", "probability density"], |s| &s.tangential_force),
     ("cluster_size", ["cluster_size", "size", "share"], ["spheres of a cluster, at least", "share of spheres"], |s| &s.cluster_size),
+    ("velocity_profile", ["profile", "y", "velocity"], ["y / a", "velocity along the flow / (a rate)"], |s| &s.profile[0]),
+    ("fraction_profile", ["profile", "y", "fraction"], ["y / a", "local fraction"], |s| &s.profile[1]),
+    ("velocity_profile_z", ["profile_z", "z", "velocity"], ["z / a", "velocity along the flow less the linear profile / (a rate)"], |s| &s.profile_z[0]),
+    ("fraction_profile_z", ["profile_z", "z", "fraction"], ["z / a", "local fraction"], |s| &s.profile_z[1]),
 ];
 
 /// Fraction of the bins of a map beyond the upper end of its scale: the contact peak is too high.
@@ -197,7 +211,8 @@ impl StructureReport {
     pub(crate) fn sheet(&self, shape: Shape, width: Option<u16>) -> Sheet {
         let table = self.table();
         let of = (table.as_slice(), VIEWS.as_slice());
-        let sheet = Sheet::of_rows(&self.report, &self.of_points(), Vec::new(), of, shape);
+        let trends = Report::trends(self.of_points()).into_iter().collect();
+        let sheet = Sheet::of_rows(&self.report, &self.of_points(), trends, of, shape);
         sheet.shaped(shape, width)
     }
 
@@ -237,6 +252,12 @@ impl StructureReport {
         for (name, row, column) in [("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)] {
             let of = |s: &Structure| s.fabric.get(row)?.get(column).copied().flatten();
             add(format!("fabric_{name}"), "n n averaged over contacts", &of);
+        }
+        for (place, name) in ["diffusivity_yy", "diffusivity_zz"].into_iter().enumerate() {
+            let number = Number::named(name).and_then(|number| number.meaning(Level::Points));
+            add(name.to_owned(), number.unwrap_or_default(), &|s| {
+                s.diffusivities[place]
+            });
         }
         let meaning = "deviation of the fabric from that of isotropic contacts";
         add("fabric_deviator".to_owned(), meaning, &|s| {
@@ -307,7 +328,7 @@ impl StructureReport {
         let about = [
             (
                 "x",
-                "middle of a bin: r in a, angle in radians, force over its mean, or spheres of a cluster",
+                "middle of a bin: r in a, angle in radians, force over its mean, spheres of a cluster, or height in a",
             ),
             (
                 "angle",
@@ -379,7 +400,10 @@ impl StructureReport {
         // Shares by angle differ by their shape, not by their decades.
         let is_linear = matches!(
             kind,
-            StructureKind::ContactAngle | StructureKind::ForceAngle
+            StructureKind::ContactAngle
+                | StructureKind::ForceAngle
+                | StructureKind::VelocityProfile
+                | StructureKind::FractionProfile
         );
         draw_curves(curves, axes, [is_of_sizes, is_linear], &origin)
     }
@@ -474,6 +498,8 @@ fn of_run(
     if let Err(from) = store.has_frames(&run.key, first)? {
         return Ok(Err(from.map(|step| step as f64 * time_step)));
     }
+    let mut segments = run.params.segments.iter();
+    let has_cross_shear = segments.any(|segment| segment.cross_shear.is_some());
     let mut sums: Option<RunStructure> = None;
     for kept in store.frames(&run.key, 1)? {
         if kept.step < first {
@@ -482,9 +508,19 @@ fn of_run(
         of_either!(&kept.frame, frame => {
             let network = Network::try_from(frame)
                 .map_err(|error| ReportError::Refused(error.to_string()))?;
-            sums.get_or_insert_with(|| RunStructure::new(&network))
-                .add(&network);
+            let reference = Reference {
+                direction: run.params.imposed(kept.step).direction,
+                start: None,
+                has_cross_shear,
+            };
+            let found = sampled(frame, &network, reference);
+            let sums = sums.get_or_insert_with(|| RunStructure::new(&network));
+            sums.add(&network, &found);
+            sums.add_profiles(frame, reference.direction);
         });
+    }
+    if let Some(sums) = &mut sums {
+        sums.diffusivities = ["diffusivity_yy", "diffusivity_zz"].map(|name| run.number(name));
     }
     Ok(Ok(sums))
 }
@@ -511,6 +547,8 @@ fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<
         StructureKind::NormalForce => 3,
         StructureKind::TangentialForce => 4,
         StructureKind::ClusterSize => 5,
+        StructureKind::VelocityProfile => 6,
+        StructureKind::FractionProfile => 7,
     };
     let (_, _, axes, of) = CURVES[place];
     if place == 0 {

@@ -197,7 +197,13 @@ fn notes(report: &Report, columns: &[&'static Axis]) -> Vec<String> {
         .iter()
         .filter_map(|(point, rule)| Some((*point, missed(point, *rule)?)));
     let unsteady = points()
-        .filter_map(|point| Some((point, format!("not steady: {}", point.advice.as_ref()?))));
+        .filter_map(|point| {
+            point
+                .trend
+                .as_ref()
+                .map(|(trend, advice)| (point, trend, advice))
+        })
+        .map(|(point, trend, advice)| (point, format!("{}: {advice}", trend.name())));
     lines.extend(list(report, missed, columns));
     lines.extend(list(report, unsteady, columns));
     // The worst of the points whose spheres overlapped.

@@ -5,7 +5,7 @@ use crate::model::case::{Case, State};
 use crate::model::replay::replay;
 use crate::model::spaces::{AnySimulation, AnySnapshot, of_either};
 use crate::store::{Attempt, Checkpoint, Claim, Finished, NewRows, StoreError, can_be_kept};
-use crate::structure::{Network, observe};
+use crate::structure::{Network, Reference, observe, sampled};
 use crate::system::clock::{Clock, ElapsedTime};
 use sd_core::simulation::Flow;
 use std::time::{Duration, Instant};
@@ -30,6 +30,8 @@ struct Run {
     simulation: Option<AnySimulation>,
     /// The layer before the current step: a panic may leave the simulation in an invalid state.
     before: Option<AnySnapshot>,
+    /// Places at its start along gradient and vorticity, that displacements are relative to.
+    start: Option<Vec<[f64; 2]>>,
     record: Record,
 }
 
@@ -293,6 +295,7 @@ impl Workers<'_> {
         Ok(Ok(Run {
             simulation: Some(simulation),
             before: None,
+            start: None,
             record: Record {
                 rows,
                 before: ElapsedTime {
@@ -323,6 +326,8 @@ impl Workers<'_> {
         let limit = WallLimit::of(self.options.wall_limit, case);
         let steps = self.protocol.with_time_step(case.params.time_step);
         let checkpoint_stride = steps.checkpoint_stride();
+        let segments = &case.params.segments;
+        let has_cross_shear = segments.iter().any(|one| one.cross_shear.is_some());
         let mut kept = Instant::now();
         let mut cost = Duration::ZERO;
         loop {
@@ -337,16 +342,28 @@ impl Workers<'_> {
             }
             let step = simulation.steps();
             run.before = Some(simulation.snapshot());
-            let sampled = step.is_multiple_of(case.sample_stride);
+            let is_sampled = step.is_multiple_of(case.sample_stride);
             let observes = self.protocol.observes_network;
             let films = record.rows.frames_from.is_some();
-            let outcome = if sampled && (films || observes) {
+            let outcome = if is_sampled {
+                if run.start.is_none() {
+                    run.start = match simulation.places_at_start(&case.params, case.seed) {
+                        Ok(places) => Some(places),
+                        Err(error) => return Ok(End::of(error)),
+                    };
+                }
+                let reference = Reference {
+                    direction: case.params.imposed(step).direction,
+                    start: run.start.as_deref(),
+                    has_cross_shear,
+                };
                 simulation.step_with_frame().map(|(mut sample, frame)| {
-                    if observes {
-                        sample.network = of_either!(&frame, frame => {
-                            Network::try_from(frame).ok().map(|network| observe(&network))
-                        });
-                    }
+                    of_either!(&frame, frame => {
+                        if let Ok(network) = Network::try_from(frame) {
+                            sample.structure = Some(sampled(frame, &network, reference));
+                            sample.network = observes.then(|| observe(&network));
+                        }
+                    });
                     if films {
                         record.rows.frames.push((step, frame));
                     }
@@ -363,7 +380,7 @@ impl Workers<'_> {
                 let message = "a measured value is not a number".to_owned();
                 return Ok(End::Failed(message, None));
             }
-            if sampled {
+            if is_sampled {
                 record.rows.add(step, sample);
             }
             self.options

@@ -215,8 +215,8 @@ fn difference_of(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
             (Value::Real(one), Value::Real(two)) => one.to_bits() == two.to_bits(),
             (one, two) => one == two,
         };
-        // One of them may have been computed without observing the network.
-        let unseen = Number::named(name).is_some_and(Number::is_of_network)
+        // One of them may have been computed without observing it.
+        let unseen = Number::named(name).is_some_and(Number::is_observed)
             && [&one, &two].iter().any(|value| is_nothing(value));
         (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
     })

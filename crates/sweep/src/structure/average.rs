@@ -5,9 +5,11 @@ use super::clusters::clusters;
 use super::contacts::{Contacts, contacts, deviator, force_bins};
 use super::network::Network;
 use super::pairs::{ANGLES, Pairs, angle_bins, pairs, radial_bins, radial_bins_with_angle};
+use super::profiles::Profile;
 use super::scalars::{NAMED, SCALARS, scalars};
 use crate::measure::Estimate;
 use sd_core::Space;
+use sd_core::simulation::{Frame, StructureSample};
 
 /// Distance below contact of the smallest spheres at which g(r, θ) begins, in a: spheres of soft
 /// contacts overlap.
@@ -30,6 +32,10 @@ pub(crate) struct RunStructure {
     sizes: Vec<f64>,
     /// Sums of the numbers, and the number of frames that have each.
     scalars: [(f64, u64); SCALARS],
+    /// Along the gradient, and in a suspension along the vorticity.
+    profiles: Vec<Profile>,
+    /// D_yy and D_zz of the run, in a²·rate.
+    pub diffusivities: [Option<f64>; 2],
 }
 
 impl RunStructure {
@@ -55,13 +61,28 @@ impl RunStructure {
             },
             sizes: vec![0.0; SIZES],
             scalars: [(0.0, 0); SCALARS],
+            profiles: Vec::new(),
+            diffusivities: [None; 2],
             radial_bins,
             with_angle_bins,
         }
     }
 
-    /// Adds a frame.
-    pub(crate) fn add<S: Space>(&mut self, network: &Network<S>) {
+    /// Adds the profiles of a frame; `direction` is the sense of its shear.
+    pub(crate) fn add_profiles<S: Space>(&mut self, frame: &Frame<S>, direction: f64) {
+        if self.profiles.is_empty() {
+            let axes = 1..S::DIMENSIONS;
+            self.profiles = axes
+                .map(|axis| Profile::new::<S>(axis, frame.side))
+                .collect();
+        }
+        for profile in &mut self.profiles {
+            profile.add(frame, direction);
+        }
+    }
+
+    /// Adds the network and the sampled numbers of a frame.
+    pub(crate) fn add<S: Space>(&mut self, network: &Network<S>, sampled: &StructureSample) {
         self.frames += 1;
         let found = pairs(network);
         add(&mut self.pairs.radial, &found.radial);
@@ -80,7 +101,7 @@ impl RunStructure {
             let place = size.max(1).ilog2() as usize;
             self.sizes[place.min(SIZES - 1)] += size as f64 / n;
         }
-        for ((sum, number), found) in self.scalars.iter_mut().zip(scalars(network)) {
+        for ((sum, number), found) in self.scalars.iter_mut().zip(scalars(network, sampled)) {
             if !found.is_nan() {
                 *sum += found;
                 *number += 1;
@@ -155,6 +176,14 @@ pub(crate) struct Structure {
     pub tangential_force: Curve,
     /// Fraction of spheres in clusters of frictional contacts by size.
     pub cluster_size: Curve,
+    /// Velocity along the flow, in a·rate, and fraction of the spheres, by height along the
+    /// gradient, in a.
+    pub profile: [Curve; 2],
+    /// Velocity along the flow less that of the linear profile, and fraction, along the vorticity;
+    /// empty for a layer.
+    pub profile_z: [Curve; 2],
+    /// Diffusivities D_yy and D_zz, in a²·rate.
+    pub diffusivities: [Option<Band>; 2],
 }
 
 impl Structure {
@@ -190,6 +219,24 @@ impl Structure {
             .with_angle_bins
             .place(2.0 * smallest - OVERLAP + 1e-9)
             .unwrap_or(0);
+        let profile = |place: usize, of: fn(&Profile) -> Vec<f64>| {
+            let each = |run: &&RunStructure| run.profiles.get(place).map(of);
+            let first = first.profiles.get(place);
+            Curve {
+                x: first.map(Profile::middles).unwrap_or_default(),
+                y: bands(&runs.iter().map(each).collect::<Vec<_>>()),
+            }
+        };
+        let profiles = |place| {
+            [
+                profile(place, Profile::velocity),
+                profile(place, Profile::fraction),
+            ]
+        };
+        let diffusivities = [0, 1].map(|axis| {
+            let each = runs.iter().filter_map(|run| run.diffusivities[axis]);
+            Band::of(&each.collect::<Vec<_>>())
+        });
         let scalars = (0..NAMED.len()).map(|place| {
             let of_run = |run: &&RunStructure| {
                 let (sum, number) = run.scalars[place];
@@ -241,6 +288,9 @@ impl Structure {
                 x: (0..SIZES).map(|k| (1_u64 << k) as f64).collect(),
                 y: per_frame(|run| &run.sizes),
             },
+            profile: profiles(0),
+            profile_z: profiles(1),
+            diffusivities,
         })
     }
 

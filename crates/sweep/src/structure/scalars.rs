@@ -6,7 +6,7 @@ use super::network::Network;
 use super::pebble::PebbleGame;
 use crate::measure::numbers::{Level, Number};
 use sd_core::contact::ContactState;
-use sd_core::simulation::NetworkSample;
+use sd_core::simulation::{NetworkSample, StructureSample};
 use sd_core::{Layer, Space};
 
 /// Minimum contacts of a sphere that is not a rattler: with friction, two.
@@ -34,7 +34,7 @@ const fn scalar(name: &'static str, meaning: &'static str) -> Scalar {
 }
 
 /// Number of entries.
-pub(crate) const SCALARS: usize = 14;
+pub(crate) const SCALARS: usize = 21;
 
 /// All of them, in the order of [`scalars`].
 #[rustfmt::skip]
@@ -53,6 +53,13 @@ pub(crate) static NAMED: [Scalar; SCALARS] = [
     scalar("rigid_fraction", "fraction of spheres of a layer in rigid clusters of at least three spheres, by the frictional pebble game"),
     scalar("largest_rigid_cluster", "fraction of spheres of a layer in the largest of these"),
     scalar("redundant_constraints", "fraction of constraints of a layer that others of them imply"),
+    scalar("hyperstaticity", ""),
+    scalar("layering", ""),
+    scalar("psi_6", ""),
+    scalar("q_6", ""),
+    scalar("localisation", ""),
+    scalar("concentration_y", ""),
+    scalar("concentration_z", ""),
 ];
 
 /// The numbers of a network that a run may sample, which are cheap.
@@ -71,8 +78,8 @@ pub(crate) fn observe<S: Space>(network: &Network<S>) -> NetworkSample {
     }
 }
 
-/// The numbers of a network, in the order of [`NAMED`]; NaN where undefined.
-pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
+/// The numbers of a network and of its spheres, in the order of [`NAMED`]; NaN where undefined.
+pub(crate) fn scalars<S: Space>(network: &Network<S>, sampled: &StructureSample) -> [f64; SCALARS] {
     let n = network.spheres().max(1) as f64;
     let links = network.links.len() as f64;
     let is_held = core(network, network.links.iter(), HELD);
@@ -112,6 +119,13 @@ pub(crate) fn scalars<S: Space>(network: &Network<S>) -> [f64; SCALARS] {
         rigid,
         largest,
         redundant,
+        sampled.hyperstaticity,
+        sampled.layering,
+        sampled.psi_6,
+        sampled.q_6,
+        sampled.localisation,
+        sampled.concentration_y,
+        sampled.concentration_z,
     ]
 }
 

@@ -5,6 +5,7 @@ use super::*;
 use rand::{RngExt as _, SeedableRng as _};
 use sd_core::cell::Cell;
 use sd_core::contact::ContactState;
+use sd_core::simulation::StructureSample;
 use sd_core::{Bulk, Layer, Space};
 use std::f64::consts::PI;
 
@@ -49,8 +50,8 @@ fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
 
 fn of<S: Space>(network: &Network<S>) -> Structure {
     let mut run = RunStructure::new(network);
-    run.add(network);
-    run.add(network);
+    run.add(network, &StructureSample::NONE);
+    run.add(network, &StructureSample::NONE);
     Structure::of(&[run.clone(), run]).unwrap()
 }
 
@@ -186,7 +187,7 @@ fn a_random_gas_has_no_structure() {
                 .collect();
             let gas = Network::<Layer>::new(cell, centres, vec![1.0; 200], []);
             let mut run = RunStructure::new(&gas);
-            run.add(&gas);
+            run.add(&gas, &StructureSample::NONE);
             run
         })
         .collect();

@@ -45,6 +45,52 @@ pub struct Sample {
     /// Numbers of the contact network, set by an observer of the frame; `None` after a step.
     #[serde(default)]
     pub network: Option<NetworkSample>,
+    /// Order, motion and constraints of the spheres, set by an observer of the frame; `None` after
+    /// a step.
+    #[serde(default)]
+    pub structure: Option<StructureSample>,
+}
+
+/// Order, motion and constraints of the spheres at one instant; NaN where a number has no meaning.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StructureSample {
+    /// Largest `|Σ_j exp(2πi m y_j/L)|/N` over the whole numbers m from 2 to L/a: 1 for lanes along
+    /// the flow at equal distances, some 2/√N at random.
+    pub layering: f64,
+    /// Bond orientation Ψ₆ of a layer: 1 for a hexagonal lattice.
+    pub psi_6: f64,
+    /// Bond orientation Q₆ of a suspension (Steinhardt): 0.57452 for an fcc lattice.
+    pub q_6: f64,
+    /// Amplitude of the first harmonic of the local shear rate along the gradient, over the rate: 0
+    /// for a linear profile.
+    pub localisation: f64,
+    /// Amplitude of the first harmonic of the number density along the gradient, over its mean.
+    pub concentration_y: f64,
+    /// The amplitude along the vorticity of a suspension.
+    pub concentration_z: f64,
+    /// Mean square displacement along the gradient since the start of the run, in a².
+    pub displacement_yy: f64,
+    /// Mean square displacement along the vorticity of a suspension since the start of the run, in
+    /// a².
+    pub displacement_zz: f64,
+    /// Constraints of the loaded contacts less degrees of freedom of the spheres that have such
+    /// contacts, over the number of these spheres.
+    pub hyperstaticity: f64,
+}
+
+impl StructureSample {
+    /// All numbers NaN.
+    pub const NONE: Self = Self {
+        layering: f64::NAN,
+        psi_6: f64::NAN,
+        q_6: f64::NAN,
+        localisation: f64::NAN,
+        concentration_y: f64::NAN,
+        concentration_z: f64::NAN,
+        displacement_yy: f64::NAN,
+        displacement_zz: f64::NAN,
+        hyperstaticity: f64::NAN,
+    };
 }
 
 /// Numbers of the contact network at one instant.

@@ -109,6 +109,7 @@ impl<S: Starts> Simulation<S> {
             minimum_gap: record.gap,
             counters: self.counters,
             network: None,
+            structure: None,
         });
     }
 

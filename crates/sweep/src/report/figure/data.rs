@@ -5,7 +5,7 @@ use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
 use super::{Drawing, Kind, Quantity, Trace, diagram, refused};
 use crate::data::Tag;
-use crate::measure::Estimate;
+use crate::measure::{Estimate, Trend};
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::error::ReportError;
@@ -77,6 +77,8 @@ pub(super) fn figure_data(
         data.arrange(drawing.kind)?;
     }
     source.note_doubtful(&mut data, drawing.kind);
+    let trends = trends(&data);
+    data.curves.extend(trends);
     let crosses = source.jammed(drawing.kind, &data);
     data.curves.extend(crosses);
     Ok(data)
@@ -415,6 +417,10 @@ impl<'r> FigureSource<'r> {
             let value = value(point).filter(|[number, ..]| number.is_finite());
             let [number, down, up] = value.unwrap_or([f64::NAN, 0.0, 0.0]);
             curve.points.push((x, number, down, up));
+            let trend = point.trend.as_ref().filter(|_| value.is_some());
+            curve
+                .trends
+                .extend(trend.map(|(trend, _)| (*trend, [x, number])));
             // One error has one bar: that of a viscosity is drawn along the vertical axis.
             if value.is_some() && down == 0.0 && up == 0.0 {
                 let ends = self.rates(point);
@@ -629,6 +635,26 @@ impl<'r> FigureSource<'r> {
         }
         crosses
     }
+}
+
+/// Marks around the points whose runs are not in steady state.
+fn trends(data: &Figure) -> Vec<Curve> {
+    let mut marks: Vec<Curve> = Vec::new();
+    for curve in &data.curves {
+        for (trend, [x, y]) in &curve.trends {
+            let (spot, kind) = ((*x, *y, 0.0, 0.0), CurveKind::Trend(*trend));
+            let mut known = marks.iter_mut();
+            match known.find(|known| known.panel == curve.panel && known.kind == kind) {
+                Some(known) => known.points.push(spot),
+                None => {
+                    let label = Label::from(trend.name());
+                    marks.push(Curve::new(label, vec![spot], kind, curve.panel));
+                }
+            }
+        }
+    }
+    marks.sort_by_key(|curve| (curve.panel, curve.kind == CurveKind::Trend(Trend::Ordering)));
+    marks
 }
 
 /// Default axis of a figure: the first that varies.

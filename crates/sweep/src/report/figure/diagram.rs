@@ -140,6 +140,8 @@ impl FigureSource<'_> {
                 if let Some(place) = place.filter(|_| height > 0.0 && height.is_finite()) {
                     let x = self.place(self.value(point));
                     states[place].points.push((x, height, 0.0, 0.0));
+                    let trend = point.trend.as_ref().map(|(trend, _)| (*trend, [x, height]));
+                    states[place].trends.extend(trend);
                 }
             }
         }

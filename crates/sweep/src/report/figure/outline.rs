@@ -5,7 +5,7 @@
 use super::palette::{COLOURS, Colour, MARKERS, Marker};
 use super::scale::{LogAxis, Scale, extent};
 use super::svg::PER_MM;
-use crate::measure::Estimate;
+use crate::measure::{Estimate, Trend};
 use crate::report::labels::Label;
 use serde::Serialize;
 
@@ -86,6 +86,8 @@ pub(in crate::report) enum CurveKind {
     Points,
     /// Unconnected crosses.
     Crosses,
+    /// Marks around points of other curves that have this trend.
+    Trend(Trend),
 }
 
 /// One curve.
@@ -131,6 +133,9 @@ pub(in crate::report) struct Curve {
     /// Number of runs averaged by a line in time.
     #[serde(skip)]
     pub(super) runs: usize,
+    /// Points whose runs are not in steady state: position and value.
+    #[serde(skip)]
+    pub(super) trends: Vec<(Trend, [f64; 2])>,
 }
 
 impl Outline {
@@ -372,17 +377,20 @@ impl Curve {
         // In time there are too many points for bars.
         self.has_band = self.has_intervals && is_line;
         self.colour = match (self.kind, ordered) {
-            (CurveKind::Crosses, _) => Colour::INK,
+            (CurveKind::Crosses | CurveKind::Trend(_), _) => Colour::INK,
             (_, 0) => COLOURS[self.index % COLOURS.len()],
             (_, number) => Colour::ordered(self.index, number),
         };
         self.marker = match self.kind {
             CurveKind::Markers | CurveKind::Points => Some(MARKERS[self.index % MARKERS.len()]),
             CurveKind::Crosses => Some(Marker::Cross),
+            CurveKind::Trend(Trend::NotSteady) => Some(Marker::Ring),
+            CurveKind::Trend(Trend::Ordering) => Some(Marker::Frame),
             CurveKind::Line => None,
         };
-        self.marker_size = MARKER_SIZE;
-        self.width = if is_line {
+        let is_mark = matches!(self.kind, CurveKind::Trend(_));
+        self.marker_size = if is_mark { 1.8 } else { 1.0 } * MARKER_SIZE;
+        self.width = if is_line || is_mark {
             0.7 * LINE_WIDTH
         } else {
             LINE_WIDTH

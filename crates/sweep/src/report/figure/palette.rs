@@ -154,6 +154,10 @@ pub(crate) enum Marker {
     HollowDiamond,
     /// Two diagonals.
     Cross,
+    /// A circle around another marker.
+    Ring,
+    /// A square around another marker.
+    Frame,
     /// A vertical line, which marks a position on the axis and no point of a curve.
     Bar,
 }

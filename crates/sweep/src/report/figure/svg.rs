@@ -126,6 +126,15 @@ impl SvgWriter {
             Marker::Circle | Marker::HollowCircle => {
                 return self.disc([x, y], radius, fill, Some(stroke));
             }
+            Marker::Ring => {
+                let [x, y, radius] = [x, y, radius].map(rounded);
+                let shape = format!("circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"");
+                return self.element(&shape, None, Some(stroke));
+            }
+            Marker::Frame => {
+                let ends = [[x - radius, y - radius], [x + radius, y + radius]];
+                return self.path(&path(corners(ends), true), None, Some(stroke));
+            }
             Marker::Cross => {
                 let ends = [[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]];
                 let [a, b] = [&ends[..2], &ends[2..]].map(|ends| path(places(ends), false));

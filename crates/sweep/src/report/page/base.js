@@ -139,7 +139,9 @@ function walkable(svg, group, text, at, width, choose_it) {
   svg.append(group);
 }
 /* Summary of the runs of a point. */
-const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}`;
+/* What the runs of a point do where they are not in steady state. */
+const trend_of = p => p.ordering ? 'ordering' : p.not_steady ? 'not steady' : '';
+const of_runs = p => `${p.seeds} runs${p.jammed ? `, ${p.jammed} jammed` : ''}${p.failed ? `, ${p.failed} failed` : ''}${p.doubtful ? `, ${p.doubtful} doubtful` : ''}${trend_of(p) && `, ${trend_of(p)}`}`;
 /* A value on an axis with as few digits as distinguish it from the others, and with its unit if converted. */
 const value_of = (axis, v) => AXIS[axis].names[v] ?? (typeof v === 'number' ? String(+v.toPrecision(AXIS[axis].digits)) : show(v));
 const value_in = (axis, v) => value_of(axis, v) + (AXIS[axis].unit && typeof v === 'number' && v !== 0 ? ' ' + AXIS[axis].unit : '');

@@ -80,7 +80,7 @@ function plot_curves(view) {
   const shown = list.filter(curve => !hidden.has(curve.key) && curve.points.some(is_number));
   const all = shown.flatMap(curve => curve.points).filter(is_number);
   const points = all.filter(p => !log || p.y > 0);
-  shown_table = { head: ['curve', AXIS[along].key, label, 'half-width of 95 % interval'], rows: shown.flatMap(c => c.points.filter(is_number).map(p => [c.label, p.x, p.y, p.half])) };
+  shown_table = { head: ['curve', AXIS[along].key, label, 'half-width of 95 % interval', 'trend'], rows: shown.flatMap(c => c.points.filter(is_number).map(p => [c.label, p.x, p.y, p.half, trend_of(p.point)])) };
   if (log && points.length < all.length) $('remark').textContent = `${all.length - points.length} of ${all.length} values are 0 or negative and cannot be shown on a logarithmic axis.`;
   if (!points.length) {
     nothing(svg, all.length ? 'no positive values: switch off the logarithmic axis' : data.points.length ? 'no results yet' : 'this campaign has no points');
@@ -143,10 +143,12 @@ function plot_curves(view) {
         const upper = Y(p.y + p.half), lower = Y(low(p));
         group.append(draw('path', { d: `M${cx} ${upper}V${lower}M${cx - 4} ${upper}h8M${cx - 4} ${lower}h8`, fill: 'none', style: `stroke:${curve.colour}`, 'stroke-width': 1.5 }));
       }
+      if (p.point.ordering) group.append(draw('rect', { class: 'trend', x: cx - 8, y: cy - 8, width: 16, height: 16 }));
+      else if (p.point.not_steady) group.append(draw('circle', { class: 'trend', cx, cy, r: 8 }));
       group.append(marker(curve.n, cx, cy, 4.5, curve.colour), draw('circle', { class: 'halo', cx, cy, r: 11 }));
       const text = `${curve.label}\n${AXIS[along].symbol} = ${value_in(along, p.x)}\n${label} ${with_half(p.y, p.half)}\n${of_runs(p.point)}`;
       walkable(svg, group, text, [cx, cy], width, () => choose(p.index));
     }
   }
-  $('note').textContent = `Means over runs with 95 % intervals. Γ = 0 and Γ = ∞ are drawn at the edges.${lost ? ' A cross on the axis marks a point without a result.' : ''} Select a point to see its runs.`;
+  $('note').textContent = `Means over runs with 95 % intervals. Γ = 0 and Γ = ∞ are drawn at the edges.${lost ? ' A cross on the axis marks a point without a result.' : ''}${points.some(p => p.point.not_steady) ? ' A ring marks a point that is not steady.' : ''}${points.some(p => p.point.ordering) ? ' A square marks a point whose spheres are ordering.' : ''} Select a point to see its runs.`;
 }

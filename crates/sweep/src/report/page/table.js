@@ -7,10 +7,11 @@ function columns() {
   const of_quantity = q => [q, QUANTITIES[q], p => with_half(p[q], p[q + '_ci95'] ?? null)];
   const first = (axes.length ? axes : [fraction(), 'shear_rate']).map(of_axis);
   const counts = ['seeds', 'jammed', 'failed', 'doubtful'].map(k => [k, k === 'seeds' ? 'runs' : k, p => p[k]]);
+  const trend = ['trend', 'trend', trend_of];
   const rest = Object.keys(QUANTITIES).filter(q => q !== 'viscosity').map(of_quantity);
   const others = AXES.filter(a => !first.some(f => f[0] === a)).map(of_axis);
-  const usual = new Set([...first.map(f => f[0]), 'viscosity', 'seeds', ...(c.jammed ? ['jammed'] : []), ...(c.failed ? ['failed'] : []), ...(data.doubtful ? ['doubtful'] : []), 'viscosity_median', 'normal_stress_difference', 'contacts_per_sphere']);
-  return { all: [...first, of_quantity('viscosity'), ...counts, ...rest, ...others], usual };
+  const usual = new Set([...first.map(f => f[0]), 'viscosity', 'seeds', ...(c.jammed ? ['jammed'] : []), ...(c.failed ? ['failed'] : []), ...(data.doubtful ? ['doubtful'] : []), ...(data.points.some(trend_of) ? ['trend'] : []), 'viscosity_median', 'normal_stress_difference', 'contacts_per_sphere']);
+  return { all: [...first, of_quantity('viscosity'), trend, ...counts, ...rest, ...others], usual };
 }
 let picked = null;
 function table() {

@@ -83,6 +83,7 @@ function plot_map() {
       const over = value !== null && part(value) > .55 ? '#111' : value === null ? 'var(--ink)' : '#fff';
       if (point.jammed) group.append(draw('path', { class: 'jammed', d: 'M-1-1L1 1M-1 1L1-1', transform: `translate(${cx - (point.failed ? size : 0)} ${cy}) scale(${size * .6})`, style: `stroke:${over};stroke-width:${3 / size}` }));
       if (point.failed) group.append(draw('text', { class: 'failed', x: cx + (point.jammed ? size : 0), y: cy + size * .7, 'text-anchor': 'middle', style: `fill:${over};font-size:${2 * size}px;font-weight:bold` }, '!'));
+      if (trend_of(point)) group.append(draw('text', { class: 'trend', x: cx, y: cy + size * 1.8, 'text-anchor': 'middle', style: `fill:${over};font-size:${1.4 * size}px` }, trend_of(point)));
       const flow = data.flows[index];
       if (flow === 'discontinuous') group.append(draw('text', { class: 'discontinuous', x: cx, y: cy - size * .8, 'text-anchor': 'middle', style: `fill:${over};font-size:${1.6 * size}px` }, 'D'));
       group.append(draw('rect', { class: 'halo', x: cx - wide / 2 + 2, y: cy - deep / 2 + 2, width: wide - 4, height: deep - 4 }));
