@@ -29,7 +29,7 @@ from .place import RESULTS, Wrong
 from .steady import is_said, trend
 
 _SENTENCE = re.compile(r"(\n\n+|\n(?=[-|#])|(?<=\.)\s+(?=[^\W\d_a-z]|\*\*))")
-_MARKER = re.compile(r"(-?\d[\d.]*(?:e-?\d+)?(?: %)?)?<!-- (value|claim): ([^>]*?) -->")
+_MARKER = re.compile(r"(-?\d[\d.]*(?:e-?\d+)?(?: %)?)?<!--\s+(value|claim):\s+([^>]*?)\s+-->")
 _FORMS = {
     "number": lambda a, b: a,
     "rounded": lambda a, b: a,

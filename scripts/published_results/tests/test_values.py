@@ -29,6 +29,7 @@ def values(tmp_path):
     "sentence",
     [
         "It rises 1.4<!-- value: rise --> times, by 40 %<!-- value: more -->.",
+        "It rises 1.4<!--\nvalue: rise --> times, by 40 %<!-- value:\nmore -->.",
         "From 7<!-- value: rest --> on 62 %<!-- value: rolling --> roll.",
         "It rises<!-- claim: 1.2 < rise, rise < 1.5 -->, and not by much<!-- claim: more < 50 -->.",
     ],
@@ -49,6 +50,7 @@ def test_numbers_are_written_and_their_sentences_named(values):
         ("Flat<!-- claim: 0.97 < rise < 1.03 -->.", "0.97 < rise < 1.03: does not hold: Flat."),
         ("Falls by 4 %<!-- value: fewer -->.", "wrong direction"),
         ("It is 3<!-- value: jammed -->.", "where one is needed"),
+        ("It is 3<!--\nvalue: jammed -->.", "where one is needed"),
         ("It is 3<!-- value: several -->.", "has 2 rows"),
         ("It is 3<!-- value: other -->.", "does not name it"),
         ("It is so,\n<!-- claim: 1 < rise --> it is.", "begins this line"),

@@ -219,20 +219,6 @@ impl Structure {
             .with_angle_bins
             .place(2.0 * smallest - OVERLAP + 1e-9)
             .unwrap_or(0);
-        let profile = |place: usize, of: fn(&Profile) -> Vec<f64>| {
-            let each = |run: &&RunStructure| run.profiles.get(place).map(of);
-            let first = first.profiles.get(place);
-            Curve {
-                x: first.map(Profile::middles).unwrap_or_default(),
-                y: bands(&runs.iter().map(each).collect::<Vec<_>>()),
-            }
-        };
-        let profiles = |place| {
-            [
-                profile(place, Profile::velocity),
-                profile(place, Profile::fraction),
-            ]
-        };
         let diffusivities = [0, 1].map(|axis| {
             let each = runs.iter().filter_map(|run| run.diffusivities[axis]);
             Band::of(&each.collect::<Vec<_>>())
@@ -288,8 +274,8 @@ impl Structure {
                 x: (0..SIZES).map(|k| (1_u64 << k) as f64).collect(),
                 y: per_frame(|run| &run.sizes),
             },
-            profile: profiles(0),
-            profile_z: profiles(1),
+            profile: profiles(&runs, 0),
+            profile_z: profiles(&runs, 1),
             diffusivities,
         })
     }
@@ -300,6 +286,19 @@ impl Structure {
         let place = NAMED.iter().position(|scalar| scalar.name == name)?;
         self.scalars[place]
     }
+}
+
+/// Velocity and fraction along the axis of a profile; empty where there is none.
+fn profiles(runs: &[&RunStructure], place: usize) -> [Curve; 2] {
+    let of: [fn(&Profile) -> Vec<f64>; 2] = [Profile::velocity, Profile::fraction];
+    let first = runs.first().and_then(|run| run.profiles.get(place));
+    of.map(|of| {
+        let each = |run: &&RunStructure| run.profiles.get(place).map(of);
+        Curve {
+            x: first.map(Profile::middles).unwrap_or_default(),
+            y: bands(&runs.iter().map(each).collect::<Vec<_>>()),
+        }
+    })
 }
 
 fn scaled(sums: &[f64], factor: f64) -> Vec<f64> {

@@ -43,6 +43,36 @@ fn numbers_and_curves_agree_with_the_frames_and_with_each_other() {
             (frictional - activated).abs() < 1e-9,
             "{frictional} {activated}"
         );
+        for name in [
+            "layering",
+            "psi_6",
+            "localisation",
+            "concentration_y",
+            "hyperstaticity",
+        ] {
+            let sampled = averaged[name].as_f64().unwrap();
+            // Frames hold numbers of single precision.
+            let error = (of(name) - sampled).abs();
+            assert!(error < 1e-5, "{name}: {sampled}, and an error of {error:e}");
+        }
+        assert!(point["q_6"].is_null() && averaged["q_6"].is_null());
+        // Too short for a diffusivity, and no profile along the vorticity of a layer.
+        assert!(point["diffusivity_yy"].is_null() && averaged["diffusivity_yy"].is_null());
+        assert_eq!(point["profile_z"]["z"], serde_json::json!([]));
+        let of_rows = |name: &str| -> Vec<f64> {
+            let rows = point["profile"][name].as_array().unwrap().iter();
+            rows.filter_map(serde_json::Value::as_f64).collect()
+        };
+        let fractions = of_rows("fraction");
+        let mean = fractions.iter().sum::<f64>() / fractions.len() as f64;
+        assert!(
+            fractions.len() == 20 && (mean - 0.7).abs() < 1e-6,
+            "{fractions:?}"
+        );
+        // The mean velocity profile is that of the shear, but for fluctuations.
+        let deviations = of_rows("velocity").into_iter().zip(of_rows("y"));
+        let deviations: Vec<f64> = deviations.map(|(u, y)| u - y).collect();
+        assert!(deviations.len() == 20 && deviations.iter().all(|u| u.abs() < 1.0));
         for (name, weight) in [("probability", 1.0), ("force_weighted", 1.0)] {
             let shares = point["contact_angle"][name].as_array().unwrap();
             let sum: f64 = shares.iter().map(|share| share.as_f64().unwrap()).sum();

@@ -644,12 +644,12 @@ fn trends(data: &Figure) -> Vec<Curve> {
         for (trend, [x, y]) in &curve.trends {
             let (spot, kind) = ((*x, *y, 0.0, 0.0), CurveKind::Trend(*trend));
             let mut known = marks.iter_mut();
-            match known.find(|known| known.panel == curve.panel && known.kind == kind) {
-                Some(known) => known.points.push(spot),
-                None => {
-                    let label = Label::from(trend.name());
-                    marks.push(Curve::new(label, vec![spot], kind, curve.panel));
-                }
+            let known = known.find(|known| known.panel == curve.panel && known.kind == kind);
+            if let Some(known) = known {
+                known.points.push(spot);
+            } else {
+                let label = Label::from(trend.name());
+                marks.push(Curve::new(label, vec![spot], kind, curve.panel));
             }
         }
     }

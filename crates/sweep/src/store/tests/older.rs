@@ -10,7 +10,12 @@ fn forget(path: &Path) {
          CREATE VIEW axes AS SELECT id, json_extract(axes, '$.friction') AS friction FROM points;
          CREATE VIEW runs AS SELECT c.key, c.state, a.friction, c.seed FROM cases c JOIN axes a ON a.id = c.point";
     let forgotten = "ALTER TABLE samples DROP COLUMN core_fraction;
+         ALTER TABLE samples DROP COLUMN layering;
+         ALTER TABLE samples DROP COLUMN displacement_yy;
          ALTER TABLE results DROP COLUMN core_fraction;
+         ALTER TABLE results DROP COLUMN layering;
+         ALTER TABLE results DROP COLUMN viscous_number;
+         ALTER TABLE results DROP COLUMN diffusivity_yy;
          UPDATE points SET axes = json_remove(axes, '$.direction')";
     connection.execute_batch(views).unwrap();
     connection.execute_batch(forgotten).unwrap();
@@ -46,7 +51,14 @@ fn an_older_store_is_read_with_empty_numbers_and_not_changed() {
     let runs = store.point_runs().unwrap();
     let done = runs.iter().find(|run| run.state == State::Done).unwrap();
     assert!(done.number("viscosity").is_some());
-    assert_eq!(done.number("core_fraction"), None);
+    for name in [
+        "core_fraction",
+        "layering",
+        "viscous_number",
+        "diffusivity_yy",
+    ] {
+        assert_eq!(done.number(name), None, "{name}");
+    }
     assert_eq!(
         store.samples(&done.key).unwrap(),
         finished(State::Done).rows.samples
