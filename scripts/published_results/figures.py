@@ -9,6 +9,7 @@ import pandas as pd
 
 from . import jamming, lattices
 from .place import RESULTS
+from .steady import trend
 from .thickening import LAYERS, SUSPENSIONS
 from .units import PublishedUnits
 
@@ -69,6 +70,16 @@ def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=T
         plt.close(figure)
 
 
+def _mark(ax, points, x, y):
+    """Marks points whose runs are not in steady state, as the figures of `sweep` do."""
+    trends = [trend(row, "viscosity") for row in points.to_dict("records")]
+    for name, marker in {"not steady": "o", "ordering": "s"}.items():
+        is_so = np.array([found == name for found in trends], dtype=bool)
+        style = {"marker": marker, "markersize": 8, "markerfacecolor": "none", "markeredgecolor": "#1a1a1a", "markeredgewidth": 0.6}
+        if is_so.any():
+            ax.plot(np.asarray(x)[is_so], np.asarray(y)[is_so], linestyle="", label=name, **style)
+
+
 def _thickening(design, x):
     """Rises of the viscosity against a fraction, a panel for each friction."""
     effects = pd.read_csv(RESULTS / design.effects)
@@ -80,6 +91,7 @@ def _thickening(design, x):
             if len(points):
                 style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 1, "capsize": 2, "label": label}
                 ax.errorbar(points[design.fraction], points["factor"], points["factor_ci95"], **style)
+                _mark(ax, points, points[design.fraction], points["factor"])
         ticks = 2 ** np.arange(math.ceil(math.log2(effects["factor"].max())) + 1)
         ax.set_yticks(ticks, ticks)
         ax.yaxis.minorticks_off()
@@ -124,6 +136,7 @@ def beside():
             if len(points):
                 style = {"color": colour, "marker": marker, "markersize": 3, "linewidth": 1, "label": label}
                 ax.plot(points["published_stress"], points["published_viscosity"], **style)
+                _mark(ax, points, points["published_stress"], points["published_viscosity"])
 
     panels = {f"c = {c:g}": c for c in sorted(ours["area_fraction"].unique())}
     _write("published-2d-beside.svg", files, panels, draw, "their stress 6π σ'", "their viscosity η'", scale="log")
@@ -169,6 +182,7 @@ def plateaus():
             shown, fit = (table.query(f"friction == {friction} and {wanted}") for table in [points, fits])
             style = {"color": colour, "marker": marker, "markersize": 4, "linestyle": "", "capsize": 2, "label": label}
             ax.errorbar(shown["volume_fraction"], shown["viscosity"], shown["viscosity_ci95"], **style)
+            _mark(ax, shown, shown["volume_fraction"], shown["viscosity"])
             for _, row in fit.iterrows():
                 phi = np.linspace(shown["volume_fraction"].min(), shown["volume_fraction"].max(), 60)
                 ax.plot(phi, jamming.viscosity(phi, row["alpha"], row["phi_j"]), color=colour, linewidth=0.8)
@@ -184,8 +198,7 @@ def plateaus():
 def _network(name, along, x, groups):
     """The viscosity over its lowest value and the largest frictional cluster, a row a group."""
     file = f"{name}.csv"
-    columns = ["contact", "area_fraction", along, "viscosity", "largest_cluster"]
-    points = pd.read_csv(RESULTS / file, usecols=columns).dropna(subset=["viscosity", "largest_cluster"])
+    points = pd.read_csv(RESULTS / file).dropna(subset=["viscosity", "largest_cluster"]).copy()
     fractions = sorted(points["area_fraction"].unique())
     colours = dict(zip(fractions, plt.colormaps["viridis"](np.linspace(0, 0.9, len(fractions)))))
     # Rates 0 and infinity are drawn left and right of the others.
@@ -200,6 +213,7 @@ def _network(name, along, x, groups):
             curve = curve.sort_values("place")
             height = curve["viscosity"] / curve["viscosity"].iloc[0] if is_rise else curve["largest_cluster"]
             ax.plot(curve["place"], height, color=colours[c], marker="o", markersize=3, linewidth=1, label=f"c = {c:g}")
+            _mark(ax, curve, curve["place"], height)
         if is_rise:
             ax.set_yscale("log")
             ax.yaxis.set_major_formatter(LogFormatter())

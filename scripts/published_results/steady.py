@@ -40,8 +40,22 @@ def trend(row, column):
     runs, drift, half = (_number(row, name) for name in ["seeds", "drift", "drift_ci95"])
     if "not_steady" in row or not runs >= _RUNS:
         return None
-    limit = half * student.ppf(_LEVEL, runs - 1) / student.ppf(0.975, runs - 1)
-    return "not steady" if abs(drift) > limit else None
+    return "not steady" if _is_significant(drift, half, runs) else None
+
+
+def _is_significant(mean, half, runs):
+    """Whether a mean over runs with this half interval of 95 % differs from 0 at the level of the test."""
+    return runs >= _RUNS and abs(mean) > half * student.ppf(_LEVEL, runs - 1) / student.ppf(0.975, runs - 1)
+
+
+def drifts(runs):
+    """Whether the viscosity of the runs of a point drifts, from a table with a row for each."""
+    parts = runs.reindex(columns=[f"viscosity_part_{k}" for k in range(1, 5)]).dropna().to_numpy()
+    if len(parts) < _RUNS:
+        return False
+    rises = parts[:, 2:].mean(axis=1) - parts[:, :2].mean(axis=1)
+    half = student.ppf(0.975, len(rises) - 1) * rises.std(ddof=1) / math.sqrt(len(rises))
+    return bool(_is_significant(rises.mean(), half, len(rises)))
 
 
 def is_said(sentence):

@@ -19,6 +19,7 @@ from scipy.stats import t as student
 
 from .design import ALL, FULL, RATIO, STRESSLETS, questions
 from .place import RESULTS
+from .steady import drifts
 
 BELOW, ABOVE = 0.01, 10.0
 
@@ -107,11 +108,12 @@ def rise(design, runs, question, fraction, friction):
     for weight, model in question.sum:
         for rate, sign, of in [(ABOVE, 1, model), (BELOW, -1, replace(model, sticks=False))]:
             weights[of, rate] = weights.get((of, rate), 0.0) + sign * weight
-    terms, lost = [], 0
+    terms, lost, unsteady = [], 0, False
     for (model, rate), weight in weights.items():
         if abs(weight) > 1e-12:
             found = runs_of(design, runs, model, rate, fraction, friction)
             terms.append((weight, found[question.counted].dropna().to_numpy()))
+            unsteady |= drifts(found[found[question.counted].notna()])
             lost += found["state"].isin(["jammed", "failed"]).sum()
     known = sum_of_means(terms)
     if known is None:
@@ -129,6 +131,8 @@ def rise(design, runs, question, fraction, friction):
         # Runs that are averaged, and those that jammed or failed.
         "seeds": sum(len(values) for _, values in terms),
         "lost": lost,
+        # Whether the viscosity of the runs of any model in it drifts.
+        "not_steady": int(unsteady),
     }
 
 

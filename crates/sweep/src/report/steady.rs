@@ -35,14 +35,14 @@ pub(super) fn trend(
     if let Some(drift) = drift.filter(Drift::drifts) {
         let halves = drift.halves.mean;
         found.push(format!(
-            "the mean over the second half of the kept strain is {} % {} that over the first",
+            "the viscosity over the second half of the kept strain is {} % {} that over the first",
             percent(halves),
             direction(halves)
         ));
     } else if let Some(drift) = drift.filter(Drift::remembers_start) {
         let start = drift.start.mean;
         found.push(format!(
-            "the mean over its first quarter is {} % {} that over the rest: the initial transient persists",
+            "the viscosity over the first quarter of the kept strain is {} % {} that over the rest: the initial transient persists",
             percent(start),
             direction(start)
         ));
