@@ -35,11 +35,10 @@ pub(crate) type View<'v> = (&'v str, &'v str, i32, u8);
 
 /// The views of the points.
 #[rustfmt::skip]
-const OF_POINTS: [View<'_>; 24] = [
+const OF_POINTS: [View<'_>; 23] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
-    ("discard", "discard", 3, 3),
     ("jammed", "jammed", 4, 1),
     ("failed", "failed", 4, 1),
     ("doubtful", "doubtful", 4, 1),

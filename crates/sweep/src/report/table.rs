@@ -202,11 +202,13 @@ impl Columns {
                     let meant = nearest(name, known.iter().map(|name| &**name));
                     let meant =
                         meant.map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
-                    let known = known.join(", ");
+                    let numbers = MEASURED.iter().filter(|column| matches!(column, Column::Number(_)));
+                    let names: Vec<Word> = numbers.map(|column| column.name()).collect();
                     return Err(ReportError::argument(
                         "columns",
                         format!(
-                            "no column is called {name:?}{meant}; besides the axes there are {known}"
+                            "no column is called {name:?}{meant}; besides the axes there are {}, and NAME_ci95 of each mean",
+                            names.join(", ")
                         ),
                     ));
                 }
