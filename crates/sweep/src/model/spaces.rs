@@ -106,8 +106,8 @@ impl AnySimulation {
         })
     }
 
-    /// Places of the spheres at the start of the run along gradient and vorticity, in a; 0 along the
-    /// vorticity of a layer. For a run that has begun the start is made again.
+    /// Places of the spheres at the start of the run along gradient and vorticity, in a; 0 along
+    /// the vorticity of a layer. For a run that has begun the start is made again.
     ///
     /// # Errors
     /// Those of [`Snapshot::start`].

@@ -1,4 +1,5 @@
-//! Points whose runs are not in steady state, with advice: suitable values of `discard` or `strain`.
+//! Points whose runs are not in steady state, with advice: suitable values of `discard` or
+//! `strain`.
 
 use super::error::ReportError;
 use crate::measure::{Drift, Runs, Steadiness, Trend, mser_5};

@@ -202,7 +202,9 @@ impl Columns {
                     let meant = nearest(name, known.iter().map(|name| &**name));
                     let meant =
                         meant.map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
-                    let numbers = MEASURED.iter().filter(|column| matches!(column, Column::Number(_)));
+                    let numbers = MEASURED
+                        .iter()
+                        .filter(|column| matches!(column, Column::Number(_)));
                     let names: Vec<Word> = numbers.map(|column| column.name()).collect();
                     return Err(ReportError::argument(
                         "columns",

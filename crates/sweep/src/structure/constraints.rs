@@ -1,16 +1,16 @@
 //! Constraints of the force network, counted from the active set of contacts.
 //!
 //! ```text
-//! (Σ constraints of loaded contacts − Σ degrees of freedom of spheres in the network)/spheres in it
+//! (Σ constraints of loaded contacts − Σ degrees of freedom of spheres in the network)/spheres
 //! ```
-//! A loaded contact constrains the normal velocity, and one that sticks also the slip: one component
-//! in a layer, two in a suspension. A sphere is in the network if it has a loaded contact. It has
-//! its translations, and its rotations if one of its contacts sticks: the rotation of any other
-//! sphere is in no constraint. Rolling friction is not counted.
+//! A loaded contact constrains the normal velocity, and one that sticks also the slip: one
+//! component in a layer, two in a suspension. A sphere is in the network if it has a loaded
+//! contact. It has its translations, and its rotations if one of its contacts sticks: the rotation
+//! of any other sphere is in no constraint. Rolling friction is not counted.
 //!
 //! By the theorem of ranks the difference is that of the numbers of redundant constraints and of
-//! motions that no constraint resists (Roux, Phys. Rev. E 61, 6802, 2000). Two motions of a layer as
-//! a whole and three of a suspension are always among the latter.
+//! motions that no constraint resists (Roux, Phys. Rev. E 61, 6802, 2000). Two motions of a layer
+//! as a whole and three of a suspension are always among the latter.
 
 use super::network::Network;
 use sd_core::Space;
