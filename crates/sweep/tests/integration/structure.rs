@@ -59,20 +59,21 @@ fn numbers_and_curves_agree_with_the_frames_and_with_each_other() {
         // Too short for a diffusivity, and no profile along the vorticity of a layer.
         assert!(point["diffusivity_yy"].is_null() && averaged["diffusivity_yy"].is_null());
         assert_eq!(point["profile_z"]["z"], serde_json::json!([]));
-        let of_rows = |name: &str| -> Vec<f64> {
+        let of_rows = |name: &str| {
             let rows = point["profile"][name].as_array().unwrap().iter();
-            rows.filter_map(serde_json::Value::as_f64).collect()
+            rows.map(serde_json::Value::as_f64).collect::<Vec<_>>()
         };
-        let fractions = of_rows("fraction");
+        let fractions: Vec<f64> = of_rows("fraction").into_iter().flatten().collect();
         let mean = fractions.iter().sum::<f64>() / fractions.len() as f64;
         assert!(
             fractions.len() == 20 && (mean - 0.7).abs() < 1e-6,
             "{fractions:?}"
         );
-        // The mean velocity profile is that of the shear, but for fluctuations.
-        let deviations = of_rows("velocity").into_iter().zip(of_rows("y"));
-        let deviations: Vec<f64> = deviations.map(|(u, y)| u - y).collect();
-        assert!(deviations.len() == 20 && deviations.iter().all(|u| u.abs() < 1.0));
+        // The velocity profile is that of the shear, but for fluctuations; rows may be empty.
+        let rows = of_rows("velocity").into_iter().zip(of_rows("y"));
+        let deviations: Vec<f64> = rows.filter_map(|(u, y)| Some((u? - y?).abs())).collect();
+        let mean = deviations.iter().sum::<f64>() / deviations.len() as f64;
+        assert!(deviations.len() > 10 && mean < 0.5, "{deviations:?}");
         for (name, weight) in [("probability", 1.0), ("force_weighted", 1.0)] {
             let shares = point["contact_angle"][name].as_array().unwrap();
             let sum: f64 = shares.iter().map(|share| share.as_f64().unwrap()).sum();
