@@ -1,8 +1,8 @@
 //! The mobility as an operator, M never formed: `M x` takes O(N log N) in a periodic cell, and in
 //! unbounded fluid a sum over all pairs.
 //!
-//! In a cell the short-ranged part is a sum over near pairs, their blocks kept; the long-ranged part
-//! goes through a grid (`wave_grid`). Kernels and modes are those of the dense mobility, but
+//! In a cell the short-ranged part is a sum over near pairs, their blocks kept; the long-ranged
+//! part goes through a grid (`wave_grid`). Kernels and modes are those of the dense mobility, but
 //! **without the uniform force mode** of a periodic layer: a force common to all spheres moves none
 //! of them here, where the dense matrix has an arbitrary constant.
 
