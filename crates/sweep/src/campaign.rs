@@ -86,9 +86,7 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
         Ok(document) => document,
         Err(error) => {
             let at = error.span().unwrap_or(0..0);
-            let allowed = instead_of(text, &at, error.message());
-            let problem = Problem::at(&at, error.message(), allowed);
-            faults.push(problem.labelled("not TOML"));
+            faults.push(not_toml(text, &at, error.message()));
             return campaign;
         }
     };
@@ -176,7 +174,7 @@ fn lay_out(
                 let problem = Problem::at(grid.span(), message, allowed)
                     .labelled("again in this grid")
                     .also(grids[other].span(), "first in this grid");
-                grid::note(problem, grid.span(), &mut twice);
+                grid::note(problem, &mut twice);
             }
         });
         for problem in twice {
@@ -188,9 +186,10 @@ fn lay_out(
 
 /// The cases so far.
 ///
-/// Points that share their runs are one case, by [`Params::canonicalise`]: friction has no effect at
-/// Γ = 0, nor has the shear rate without friction. A file may name several of them, and a user who
-/// requested three shear rates expects three points, so they are kept as they are written.
+/// Points that share their runs are one case, by [`Params::canonicalise`]: friction has no effect
+/// at Γ = 0, nor have its laws and the shear rate without friction. A file may name several of
+/// them, and a user who requested three shear rates expects three points, so they are kept as they
+/// are written.
 struct LaidOut<'c> {
     campaign: &'c mut Campaign,
     /// Of each case, the grid that has it with its own parameters, if one does.
@@ -287,6 +286,39 @@ fn without_start(params: &Params) -> Params {
         start: None,
         ..params.clone()
     }
+}
+
+/// The problem of a text that is no TOML.
+fn not_toml(text: &str, at: &Range<usize>, message: &str) -> Problem {
+    let problem = |allowed| Problem::at(at, message, allowed).labelled("not TOML");
+    match open_list(text.get(..at.start).unwrap_or_default()) {
+        Some(open) => {
+            problem("close the list with `]`".into()).also(&open, "this list is not closed")
+        }
+        None => problem(instead_of(text, at, message)),
+    }
+}
+
+/// The last bracket of a text that is not closed in an earlier line than the last, outside strings
+/// and comments.
+fn open_list(text: &str) -> Option<Range<usize>> {
+    let mut open = Vec::new();
+    let mut quote = None;
+    let mut is_comment = false;
+    for (at, character) in text.char_indices() {
+        match (character, quote) {
+            ('\n', _) => (is_comment, quote) = (false, None),
+            _ if is_comment => {}
+            (_, Some(end)) => quote = quote.filter(|_| character != end),
+            ('"' | '\'', None) => quote = Some(character),
+            ('#', None) => is_comment = true,
+            ('[', None) => open.push(at),
+            (']', None) => drop(open.pop()),
+            _ => {}
+        }
+    }
+    let line = text.rfind('\n')?;
+    open.pop().filter(|at| *at < line).map(|at| at..at + 1)
 }
 
 /// A suggestion for a syntax error of TOML.

@@ -160,6 +160,15 @@ impl<S: Fluid> Resistance<S> {
         })
     }
 
+    /// Range of the pair sum in a periodic cell, in s': that of the exact pair functions, or in a
+    /// suspension the cutoff of the leading terms of lubrication.
+    pub(crate) fn range(hydrodynamics: Hydrodynamics) -> f64 {
+        match hydrodynamics.leading_order() {
+            Some(numbers) if S::ENDS_AT_CUTOFF => 2.0 + numbers.cutoff,
+            _ => LUBRICATION_RANGE,
+        }
+    }
+
     /// Sets the asperity height of contacts, in a, for the pattern of pairwise storage.
     pub(crate) fn expect_contacts(&mut self, height: f64) {
         if let Form::Pairwise(pairwise) = &mut self.form {
@@ -178,12 +187,12 @@ impl<S: Fluid> Resistance<S> {
         if radii.is_empty() {
             return Err(Error::NoSpheres);
         }
-        let range = match hydrodynamics.leading_order() {
-            Some(numbers) if S::ENDS_AT_CUTOFF => 2.0 + numbers.cutoff,
-            _ if *cell == Cell::Unbounded && radii.len() == 2 => f64::INFINITY,
-            _ => LUBRICATION_RANGE,
+        let range = if *cell == Cell::Unbounded && radii.len() == 2 {
+            f64::INFINITY
+        } else {
+            Self::range(hydrodynamics)
         };
-        cell.check_reach(radii, range)?;
+        cell.check_range(radii, range)?;
         Ok(Self {
             radii: radii.to_vec(),
             near: NearTerms::new(hydrodynamics, radii, tables)?,

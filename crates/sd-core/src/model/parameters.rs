@@ -180,7 +180,7 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
         return refuse(
             "start",
             "a layer".into(),
-            "is no suspension",
+            "cannot begin a suspension",
             "\"equilibrium\", or nothing for the packing that the seed makes",
         );
     }

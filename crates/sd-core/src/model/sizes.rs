@@ -107,7 +107,7 @@ impl Sizes {
         if (sum - 1.0).abs() > ROUNDING {
             return Err(refuse(
                 format!("fractions with a sum of {sum}"),
-                "are no shares of a whole",
+                "do not add up to a whole",
                 "fractions with a sum of 1",
             ));
         }

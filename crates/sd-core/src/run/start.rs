@@ -9,8 +9,9 @@ mod packing;
 pub use given::fit;
 
 use crate::error::Error;
+use crate::hydrodynamics::resistance::Resistance;
 use crate::model::{Keywords as _, Params, Refusal, StartFrom, StartLayer};
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, LUBRICATION_RANGE};
 use crate::space::modes::Vec2;
 use crate::space::{Bulk, Layer, Space};
 use crate::stage::Method;
@@ -107,7 +108,8 @@ pub fn check(params: &Params) -> Result<(), Error> {
         check_density(params)?;
     }
     let (side, needed) = match radii_and_side(params) {
-        Ok(_) => {
+        Ok((radii, _)) => {
+            check_cutoff(params, &radii)?;
             return match params.given_layer() {
                 Some(given) => fit(given, params).map(|_| ()),
                 None => Ok(()),
@@ -117,11 +119,30 @@ pub fn check(params: &Params) -> Result<(), Error> {
         Err(other) => return Err(other),
     };
     let (key, kind, fraction, power) = fraction_of(params);
+    let sizes = match &params.sizes {
+        Some(sizes) => Some(("sizes", sizes.to_string())),
+        None if params.size_ratio > 1.0 => Some(("size_ratio", params.size_ratio.to_string())),
+        None => None,
+    };
+    let of_sizes = sizes.as_ref().map_or_else(String::new, |(key, value)| {
+        format!(" and `{key}` = {value}")
+    });
+    let (range, model) = match params.hydrodynamics.leading_order() {
+        Some(numbers) if power == 3 => (
+            2.0 + numbers.cutoff,
+            format!("`lubrication_cutoff` = {}", numbers.cutoff),
+        ),
+        _ => (
+            LUBRICATION_RANGE,
+            format!("`hydrodynamics` = {:?}", params.hydrodynamics.word()),
+        ),
+    };
     Err(Refusal {
         key: "spheres",
         value: params.spheres.to_string(),
         problem: format!(
-            "at `{key}` = {fraction} make a cell {side:.3} wide, less than {needed:.3}, twice the cutoff distance of pairs"
+            "at `{key}` = {fraction}{of_sizes} make a cell {side:.3} wide, less than {needed:.3}, twice the range of pairs under {model}, \
+             {range} radii of the largest sphere"
         ),
         allowed: format!(
             "at least {} spheres at this {kind} fraction, or {} {kind} fraction of at most {:.3}",
@@ -129,7 +150,34 @@ pub fn check(params: &Params) -> Result<(), Error> {
             if power == 2 { "an" } else { "a" },
             fraction * (side / needed).powi(power)
         ),
-        because: Some(key),
+        because: Some(sizes.map_or(key, |(key, _)| key)),
+    }
+    .into())
+}
+
+/// Refuses a suspension whose pairs are listed only when their asperities overlap: contacts act
+/// between pairs within the cutoff of lubrication.
+fn check_cutoff(params: &Params, radii: &[f64]) -> Result<(), Error> {
+    let (Some(numbers), Some(_)) = (params.hydrodynamics.leading_order(), params.volume_fraction)
+    else {
+        return Ok(());
+    };
+    let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let least = (params.roughness + params.time_step) / smallest;
+    if numbers.cutoff >= least {
+        return Ok(());
+    }
+    Err(Refusal {
+        key: "lubrication_cutoff",
+        value: numbers.cutoff.to_string(),
+        problem: format!(
+            "ends before spheres of `roughness` = {} touch, and pairs beyond it have no contacts",
+            params.roughness
+        ),
+        allowed: format!(
+            "at least {least:.4}, the roughness and the strain of a step over the radius of the smallest spheres"
+        ),
+        because: Some("roughness"),
     }
     .into())
 }
@@ -240,12 +288,14 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     let side = if let Some(fraction) = params.volume_fraction {
         let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
         let side = (volume / fraction).cbrt();
-        Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii)?;
+        let range = Resistance::<Bulk>::range(params.hydrodynamics);
+        Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii, range)?;
         side
     } else {
         let area: f64 = radii.iter().map(|a| PI * a * a).sum();
         let side = (area / params.area_fraction).sqrt();
-        Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii)?;
+        let range = Resistance::<Layer>::range(params.hydrodynamics);
+        Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii, range)?;
         side
     };
     Ok((radii, side))
@@ -355,7 +405,7 @@ fn pack<S: Space>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{ContactScheme, Hydrodynamics};
+    use crate::model::{ContactScheme, Hydrodynamics, LeadingOrder};
     use crate::space::neighbours::NeighbourList;
 
     fn params(spheres: usize, area_fraction: f64, size_ratio: f64) -> Params {
@@ -489,6 +539,51 @@ mod tests {
     fn small_cell_is_refused() {
         let too_small = layer(&params(10, 0.84, 1.0), 1);
         assert!(matches!(too_small, Err(Error::CellTooSmall { .. })));
+    }
+
+    #[test]
+    fn the_least_number_of_spheres_is_by_the_range_that_the_model_needs() {
+        let with = |spheres, cutoff| Params {
+            spheres,
+            hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder {
+                cutoff,
+                ..LeadingOrder::DEFAULT
+            }),
+            ..suspension_of(0.5, 1.4, 0.01)
+        };
+        check(&with(80, 0.5)).unwrap();
+        // The range is (2 + ξ) a of the largest spheres, here 1.4/1.2.
+        let side = |spheres| radii_and_side(&with(spheres, 0.1)).unwrap().1;
+        assert!(side(30) >= 2.0 * 2.1 * 1.4 / 1.2);
+        assert!(check(&with(20, 0.5)).is_err());
+        let exact = Params {
+            hydrodynamics: Hydrodynamics::BallMelrose,
+            ..with(80, 0.5)
+        };
+        let error = check(&exact).unwrap_err().to_string();
+        for part in [
+            "spheres = 80 at `volume_fraction` = 0.5 and `size_ratio` = 1.4 make a cell",
+            "twice the range of pairs under `hydrodynamics` = \"ball-melrose\", 4 radii of the largest sphere",
+            "at least 90 spheres at this volume fraction",
+        ] {
+            assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn contacts_beyond_the_cutoff_of_lubrication_are_refused() {
+        let with = |cutoff| Params {
+            hydrodynamics: Hydrodynamics::Lubrication(LeadingOrder {
+                cutoff,
+                ..LeadingOrder::DEFAULT
+            }),
+            ..suspension_of(0.4, 1.0, 0.05)
+        };
+        let Err(Error::Refused(refusal)) = check(&with(0.04)) else {
+            panic!("spheres that touch before they are neighbours");
+        };
+        assert_eq!(refusal.key, "lubrication_cutoff");
+        check(&with(0.1)).unwrap();
     }
 
     #[test]

@@ -171,19 +171,13 @@ impl<S: Space> Cell<S> {
         }
     }
 
-    /// Refuses a cell in which a sphere could have two images of one neighbour within the
-    /// lubrication range.
+    /// Refuses a cell in which a sphere could have two images of one neighbour within a range, in
+    /// s' = 2r/(a_i + a_j).
     ///
     /// # Errors
     /// [`Error::CellTooSmall`] names the side that is too short, [`Error::LatticeTooShort`] the
     /// shortest vector.
-    pub fn check_range(&self, radii: &[f64]) -> Result<(), Error> {
-        self.check_reach(radii, LUBRICATION_RANGE)
-    }
-
-    /// Refuses a cell in which a sphere could have two images of one neighbour within a range, in
-    /// s'.
-    pub(crate) fn check_reach(&self, radii: &[f64], range: f64) -> Result<(), Error> {
+    pub fn check_range(&self, radii: &[f64], range: f64) -> Result<(), Error> {
         let Self::Periodic(lattice) = self else {
             return Ok(());
         };

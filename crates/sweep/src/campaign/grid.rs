@@ -67,7 +67,17 @@ impl<'t> Grid<'t> {
                 }
             }
         }
-        let start = Start::read(&table, folder);
+        let start = match (table.get("volume_fraction"), table.get(START)) {
+            (Some(fraction), Some(written)) => {
+                let problem = "`start` gives a layer, and a suspension cannot begin with one";
+                let allowed = "no `start` beside `volume_fraction`: the seed packs the spheres of a suspension; to shear them \
+                               first one way and then another, give the run segments, `[[protocol.segment]]`";
+                let problem = Problem::at(&written.span(), problem, allowed).of_key(START);
+                faults.push(problem.also(&fraction.span(), "a suspension"));
+                None
+            }
+            _ => Start::read(&table, folder),
+        };
         if let Some(start) = &start
             && matches!(start.layers, Layers::File(_))
             && seeds.most() > 1
@@ -135,12 +145,12 @@ impl<'t> Grid<'t> {
             let (params, given) = match folded_params_of(&values_of(combination), &segments) {
                 Ok(made) => made,
                 Err(InvalidCombination::Refused(refusal)) => {
-                    note(self.refused(combination, &refusal), self.span(), &mut known);
+                    note(self.refused(combination, &refusal), &mut known);
                     return;
                 }
                 Err(InvalidCombination::Missing(axes)) => {
                     for axis in axes {
-                        note(self.missing(combination, axis), self.span(), &mut known);
+                        note(self.missing(combination, axis), &mut known);
                     }
                     return;
                 }
@@ -154,7 +164,7 @@ impl<'t> Grid<'t> {
                         take(Case::new(params, seed, &protocol.protocol), given.as_ref());
                     }
                     Err(problem) => {
-                        note(problem, self.span(), &mut known);
+                        note(problem, &mut known);
                         break;
                     }
                 }
@@ -300,13 +310,10 @@ impl<'t> Grid<'t> {
 }
 
 /// Records a problem of a grid unless it is known: the same values meet in many combinations.
-pub(super) fn note(problem: Problem, grid: &ops::Range<usize>, known: &mut Vec<Problem>) {
-    // Problems differ in their places, except those of the whole grid.
+pub(super) fn note(problem: Problem, known: &mut Vec<Problem>) {
     let same = |other: &Problem| {
         let places = other.labels.iter().map(|label| &label.0);
-        let of_the_grid = other.labels.iter().all(|label| label.0 == *grid);
-        places.eq(problem.labels.iter().map(|label| &label.0))
-            && (!of_the_grid || other.message == problem.message)
+        other.message == problem.message && places.eq(problem.labels.iter().map(|label| &label.0))
     };
     if !known.iter().any(same) {
         known.push(problem);

@@ -658,3 +658,32 @@ fn starts_in_equilibrium_need_no_file_and_are_warned_of_above_freezing() {
     let warning = parse(&text(0.5)).warning().unwrap();
     assert!(warning.contains("0.487"), "{warning}");
 }
+
+#[test]
+fn a_list_that_is_not_closed_is_named_where_it_begins() {
+    let text = GOOD.replace("friction = [0.0, 0.3]", "friction = [0, 0.5 # [two");
+    let error = parse_text(&text).unwrap_err();
+    let CampaignError::Faulty(fault) = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(fault.allowed(), "close the list with `]`");
+    let shown = crate::ErrorRenderer::default().explain(&error.into());
+    for part in ["this list is not closed", "friction.toml:7:12"] {
+        assert!(shown.contains(part), "{part}: {shown}");
+    }
+    // A closed list before a wrong word, and brackets in strings, are not blamed.
+    for (from, to) in [
+        ("roughness = 0.01", "roughness = small"),
+        ("name = \"friction\"", "name = \"[\"\nx = small"),
+    ] {
+        let error = parse_text(&GOOD.replace(from, to)).unwrap_err();
+        let CampaignError::Faulty(fault) = &error else {
+            panic!("{error}");
+        };
+        assert!(
+            fault.allowed().contains("words need quotes"),
+            "{}",
+            fault.allowed()
+        );
+    }
+}

@@ -94,7 +94,7 @@ fn bad_sizes_are_refused_at_their_line_with_a_remedy() {
         ),
         (
             "sizes = [{ radius = 1, fraction = 0.5 }, { radius = 2, fraction = 0.4 }]",
-            "11:9: `sizes`: fractions with a sum of 0.9 are no shares of a whole",
+            "11:9: `sizes`: fractions with a sum of 0.9 do not add up to a whole",
             "a sum of 1",
         ),
         (
@@ -134,5 +134,24 @@ fn bad_sizes_are_refused_at_their_line_with_a_remedy() {
         };
         assert!(complaint.contains(place), "{text}: {complaint}");
         assert!(complaint.contains(said), "{text}: {complaint}");
+    }
+}
+
+#[test]
+fn every_number_of_spheres_that_is_needed_is_named_at_once() {
+    let text = with("sizes = [{ lognormal = 0.1 }, { lognormal = 0.3 }]")
+        .replace("area_fraction = [0.693]", "volume_fraction = [0.4, 0.5]")
+        .replace("spheres = 90", "spheres = 60");
+    let error = parse_text(&text).unwrap_err();
+    let error = crate::ErrorRenderer::default().explain(&error.into());
+    let words = error.replace('│', " ");
+    let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(words.matches("at least").count(), 4, "{error}");
+    for part in [
+        "`volume_fraction` = 0.4 and `sizes` = lognormal 0.1",
+        "`volume_fraction` = 0.5 and `sizes` = lognormal 0.3",
+        "with this `sizes`",
+    ] {
+        assert!(words.contains(part), "{part}: {error}");
     }
 }
