@@ -42,7 +42,8 @@ def draw(outline, ax=None):
         ax.axhline(height, label=panel["dashed_label"] if number == 0 else None, **style)
     _draw_axis(ax.xaxis, ax.set_xlim, ax.set_xscale, x)
     _draw_axis(ax.yaxis, ax.set_ylim, ax.set_yscale, y)
-    ax.set_xlabel(x["label"], fontsize=large)
+    label = "\n".join(filter(None, [x["label"], outline["note"]]))
+    ax.set_xlabel(label, fontsize=large)
     ax.set_ylabel(y["label"], fontsize=large)
     ax.tick_params(labelsize=small, direction="in", which="both")
     if panel["dashed"] or any(curve["label"] for curve in panel["curves"]):
@@ -64,6 +65,7 @@ def _draw_axis(axis, set_limits, set_scale, scale):
 
 
 def _draw_curve(ax, curve):
+    _draw_marks(ax, curve)
     if not curve["points"]:
         return
     places, heights, below, above = zip(*curve["points"])
@@ -101,6 +103,14 @@ def _draw_curve(ax, curve):
         ax.plot(places, heights, zorder=3, **style)
     for first, last in curve["pieces"]:
         ax.plot(places[first : last + 1], heights[first : last + 1], color=colour, linewidth=curve["width"])
+
+
+def _draw_marks(ax, curve):
+    """Crosses for points without a result, on the lower edge, and for jammed runs."""
+    edge = ax.get_xaxis_transform()
+    cross = {"marker": "x", "linewidth": 0, "color": curve["colour"]}
     for place in curve["missing"]:
-        axes = ax.get_xaxis_transform()
-        ax.plot([place], [0.02], "x", color=colour, markersize=1.6 * curve["marker_size"], transform=axes)
+        ax.plot([place], [0.02], markersize=1.6 * curve["marker_size"], transform=edge, **cross)
+    for place, height in curve["jammed"]:
+        at = ([place], [0.97], edge) if height is None else ([place], [height], ax.transData)
+        ax.plot(*at[:2], markersize=2.0 * curve["marker_size"], transform=at[2], **cross)

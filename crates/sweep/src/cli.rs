@@ -92,7 +92,7 @@ static HELP: LazyLock<String> = LazyLock::new(|| {
     help + "\nOptions:\n{options}{after-help}"
 });
 
-/// Campaigns of Stokesian Dynamics: sheared layers of rough, frictional spheres.
+/// Campaigns of Stokesian Dynamics: sheared layers and suspensions of rough, frictional spheres.
 #[derive(Debug, Parser)]
 #[command(
     version = VERSION.as_str(),

@@ -36,7 +36,7 @@ pub struct Plan {
     /// Of these, runs that have ended.
     pub(crate) ended: usize,
     /// Further runs of the file that are identical to one of these: they differ in the friction at
-    /// Γ = 0, or in the shear rate without friction, which have no effect.
+    /// Γ = 0, or in its laws or the shear rate without friction, which have no effect.
     pub(crate) folded: usize,
     /// Points: runs that differ only in their seed are one.
     pub(crate) points: usize,
@@ -225,7 +225,7 @@ pub fn plan(
         ended,
         folded: campaign.folded,
         points: points.len(),
-        axes: axes(campaign, &points),
+        axes: axes(campaign),
         segments: segments.map(PlannedSegment::words).collect(),
         workers,
         computing_time_s,
@@ -334,10 +334,11 @@ fn frame_bytes(params: &Params) -> f64 {
     params.spheres as f64 * (of_space + radius)
 }
 
-/// Axes with all their values in the order of first use, without those that have no effect on these
+/// Axes with all their values in the order of the file, without those that have no effect on these
 /// cases.
-fn axes(campaign: &Campaign, points: &[PlannedPoint<'_>]) -> Vec<Values> {
-    let params = || points.iter().map(|point| &point.case.params);
+fn axes(campaign: &Campaign) -> Vec<Values> {
+    let points = campaign.written_points();
+    let params = || points.iter().map(AsRef::as_ref);
     let mut seen = HashSet::new();
     let seeds = campaign.cases.iter().map(|(_, case)| case.seed);
     let seeds = seeds.filter(|seed| seen.insert(*seed)).map(Into::into);

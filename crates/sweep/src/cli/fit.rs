@@ -61,7 +61,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.json(&report.json())?;
         return Ok(exit::DONE);
     }
-    if files.iter().any(|(_, path)| path.is_some()) {
+    let is_stdout =
+        |path: &Option<PathBuf>| path.as_ref().is_some_and(|path| path.as_os_str() == "-");
+    if files.iter().any(|(_, path)| is_stdout(path)) {
         return Ok(exit::DONE);
     }
     let mut lines = vec![report.summary()];
@@ -85,6 +87,23 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
                 format!("{residual:+.3}"),
             ]
         });
+    let word = |number: Option<f64>, digits| {
+        number.map_or_else(|| "–".to_owned(), |number| significant(number, digits))
+    };
+    let jammed = report
+        .jammed()
+        .map(|(fraction, stress, fitted, [jammed, runs])| {
+            let viscosity = format!("{jammed} of {runs} jammed");
+            let [stress, fitted] = [word(stress, 3), word(fitted, 4)];
+            [
+                short(fraction, 6),
+                stress,
+                viscosity,
+                fitted,
+                "–".to_owned(),
+            ]
+        });
+    let rows = rows.chain(jammed);
     let heads = [report.fraction()[1], "σ*", "viscosity", "fit", "ln ratio"];
     lines.push(table(output.width, heads, rows));
     lines.push(format!(

@@ -77,7 +77,7 @@ impl StoreArguments {
     pub(crate) fn open(&self, output: &Output<'_>) -> Result<Store, Error> {
         let store = self.find()?.open()?;
         print_warning(&store);
-        print_last_run(&store, output);
+        print_last_run(&store, &self.file, output);
         Ok(store)
     }
 }
@@ -133,13 +133,27 @@ pub(super) fn print_warning(store: &Store) {
     }
 }
 
-/// Notes that a store was last run with another version of the campaign file.
-pub(super) fn print_last_run(store: &Store, output: &Output<'_>) {
-    if let Some(file) = store.last_run_with() {
-        output.note(&format!(
-            "the store {} was last run with another version of the campaign, of {}; this shows the file given",
-            store.path().display(),
-            file.display()
-        ));
+/// Notes that a store was last run with another version of the campaign file given.
+pub(super) fn print_last_run(store: &Store, file: &Path, output: &Output<'_>) {
+    if let Some(last) = store.last_run_with() {
+        output.note(&last_run(store.path(), last, file));
     }
+}
+
+/// That a store was last run with another version of the campaign file given.
+pub(super) fn last_run(store: &Path, last: &Path, file: &Path) -> String {
+    let is_same = std::path::absolute(file).is_ok_and(|file| file == last);
+    let what = if is_same {
+        format!(
+            "before {} was changed, with another version of it; this shows it as it is now",
+            file.display()
+        )
+    } else {
+        format!(
+            "with another version of the campaign, of {}; this shows {}",
+            last.display(),
+            file.display()
+        )
+    };
+    format!("the store {} was last run {what}", store.display())
 }

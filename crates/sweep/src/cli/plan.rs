@@ -85,8 +85,8 @@ fn text(plan: &Plan, width: Option<u16>) -> Result<String, std::fmt::Error> {
     if plan.folded > 0 {
         writeln!(
             out,
-            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has Γ without friction, \
-             which is listed as Γ = 0",
+            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor have its laws and Γ \
+             without friction",
             plan.folded
         )?;
     }

@@ -41,7 +41,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     // An invalid store is an error here, not at each request.
     let store = source.open()?;
     let name = store.campaign_name()?;
-    print_last_run(&store, output);
+    print_last_run(&store, &arguments.place.file, output);
     drop(store);
     crate::serve::serve(source, arguments.listen, |address| {
         if !address.ip().is_loopback() {

@@ -2,7 +2,7 @@
 
 use super::Output;
 use super::cluster::write_builds;
-use super::place::{StoreArguments, print_warning};
+use super::place::{StoreArguments, last_run, print_warning};
 use crate::cluster::shard;
 use crate::cluster::status::{JobStatus, Status, TaskStatus};
 use crate::error::Error;
@@ -89,12 +89,7 @@ fn write_text(
         )?;
     }
     if let Some(last) = &status.last_run_with {
-        writeln!(
-            out,
-            "the store {} was last run with another version of the campaign, of {}; this shows {file}",
-            store.display(),
-            last.display(),
-        )?;
+        writeln!(out, "{}", last_run(store, last, &arguments.place.file))?;
     }
     if status.orphans > 0 {
         writeln!(

@@ -3,9 +3,9 @@
 use super::Output;
 use super::output_file::{check_outputs, check_picture, save, save_table};
 use super::place::StoreArguments;
-use super::words::choice;
+use super::words::choice_beside;
 use crate::error::Error;
-use crate::report::{Selection, Shape, StructureKind, StructureReport};
+use crate::report::{Kind, Selection, Shape, StructureKind, StructureReport};
 use crate::system::exit;
 use crate::text::format::wrapped;
 use std::path::PathBuf;
@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
     /// Curve of the figure
-    #[arg(long, value_parser = choice::<StructureKind>(), default_value = "pair-distribution", requires = "figure")]
+    #[arg(long, value_parser = choice_beside::<StructureKind, Kind>("report"), default_value = "pair-distribution", requires = "figure")]
     kind: StructureKind,
 }
 

@@ -57,8 +57,8 @@ pub enum ClusterError {
     /// The folder of shards is gone.
     #[error("there is no folder of shards at {}", path.display())]
     #[diagnostic(help(
-        "running tasks recreate it when they next publish; `sweep submit CAMPAIGN.toml` recomputes what was lost \
-         with it, with the same digits"
+        "nothing was submitted into it yet, or it was deleted: running tasks then recreate it when they next publish, and \
+         `sweep submit CAMPAIGN.toml` recomputes what was lost with it, with the same digits"
     ))]
     Vanished { path: PathBuf },
     /// A file of slices that cannot be used.

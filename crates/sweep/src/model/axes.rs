@@ -141,6 +141,18 @@ impl Axis {
         ["area_fraction", "volume_fraction"].contains(&self.key)
     }
 
+    /// Whether it belongs to the laws of friction, which have no effect where friction does not
+    /// act.
+    pub(crate) fn is_of_friction(&self) -> bool {
+        let keys = [
+            "tangential",
+            "friction_onset",
+            "rolling_friction",
+            "tangential_stiffness",
+        ];
+        keys.contains(&self.key)
+    }
+
     /// Whether it is one of two alternatives: rate or stress, area fraction or volume fraction.
     pub fn is_alternative(&self) -> bool {
         self.is_of_shear() || self.is_fraction()
@@ -217,8 +229,8 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination>
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// Parameters of a run in segments; and where friction or shear rate have no effect beside the
-/// other, the parameters with both as they are given.
+/// Parameters of a run in segments; and where friction does not act, the parameters with friction,
+/// its laws and the shear rate as they are given, if these differ.
 ///
 /// # Errors
 /// As [`params_of`].
@@ -226,6 +238,24 @@ pub(crate) fn folded_params_of(
     values: &[Option<Value>],
     segments: &[Segment],
 ) -> Result<(Params, Option<Params>), InvalidCombination> {
+    let mut params = unsettled(values, segments)?;
+    let (friction, shear_rate) = (params.friction, params.shear_rate);
+    params.canonicalise();
+    if params.has_friction() {
+        return Ok((params, None));
+    }
+    let mut given = as_if_friction_acted(values, segments).unwrap_or_else(|| params.clone());
+    let touches = params.contact.laws().normal.touches();
+    given.friction = if touches { friction + 0.0 } else { 0.0 };
+    if params.shear_stress.is_none() {
+        given.shear_rate = shear_rate + 0.0;
+    }
+    let is_folded = given != params;
+    Ok((params, is_folded.then_some(given)))
+}
+
+/// Parameters with these values and defaults, not settled.
+fn unsettled(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, InvalidCombination> {
     let mut builder = Params::builder();
     // The last axis first, since a choice precedes the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
@@ -240,22 +270,22 @@ pub(crate) fn folded_params_of(
     }
     let mut params = builder.as_given();
     params.impose(segments);
-    let (friction, shear_rate) = (params.friction, params.shear_rate);
+    Ok(params)
+}
+
+/// Settled parameters with the laws of friction as they are given, which settling removes where a
+/// friction coefficient or a shear rate of 0 keeps friction from acting.
+fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Option<Params> {
+    let of_axis = |(axis, value): (&Axis, &Option<Value>)| match *value {
+        Some(Value::Number(0.0)) if axis.key == "friction" || axis.is_shear_rate() => {
+            Some(Value::Number(1.0))
+        }
+        value => value,
+    };
+    let values: Vec<Option<Value>> = AXES.iter().zip(values).map(of_axis).collect();
+    let mut params = unsettled(&values, segments).ok()?;
     params.canonicalise();
-    let touches = params.contact.laws().normal.touches();
-    let given = Params {
-        friction: if touches { friction + 0.0 } else { 0.0 },
-        ..params.clone()
-    };
-    let given = match params.shear_stress {
-        Some(_) => given,
-        None => Params {
-            shear_rate: shear_rate + 0.0,
-            ..given
-        },
-    };
-    let is_folded = given != params;
-    Ok((params, is_folded.then_some(given)))
+    Some(params)
 }
 
 /// The identity of a point.

@@ -2,9 +2,12 @@
 
 use super::case::{Case, CaseKey};
 use super::protocol::Protocol;
+use crate::model::axes::{Identity, identity};
 use crate::model::precision::Precision;
 use sd_core::Params;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +31,7 @@ pub struct Campaign {
     /// Points with a requested precision.
     pub rules: Vec<PointRule>,
     /// Further runs of the file that are identical to one of its cases: friction has no effect at
-    /// Γ = 0, nor has the shear rate without friction.
+    /// Γ = 0, nor have its laws and the shear rate without friction.
     pub folded: usize,
     /// What the file says and its cases do not show.
     pub written: AsWritten,
@@ -47,6 +50,55 @@ pub struct AsWritten {
     pub starts: Vec<(u64, String)>,
 }
 
+/// The points of a campaign file that share their runs, by these runs.
+#[derive(Debug)]
+pub(crate) struct SharedPoints<'w> {
+    shared: &'w [(u64, Params)],
+    /// Places in that list, by the points of the runs.
+    places: HashMap<Identity, Vec<usize>>,
+}
+
+impl<'w> SharedPoints<'w> {
+    pub(crate) fn new(written: &'w AsWritten) -> Self {
+        let mut places: HashMap<Identity, Vec<usize>> = HashMap::new();
+        for (place, (_, point)) in written.shared.iter().enumerate() {
+            let mut settled = point.clone();
+            settled.canonicalise();
+            places.entry(identity(&settled)).or_default().push(place);
+        }
+        Self {
+            shared: &written.shared,
+            places,
+        }
+    }
+
+    /// The points that have the run with these parameters, as they are written, each after the
+    /// position of the case that follows it and its place among all shared points; `None` for a
+    /// run of one point that is written as it is.
+    pub(crate) fn of_run(
+        &self,
+        params: &Params,
+    ) -> Option<impl Iterator<Item = (u64, usize, Params)>> {
+        if self.places.is_empty() {
+            return None;
+        }
+        let settled = Params {
+            start: None,
+            ..params.clone()
+        };
+        let places = self.places.get(&identity(&settled))?;
+        let start = &params.start;
+        Some(places.iter().map(move |place| {
+            let (follows, point) = &self.shared[*place];
+            let point = Params {
+                start: start.clone(),
+                ..point.clone()
+            };
+            (*follows, *place, point)
+        }))
+    }
+}
+
 /// A point whose seeds are computed until a precision is reached.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointRule {
@@ -57,6 +109,28 @@ pub struct PointRule {
 }
 
 impl Campaign {
+    /// Its points as the file has them, in the order of the file; one that follows itself only
+    /// once.
+    pub(crate) fn written_points(&self) -> Vec<Cow<'_, Params>> {
+        let shared = SharedPoints::new(&self.written);
+        let mut points = Vec::new();
+        let mut last = None;
+        for (position, (_, case)) in self.cases.iter().enumerate() {
+            if last == Some(&case.params) {
+                continue;
+            }
+            last = Some(&case.params);
+            match shared.of_run(&case.params) {
+                Some(written) => points.extend(
+                    written.map(|(follows, place, point)| (follows, place, Cow::Owned(point))),
+                ),
+                None => points.push((position as u64, usize::MAX, Cow::Borrowed(&case.params))),
+            }
+        }
+        points.sort_by_key(|(follows, place, _)| (*follows, *place));
+        points.into_iter().map(|(.., point)| point).collect()
+    }
+
     /// Keys of the cases that are always computed: all but those that a precision may add.
     pub fn certain(&self) -> impl Iterator<Item = &(CaseKey, Case)> {
         let mut later = self.rules.iter().map(|rule| {

@@ -64,13 +64,21 @@ impl Case {
             Some(volume_fraction) => format!("φ={volume_fraction}"),
             None => format!("c={}", p.area_fraction),
         };
+        // Whether the coefficient or the rate was 0, friction does not act and Γ has no effect.
+        let acts = p.has_friction();
+        let friction = if acts {
+            format!("ν={}", p.friction)
+        } else {
+            "frictionless".into()
+        };
         let shear = match p.shear_stress {
-            Some(stress) => format!("σ*={stress}"),
-            None => format!("Γ={}", p.shear_rate),
+            Some(stress) => format!(" σ*={stress}"),
+            None if acts || p.shear_rate != 0.0 => format!(" Γ={}", p.shear_rate),
+            None => String::new(),
         };
         format!(
-            "{fraction} ν={} h={} {shear} N={} seed {}",
-            p.friction, p.roughness, p.spheres, self.seed
+            "{fraction} {friction} h={}{shear} N={} seed {}",
+            p.roughness, p.spheres, self.seed
         )
     }
 }
@@ -267,6 +275,15 @@ mod tests {
             ..case()
         };
         assert_eq!(case.label(), "c=0.693 ν=0.3 h=0.01 Γ=0.1 N=90 seed 7");
+        let case = Case::new(
+            Params {
+                friction: 0.0,
+                ..case.params
+            },
+            7,
+            &Protocol::default(),
+        );
+        assert_eq!(case.label(), "c=0.693 frictionless h=0.01 N=90 seed 7");
     }
 
     #[test]

@@ -10,7 +10,9 @@ use crate::data::Tag;
 use crate::data::{DataColumn, Kind, Value};
 use crate::measure::Estimate;
 use crate::model::axes::{AXES, identity};
+use crate::model::case::State;
 use crate::store::Store;
+use crate::text::format::counted;
 use sd_core::Params;
 use serde_json::{Value as Json, json};
 use std::collections::HashMap;
@@ -33,7 +35,28 @@ pub struct FitReport {
     data: Vec<Datum>,
     /// Of each point.
     params: Vec<Params>,
+    /// Points that are left out, as most of their runs jammed.
+    jammed: Vec<Jammed>,
     fit: Fit,
+}
+
+/// A point most of whose runs jammed: those that flowed are no sample of it.
+#[derive(Debug)]
+struct Jammed {
+    fraction: f64,
+    /// `None` under an imposed rate.
+    stress: Option<f64>,
+    jammed: usize,
+    runs: usize,
+}
+
+/// The runs of a point.
+#[derive(Debug)]
+struct PointRuns {
+    params: Params,
+    /// Of those that are averaged.
+    viscosities: Vec<f64>,
+    jammed: usize,
 }
 
 impl FitReport {
@@ -48,21 +71,34 @@ impl FitReport {
         replicates: usize,
     ) -> Result<Self, ReportError> {
         let report = Report::of(store, selection)?;
-        let mut runs: HashMap<Vec<Tag>, (Params, Vec<f64>)> = HashMap::new();
+        let mut runs: HashMap<Vec<Tag>, PointRuns> = HashMap::new();
         let mut order: Vec<Vec<Tag>> = Vec::new();
         for run in selected_runs(store, selection)? {
+            let is_jammed = run.state == State::Jammed;
             let is_averaged = run.is_sound() || (report.with_doubtful && run.is_doubtful());
-            if let Some(viscosity) = run.number("viscosity").filter(|_| is_averaged) {
-                let key = identity(&run.params);
-                let entry = runs.entry(key.clone()).or_insert_with(|| {
-                    order.push(key);
-                    ((*run.params).clone(), Vec::new())
-                });
-                entry.1.push(viscosity);
+            let viscosity = run.number("viscosity").filter(|_| is_averaged);
+            if !is_jammed && viscosity.is_none() {
+                continue;
             }
+            let key = identity(&run.params);
+            let entry = runs.entry(key.clone()).or_insert_with(|| {
+                order.push(key);
+                PointRuns {
+                    params: (*run.params).clone(),
+                    viscosities: Vec::new(),
+                    jammed: 0,
+                }
+            });
+            entry.jammed += usize::from(is_jammed);
+            entry.viscosities.extend(viscosity);
         }
-        let mut points: Vec<(Params, Vec<f64>)> =
-            order.iter().filter_map(|key| runs.remove(key)).collect();
+        let points = order.iter().filter_map(|key| runs.remove(key));
+        let (jammed, points): (Vec<PointRuns>, Vec<PointRuns>) =
+            points.partition(|point| point.jammed > point.viscosities.len());
+        let mut points: Vec<(Params, Vec<f64>)> = points
+            .into_iter()
+            .map(|point| (point.params, point.viscosities))
+            .collect();
         // Whatever the order of the file, since the bootstrap draws point by point.
         points.sort_by(|(a, of_a), (b, of_b)| {
             let fractions = fraction(a).total_cmp(&fraction(b));
@@ -87,6 +123,7 @@ impl FitReport {
             campaign: report.campaign,
             data,
             params,
+            jammed: jammed.iter().map(Jammed::of).collect(),
             fit,
         })
     }
@@ -120,10 +157,17 @@ impl FitReport {
         [key, if key == "volume_fraction" { "φ" } else { "c" }]
     }
 
-    /// Name of the campaign, points, runs, replicates.
+    /// Name of the campaign, points, runs, and points left out.
     pub fn summary(&self) -> String {
+        let left_out = match self.jammed.len() {
+            0 => String::new(),
+            number => format!(
+                "; left out {}, most of whose runs jammed",
+                counted(number as u64, "point")
+            ),
+        };
         format!(
-            "{}: η = A (1 − {}/c_J)⁻², c_J = f c_m + (1 − f) c_0, f = exp(−(σ_c/σ)^β), to {} points of {} runs",
+            "{}: η = A (1 − {}/c_J)⁻², c_J = f c_m + (1 − f) c_0, f = exp(−(σ_c/σ)^β), to {} points of {} runs{left_out}",
             self.campaign,
             self.fraction()[1],
             self.data.len(),
@@ -145,6 +189,23 @@ impl FitReport {
                 let fitted = self.fit.viscosity(datum.fraction, datum.stress);
                 [datum.fraction, datum.stress, mean, fitted, *residual]
             })
+    }
+
+    /// Points left out, as most of their runs jammed: fraction, imposed stress if there is one,
+    /// viscosity of the fit there (infinite where it jams too), runs that jammed, and all that
+    /// jammed or flowed.
+    pub fn jammed(&self) -> impl Iterator<Item = (f64, Option<f64>, Option<f64>, [usize; 2])> {
+        self.jammed.iter().map(|point| {
+            let fitted = point
+                .stress
+                .map(|stress| self.fit.viscosity(point.fraction, stress));
+            (
+                point.fraction,
+                point.stress,
+                fitted,
+                [point.jammed, point.runs],
+            )
+        })
     }
 
     /// The points as a table, with their viscosity, that of the fit, and the residual.
@@ -189,9 +250,18 @@ impl FitReport {
                 },
             )
             .collect();
+        let jammed: Vec<Json> = self
+            .jammed()
+            .map(|(fraction, stress, fitted, [jammed, runs])| {
+                json!({
+                    self.fraction()[0]: fraction, "shear_stress": stress.map(number), "fitted": fitted.map(number),
+                    "jammed": jammed, "runs": runs,
+                })
+            })
+            .collect();
         json!({
             "campaign": self.campaign, "model": "wyart-cates", "parameters": parameters, "rms": self.rms(),
-            "replicates": self.fit.replicates, "undetermined": self.fit.undetermined, "points": points,
+            "replicates": self.fit.replicates, "undetermined": self.fit.undetermined, "points": points, "jammed": jammed,
         })
     }
 
@@ -223,6 +293,24 @@ impl FitReport {
         }
         let axes = ["shear stress σ* (F_crit/a²)", "relative viscosity η"];
         draw_curves(curves, axes, [true, false], &self.origin)
+    }
+}
+
+impl Jammed {
+    fn of(point: &PointRuns) -> Self {
+        let (_, imposed) = point.params.last_shear();
+        let plateau = |rate: f64| (rate == 0.0 || rate.is_infinite()).then_some(rate);
+        let stress = match imposed {
+            _ if point.params.friction == 0.0 => Some(0.0),
+            Some(stress) => Some(stress),
+            None => plateau(point.params.shear_rate),
+        };
+        Self {
+            fraction: fraction(&point.params),
+            stress,
+            jammed: point.jammed,
+            runs: point.jammed + point.viscosities.len(),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::units::{At, Units};
 use crate::data::{Kind, Value};
 use crate::model::axes::{AXES, Axis};
 use crate::store::{Store, StoreError};
-use crate::text::format::Digits;
+use crate::text::format::{Digits, short};
 use sd_core::Params;
 use std::collections::BTreeMap;
 
@@ -76,6 +76,13 @@ impl<'a> AxisWords<'a> {
             self.axis.value(params),
         ) {
             (Some(name), _) => name.to_owned(),
+            // Two sizes are on axes of their own, beside distributions and lists.
+            (None, Value::Word(_)) if self.axis.key == "sizes" && params.sizes.is_none() => {
+                match params.size_ratio {
+                    1.0 => "equal".into(),
+                    ratio => format!("1 : {}", short(ratio, 4)),
+                }
+            }
             (None, Value::Number(_)) => self.digits.write(on_axis(self.axis, self.units, params)),
             (None, value) => value.to_string(),
         }

@@ -10,8 +10,8 @@ use super::table::{Columns, measure};
 use super::units::{At, Units};
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs, Trend};
-use crate::model::axes::{Axis, Identity, identity};
-use crate::model::campaign::AsWritten;
+use crate::model::axes::{Axis, identity};
+use crate::model::campaign::{AsWritten, SharedPoints};
 use crate::model::case::State;
 use crate::model::precision::Precision;
 use crate::store::{Counts, Provenance, Store};
@@ -50,8 +50,8 @@ pub struct Report {
     pub computing: f64,
     /// Their CPU seconds, as far as known.
     pub processor: f64,
-    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor has the
-    /// shear rate without friction.
+    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor have its
+    /// laws and the shear rate without friction.
     pub shares_runs: bool,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
@@ -221,34 +221,20 @@ fn as_written(runs: Vec<PointRun>, written: &AsWritten) -> Vec<PointRun> {
     if written.shared.is_empty() {
         return runs;
     }
-    let mut sharing: HashMap<Identity, Vec<usize>> = HashMap::new();
-    for (place, (_, point)) in written.shared.iter().enumerate() {
-        let mut settled = point.clone();
-        settled.canonicalise();
-        sharing.entry(identity(&settled)).or_default().push(place);
-    }
+    let shared = SharedPoints::new(written);
     let mut all = Vec::with_capacity(runs.len());
     for run in runs {
-        let settled = Params {
-            start: None,
-            ..(*run.params).clone()
-        };
-        let Some(places) = sharing.get(&identity(&settled)) else {
+        let Some(points) = shared.of_run(&run.params) else {
             all.push((run.position, usize::MAX, run));
             continue;
         };
-        for place in places {
-            let (follows, point) = &written.shared[*place];
-            let params = Params {
-                start: run.params.start.clone(),
-                ..point.clone()
-            };
+        all.extend(points.map(|(follows, place, params)| {
             let run = PointRun {
                 params: Arc::new(params),
                 ..run.clone()
             };
-            all.push((*follows, *place, run));
-        }
+            (follows, place, run)
+        }));
     }
     all.sort_by_key(|(follows, place, run)| (*follows, *place, run.position));
     all.into_iter().map(|(.., run)| run).collect()
@@ -306,6 +292,11 @@ impl Point {
         } else {
             axis.number(&self.params)
         }
+    }
+
+    /// Whether most of its runs jammed.
+    pub(super) fn is_jammed(&self) -> bool {
+        self.jammed > self.seeds
     }
 
     /// Whether soft contacts yielded by more than the roughness height, so that the spheres

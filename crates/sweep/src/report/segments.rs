@@ -59,9 +59,9 @@ const NUMBERS: [Number; 10] = [
     ("viscosity_stresslet", "stresslet\nviscosity", 2, "the same without contact stress", |s| s.number("viscosity_stresslet")),
     ("normal_stress_difference", "N1", 3, "first normal stress difference, in mu times the rate", |s| s.number("normal_stress_difference")),
     ("contacts_per_sphere", "contacts\n/ N", 3, "pairs in contact per sphere", |s| s.number("contacts_per_sphere")),
-    ("hydrodynamic_share", "left by the\nreversal", 1,
+    ("hydrodynamic_share", "η after /\nbefore", 1,
         "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part", |s| Some(s.reversal?.hydrodynamic_share)),
-    ("recovery_strain", "strain of\nrecovery", 1,
+    ("recovery_strain", "strain to\nrecover half", 1,
         "strain after which half of the drop at a reversal has recovered; mean over the runs that have recovered it", recovery),
     ("eta_prime", "η′", 0, "viscous part of the first harmonic of an oscillation, in mu", |s| Some(s.oscillation()?.viscosity[0])),
     ("eta_double_prime", "η″", 0, "elastic part of the first harmonic of an oscillation, in mu: G′/ω", |s| Some(s.oscillation()?.viscosity[1])),
@@ -199,7 +199,7 @@ impl SegmentReport {
         for (name, heading, rank, ..) in NUMBERS {
             views.push((name, heading, 3, rank));
             if name == "recovery_strain" {
-                views.push(("recovered", "runs\nrecovered", 3, 1));
+                views.push(("recovered", "runs that\nrecovered", 3, 1));
             }
         }
         let table = self.table();

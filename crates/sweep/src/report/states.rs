@@ -61,7 +61,7 @@ impl<'p> FlowCurve<'p> {
     /// ln σ and ln η of the points that flow at a finite stress, by index.
     fn flowing(&self) -> Vec<(usize, f64, f64)> {
         let of = |(place, point): (usize, &&Point)| {
-            if is_jammed(point) {
+            if point.is_jammed() {
                 return None;
             }
             let (stress, viscosity) = (point.shear_stress()?.mean, point.viscosity?.mean);
@@ -83,7 +83,7 @@ impl<'p> FlowCurve<'p> {
         }
         let mut has_flowed = false;
         let flow = |(point, slope): (&&Point, f64)| {
-            if is_jammed(point) {
+            if point.is_jammed() {
                 return Some(if has_flowed {
                     Flow::ShearJammed
                 } else {
@@ -168,11 +168,6 @@ pub(super) fn flows_of(points: &[Point]) -> Vec<Option<Flow>> {
 /// The imposed stress or rate.
 fn imposed(point: &Point) -> f64 {
     point.params.shear_stress.unwrap_or(point.params.shear_rate)
-}
-
-/// Whether most of its runs jammed.
-fn is_jammed(point: &Point) -> bool {
-    point.jammed > point.seeds
 }
 
 /// d ln η/d ln σ between two points.

@@ -94,7 +94,7 @@ pub fn write(
         lines.extend(legend(report, &sheet, shape));
         if report.shares_runs {
             lines.push(
-                "rows with the same runs: friction has no effect at Γ = 0, nor has Γ without friction"
+                "rows with the same runs: friction has no effect at Γ = 0, nor have its laws and Γ without friction"
                     .into(),
             );
         }

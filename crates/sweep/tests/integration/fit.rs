@@ -1,6 +1,6 @@
 //! The Wyart-Cates model fitted to a campaign.
 
-use crate::harness::{Computed, campaign, json, refused, sweep};
+use crate::harness::{Computed, campaign, edit, json, refused, sweep};
 use std::sync::LazyLock;
 
 static COMPUTED: LazyLock<Computed> = LazyLock::new(|| {
@@ -169,4 +169,37 @@ fn points_without_friction_are_the_lower_plateau_in_any_order_of_the_file() {
     let points = rising["points"].as_array().unwrap();
     let resting = points.iter().filter(|point| point["shear_stress"] == 0.0);
     assert_eq!(resting.count(), 3, "{points:?}");
+}
+
+#[test]
+fn points_most_of_whose_runs_jammed_are_left_out_and_listed() {
+    let folder = COMPUTED.folder();
+    let at = folder.path();
+    let before = json(at, &["fit", "s.sqlite", "--replicates", "0"]);
+    // Of three runs two jam at c = 0.68 and Γ = ∞, and one at Γ = 1.
+    edit(
+        &at.join("s.sqlite"),
+        "UPDATE cases SET state = 'jammed' WHERE point IN
+             (SELECT id FROM axes WHERE area_fraction > 0.65 AND (shear_rate = 1.0 AND seed = 1 OR shear_rate = 9e999 AND seed < 3));
+         UPDATE results SET jammed_strain = 0.01 WHERE case_id IN (SELECT id FROM cases WHERE state = 'jammed')",
+    );
+    let fit = json(at, &["fit", "s.sqlite", "--replicates", "0"]);
+    let [all, left] = [&before, &fit].map(|fit| fit["points"].as_array().unwrap().len());
+    assert_eq!((all, left), (15, 14));
+    assert_eq!(before["jammed"], serde_json::json!([]));
+    let jammed = &fit["jammed"].as_array().unwrap()[..];
+    let [jammed] = jammed else {
+        panic!("{jammed:?}");
+    };
+    assert_eq!((&jammed["jammed"], &jammed["runs"]), (&2.into(), &3.into()));
+    assert_eq!(jammed["area_fraction"], 0.68);
+    assert_eq!(jammed["shear_stress"], "inf");
+    let text = sweep(at, &["fit", "s.sqlite", "--replicates", "0"]);
+    for part in [
+        "14 points of 41 runs; left out 1 point, most of whose runs jammed",
+        "2 of 3 jammed",
+    ] {
+        let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(text.contains(part), "{part}: {text}");
+    }
 }

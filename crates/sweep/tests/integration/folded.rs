@@ -111,6 +111,50 @@ fn the_same_layers_without_folding_have_the_same_numbers() {
 }
 
 #[test]
+fn without_friction_the_laws_of_the_file_are_shown_and_selected() {
+    let laws = CAMPAIGN
+        .replace("shear_rate = [0.0, 0.1, inf]", "shear_rate = 10")
+        .replace(
+            "seeds = 2",
+            "seeds = 1\ntangential = \"stick-slide\"\nfriction_onset = \"reduced\"\n\
+             contact = \"linear-spring\"\nstiffness = 1e4\nstiffness_unit = \"flow\"",
+        );
+    let folder = folder("folded.toml", &laws);
+    let at = folder.path();
+    let axes = &json(at, &["plan", "folded.toml"])["axes"];
+    assert_eq!(axes["tangential"], serde_json::json!(["stick-slide"]));
+    assert_eq!(axes["friction_onset"], serde_json::json!(["reduced"]));
+    assert_eq!(axes["tangential_stiffness"], serde_json::json!([0.5]));
+    assert_eq!(axes["shear_rate"], serde_json::json!([10.0]));
+    assert_eq!(axes["friction"], serde_json::json!([0.0, 0.3]));
+    sweep(at, &["run", "folded.toml", "--quiet"]);
+    let chosen = ["report", "folded.toml", "--where", "tangential=stick-slide"];
+    let points = json(at, &chosen)["points"].take();
+    assert_eq!(points.as_array().unwrap().len(), 2, "{points}");
+    for point in points.as_array().unwrap() {
+        assert_eq!(point["tangential"], "stick-slide");
+        assert_eq!(point["shear_rate"], 10.0);
+    }
+    let figure = at.join("eta.svg");
+    let figure = figure.to_str().unwrap();
+    let along = ["report", "folded.toml", "--along", "friction"];
+    sweep(at, &[&along[..], &["--figure", figure]].concat());
+    let svg = std::fs::read_to_string(figure).unwrap();
+    let words = words(svg.as_bytes());
+    // Both points are on one curve, so no law is named in a legend.
+    for law in ["roll-slip", "stick-slide", "onset", "critical-load"] {
+        assert!(!words.contains(law), "{law}: {words}");
+    }
+    // A start from the runs without friction is found by the laws of the file too.
+    let next = laws.replace("\"folded\"", "\"next\"").replace(
+        "seeds = 1",
+        "start = { store = \"results/folded.sqlite\", point = { friction = 0, tangential = \"stick-slide\" } }\nseeds = 1",
+    );
+    std::fs::write(at.join("next.toml"), next).unwrap();
+    assert_eq!(json(at, &["plan", "next.toml"])["cases"], 2);
+}
+
+#[test]
 fn a_plan_warns_of_layers_too_dense_to_start() {
     let dense = CAMPAIGN
         .replace("area_fraction = 0.7", "area_fraction = [0.7, 0.84]")

@@ -19,6 +19,7 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
             ("shear_rate", Value::Number(rate)) if meant.shear_stress.is_none() => {
                 meant.shear_rate = *rate;
             }
+            _ if axis.is_of_friction() && !run.params.has_friction() => {}
             _ if axis.value(&run.params).tag() != value.tag() => return false,
             _ => {}
         }

@@ -3,10 +3,12 @@
 use crate::cli::Output;
 use crate::cli::output_file::{check_picture, save};
 use crate::cli::place::StoreArguments;
-use crate::cli::words::{axis_among, choice};
+use crate::cli::words::{axis_among, choice, choice_beside};
 use crate::error::Error;
 use crate::model::axes::Axis;
-use crate::report::{Columns, Drawing, Kind, Quantity, Report, Selection, Units, draw, traces};
+use crate::report::{
+    Columns, Drawing, Kind, Quantity, Report, Selection, StructureKind, Units, draw, traces,
+};
 use crate::store::Store;
 use std::path::{Path, PathBuf};
 
@@ -18,7 +20,7 @@ pub(crate) struct FigureArguments {
     #[arg(long, value_name = "FILE")]
     pub(super) figure: Option<PathBuf>,
     /// Kind of the figure
-    #[arg(long, value_parser = choice::<Kind>(), default_value = "viscosity", requires = "figure")]
+    #[arg(long, value_parser = choice_beside::<Kind, StructureKind>("structure"), default_value = "viscosity", requires = "figure")]
     kind: Kind,
     /// Viscosity of the figure [default: viscosity]
     #[arg(long, value_parser = choice::<Quantity>(), requires = "figure", hide_short_help = true)]

@@ -85,6 +85,58 @@ fn written_values_make_parameters_that_have_them() {
     );
 }
 
+#[test]
+fn without_friction_its_laws_and_the_rate_stay_as_they_are_written() {
+    let word = |word| Some(Value::Word(word));
+    let number = |number| Some(Value::Number(number));
+    let values = |friction: f64, rate: f64, tangential| -> Vec<Option<Value>> {
+        let value = |axis: &Axis| match axis.key {
+            "spheres" => Some(Value::Count(60)),
+            "area_fraction" => number(0.6),
+            "roughness" => number(0.0),
+            "friction" => number(friction),
+            "shear_rate" => number(rate),
+            "hydrodynamics" => word("lubrication"),
+            "contact" => word("linear-spring"),
+            "stiffness" => number(1e4),
+            "stiffness_unit" => word("flow"),
+            "tangential" => word(tangential),
+            "friction_onset" => word("reduced"),
+            _ => None,
+        };
+        AXES.iter().map(value).collect()
+    };
+    for tangential in ["roll-slip", "coulomb", "stick-slide"] {
+        let (acting, None) = folded_params_of(&values(0.5, 10.0, tangential), &[]).unwrap() else {
+            panic!("friction acts");
+        };
+        for (friction, rate) in [(0.0, 10.0), (0.5, 0.0), (0.0, 0.0)] {
+            let (params, given) =
+                folded_params_of(&values(friction, rate, tangential), &[]).unwrap();
+            assert_eq!((params.friction, params.shear_rate), (0.0, 0.0));
+            assert_eq!(
+                params.contact.laws().tangential,
+                ContactLaws::PAPER.tangential
+            );
+            let given = given.unwrap();
+            let expected = Params {
+                friction,
+                shear_rate: rate,
+                ..acting.clone()
+            };
+            assert_eq!(given, expected);
+            let mut settled = given;
+            settled.canonicalise();
+            assert_eq!(settled, params);
+        }
+    }
+    // "none" is friction of 0 by another word.
+    let (params, given) = folded_params_of(&values(0.5, 10.0, "none"), &[]).unwrap();
+    let given = given.unwrap();
+    assert_eq!((given.friction, given.shear_rate), (0.0, 10.0));
+    assert_eq!(params.shear_rate, 0.0);
+}
+
 /// One entry adds an axis everywhere: see [`ONE_MORE`].
 mod one_more {
     use crate::model::campaign::Campaign;

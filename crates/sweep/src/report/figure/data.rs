@@ -62,7 +62,7 @@ pub(super) fn figure_data(
     if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
         && !(drawing.kind == Kind::Viscosity && source.along.is_fraction())
     {
-        source.add_dilute(&mut data, traces, drawing.kind);
+        source.add_dilute(&mut data, traces);
     }
     let has_result = |curve: &Curve| curve.points.iter().any(|point| !point.1.is_nan());
     if !data.curves.iter().any(has_result) {
@@ -76,11 +76,9 @@ pub(super) fn figure_data(
     if drawing.kind != Kind::StateDiagram {
         data.arrange(drawing.kind)?;
     }
-    source.note_doubtful(&mut data, drawing.kind);
     let trends = trends(&data);
     data.curves.extend(trends);
-    let crosses = source.jammed(drawing.kind, &data);
-    data.curves.extend(crosses);
+    data.note = source.doubtful();
     Ok(data)
 }
 
@@ -166,6 +164,7 @@ impl Measured {
 
 /// Reports, and the axes along which their points are drawn.
 pub(super) struct FigureSource<'r> {
+    kind: Kind,
     reports: &'r [Report],
     pub(super) along: &'static Axis,
     pub(super) panels: Option<&'static Axis>,
@@ -239,6 +238,7 @@ impl<'r> FigureSource<'r> {
             .unwrap_or_default();
         Ok(Self {
             reports,
+            kind: drawing.kind,
             along,
             units,
             starts: Starts::together(reports.iter().map(|report| &report.starts)),
@@ -411,7 +411,13 @@ impl<'r> FigureSource<'r> {
         let mut curve = Curve::new(label, Vec::new(), CurveKind::Markers, panel);
         for point in points {
             let x = self.place(self.value(point));
+            let jam = self.jam(point, x);
+            curve.jammed.extend(jam);
             if !x.is_finite() {
+                // The position of a curve that only jams.
+                curve
+                    .points
+                    .extend(jam.map(|[x, _]| (x, f64::NAN, 0.0, 0.0)));
                 continue;
             }
             let value = value(point).filter(|[number, ..]| number.is_finite());
@@ -562,8 +568,8 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Adds the dilute limit of every fraction to its panel.
-    pub(super) fn add_dilute(&self, data: &mut Figure, traces: &[Trace], kind: Kind) {
-        let params: Vec<&Params> = if kind == Kind::Trace {
+    pub(super) fn add_dilute(&self, data: &mut Figure, traces: &[Trace]) {
+        let params: Vec<&Params> = if self.kind == Kind::Trace {
             traces.iter().map(|trace| &trace.params).collect()
         } else {
             self.points().map(|point| &point.params).collect()
@@ -584,56 +590,39 @@ impl<'r> FigureSource<'r> {
         }
     }
 
-    /// Adds a note on doubtful runs below the figure.
-    pub(super) fn note_doubtful(&self, data: &mut Figure, kind: Kind) {
+    /// A note on doubtful runs.
+    fn doubtful(&self) -> Option<String> {
         let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
-        if number > 0 && kind != Kind::Trace {
+        (number > 0 && self.kind != Kind::Trace).then(|| {
             let what = if self.reports.iter().any(|report| report.with_doubtful) {
                 "averaged too"
             } else {
                 "left out"
             };
-            let runs = counted(number, "doubtful run");
-            data.x = format!("{} ({runs} {what})", data.x);
-        }
+            format!("{} {what}", counted(number, "doubtful run"))
+        })
     }
 
-    /// Crosses for points with runs that jammed under an imposed stress: at a rate of 0 in a flow
-    /// curve, above all flowing points among viscosities.
-    pub(super) fn jammed(&self, kind: Kind, data: &Figure) -> Vec<Curve> {
-        let points = data.curves.iter().flat_map(|curve| &curve.points);
-        let [_, top] = extent(points.map(|point| point.1));
-        let mut crosses: Vec<Curve> = Vec::new();
-        for point in self
-            .points()
-            .filter(|point| jammed_at_imposed_stress(point))
-        {
-            let x = if self.along.is_shear_rate() {
-                0.0
-            } else {
-                self.value(point)
-            };
-            let value = match kind {
-                Kind::FlowCurve => {
-                    let factor = self.units.factor("F_crit/a²", At::rate(None));
-                    let stress = point.params.shear_stress.unwrap_or(f64::NAN);
-                    factor.map_or(f64::NAN, |factor| stress * factor)
-                }
-                Kind::Viscosity => 1.5 * top,
-                _ => continue,
-            };
-            if !value.is_finite() {
-                continue;
-            }
-            let (spot, panel) = ((self.place(x), value, 0.0, 0.0), self.panel(&point.params));
-            if let Some(curve) = crosses.iter_mut().find(|curve| curve.panel == panel) {
-                curve.points.push(spot);
-            } else {
-                let label = Label::from("jammed at this stress");
-                crosses.push(Curve::new(label, vec![spot], CurveKind::Crosses, panel));
-            }
+    /// Where the jammed runs of a point are marked: in a flow curve at the imposed stress and a
+    /// rate of 0, else at the position of the point, or a rate of 0, on the upper edge.
+    fn jam(&self, point: &Point, x: f64) -> Option<[f64; 2]> {
+        if point.jammed == 0 {
+            return None;
         }
-        crosses
+        let rests = self.along.is_shear_rate() && jammed_at_imposed_stress(point);
+        let stress = point
+            .params
+            .shear_stress
+            .filter(|_| self.kind == Kind::FlowCurve);
+        let height = stress.map_or(Some(f64::INFINITY), |stress| {
+            Some(stress * self.units.factor("F_crit/a²", At::rate(None))?)
+        })?;
+        let x = if rests && (stress.is_some() || !x.is_finite()) {
+            self.place(0.0)
+        } else {
+            x
+        };
+        x.is_finite().then_some([x, height])
     }
 }
 

@@ -161,7 +161,10 @@ impl FigureSource<'_> {
                     (self.place(self.value(first)), height, 0.0, 0.0)
                 };
                 let spots: Vec<_> = curves.iter().map(spot).collect();
-                if spots.iter().any(|spot| !spot.1.is_nan()) {
+                // A single crossing has no line.
+                let is_joined =
+                    |pair: &[(f64, f64, f64, f64)]| pair.iter().all(|spot| !spot.1.is_nan());
+                if spots.windows(2).any(is_joined) {
                     lines.push(Curve {
                         index: Flow::ALL.len() + number,
                         ..Curve::new(Label::from(name), spots, CurveKind::Line, panel)

@@ -66,6 +66,7 @@ pub(in crate::report) fn draw_curves(
         y: y.into(),
         log,
         is_linear,
+        note: None,
     };
     Ok(draw(&figure.outline(), origin))
 }

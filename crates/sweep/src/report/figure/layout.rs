@@ -48,6 +48,12 @@ pub(super) fn draw(outline: &Outline, origin: &Origin) -> Vec<u8> {
         let width = outline.width - left - 2.0;
         height += gap + legend(&mut svg, &entries, outline.tick_size, at, width);
     }
+    if let Some(note) = &outline.note {
+        let size = outline.tick_size;
+        height += ROW * size;
+        let at = [layout.first_left, height - 0.3 * size];
+        svg.text(at, note, size, Anchor::Start, false);
+    }
     svg.file([outline.width, height], origin)
 }
 
@@ -310,9 +316,10 @@ impl PanelView<'_> {
         }
     }
 
-    /// Marks for points without a result and for strains discarded, on the lower axis.
+    /// Marks for points without a result and for strains discarded, on the lower axis, and for
+    /// jammed runs.
     fn marks(&self, svg: &mut SvgWriter) {
-        let [[left, _], [right, bottom]] = self.corners;
+        let [[left, top], [right, bottom]] = self.corners;
         let is_inside = |x: &f64| (left..=right).contains(x);
         for curve in &self.panel.curves {
             let size = 0.8 * curve.marker_size;
@@ -325,6 +332,17 @@ impl PanelView<'_> {
                     curve.colour,
                     0.8,
                 );
+            }
+            for [at, height] in &curve.jammed {
+                let (x, size) = (self.x(*at), 1.2 * size);
+                let y = if height.is_finite() {
+                    self.y(*height)
+                } else {
+                    top + 2.0 * size
+                };
+                if is_inside(&x) {
+                    svg.marker(Marker::Cross, [x, y], size, curve.colour, 0.8);
+                }
             }
             if let Some(x) = curve.discard.map(|strain| self.x(strain)).filter(is_inside) {
                 let at = [x, bottom - 1.5 * TICK];

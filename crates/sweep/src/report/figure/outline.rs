@@ -39,6 +39,8 @@ pub struct Outline {
     /// Further entries of the legend, as curves without points.
     #[serde(skip)]
     notes: Vec<Curve>,
+    /// A line below the legend.
+    pub(super) note: Option<String>,
     pub(super) panels: Vec<Panel>,
 }
 
@@ -70,6 +72,8 @@ pub(super) struct Figure {
     pub(super) y: String,
     /// The horizontal axis, if that is logarithmic.
     pub(super) log: Option<LogAxis>,
+    /// A line below the legend.
+    pub(super) note: Option<String>,
     /// Whether the vertical axis is linear whatever its values.
     pub(super) is_linear: bool,
 }
@@ -118,6 +122,8 @@ pub(in crate::report) struct Curve {
     pub(super) has_band: bool,
     /// Positions of points of the campaign without a result.
     pub(super) missing: Vec<f64>,
+    /// Positions and heights of points with runs that jammed; an infinite height is the upper edge.
+    pub(super) jammed: Vec<[f64; 2]>,
     /// Strain discarded; in an outline only where curves differ in it.
     pub(super) discard: Option<f64>,
     #[serde(skip)]
@@ -155,6 +161,7 @@ impl Outline {
             label_size: LABEL_SIZE,
             tick_size: 0.9 * LABEL_SIZE,
             notes: Vec::new(),
+            note: None,
             panels,
         }
     }
@@ -198,6 +205,11 @@ impl Figure {
         let notes = [
             (formula.is_some(), formula.unwrap_or_default(), None),
             (
+                has(|c| !c.jammed.is_empty()),
+                "runs jammed",
+                Some(Marker::Cross),
+            ),
+            (
                 has(|c| !c.missing.is_empty()),
                 "no result",
                 Some(Marker::Cross),
@@ -228,6 +240,7 @@ impl Figure {
         }
         Outline {
             notes,
+            note: self.note,
             ..Outline::of_panels(self.panels)
         }
     }
@@ -263,16 +276,21 @@ impl Figure {
                 .iter()
                 .flat_map(|panel| panel.dashed.iter().copied())
         };
-        let [low, high] = extent(self.points().map(|point| point.1));
+        let jammed = || {
+            let all = self.curves.iter().flat_map(|curve| &curve.jammed);
+            all.map(|[_, height]| *height)
+                .filter(|height| height.is_finite())
+        };
+        let [low, high] = extent(self.points().map(|point| point.1).chain(jammed()));
         let ends = self
             .points()
             .flat_map(|(_, y, down, up)| [y - down, y + up]);
-        let [down, up] = extent(ends.chain(limits()));
+        let [down, up] = extent(ends.chain(limits()).chain(jammed()));
         // All positive, and more than a decade.
         if !self.is_linear && low > 0.0 && high > 10.0 * low {
             // An interval that reaches far below its mean does not stretch the axis.
             let least = self.points().map(|(_, y, down, _)| (y - down).max(0.5 * y));
-            let [least, _] = extent(least.chain(limits()));
+            let [least, _] = extent(least.chain(limits()).chain(jammed()));
             // Markers at the ends keep a distance from the frame.
             let room = (up / least).powf(MARGIN).max(1.15);
             return Scale::logarithmic(label, least / room, up * room);
@@ -350,7 +368,8 @@ impl Curve {
         let mut before: Option<f64> = None;
         for mut point in std::mem::take(&mut self.points) {
             if !is_drawn(point.1) {
-                if self.kind == CurveKind::Markers {
+                let jams = self.jammed.iter().any(|[x, _]| *x == point.0);
+                if self.kind == CurveKind::Markers && !jams {
                     self.missing.push(point.0);
                 }
                 before = None;

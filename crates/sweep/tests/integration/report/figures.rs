@@ -1,7 +1,7 @@
 //! Figures for papers.
 
 use super::{ONE, PAPER, PAPER_CAMPAIGN, figure, words};
-use crate::harness::{fail, folder, json, refused, sweep};
+use crate::harness::{edit, fail, folder, json, refused, sweep};
 
 #[test]
 fn figures_carry_their_size_font_and_origin() {
@@ -58,6 +58,42 @@ fn lines_stop_at_breaks_and_at_points_without_a_result() {
 }
 
 #[test]
+fn jammed_points_are_marked_once_in_the_colour_of_their_curve() {
+    // Wherever a cross may be, it is two lines: of points without a result on the lower edge, of
+    // jammed ones on the upper, and in a flow curve at the stress that they carry at rest.
+    let campaign = PAPER_CAMPAIGN
+        .replace("area_fraction = [0.5, 0.65]", "area_fraction = 0.65")
+        .replace("friction = [0.0, 0.3]", "friction = [0.3, 0.6]")
+        .replace(
+            "shear_rate = [0, 0.1, 1.0, 10.0, inf]",
+            "shear_stress = [0.1, 1.0, 10.0]",
+        )
+        .replace("seeds = 2", "seeds = 1");
+    let folder = folder("j.toml", &campaign);
+    let at = folder.path();
+    sweep(at, &["run", "j.toml", "--store", "s.sqlite", "-q"]);
+    edit(
+        &at.join("s.sqlite"),
+        "UPDATE cases SET state = 'jammed' WHERE point IN (SELECT id FROM axes WHERE friction > 0.5 AND shear_stress > 5);
+         UPDATE results SET jammed_strain = 0.01 WHERE case_id IN (SELECT id FROM cases WHERE state = 'jammed')",
+    );
+    for more in [&["--along", "shear_stress"][..], &["--kind", "flow-curve"]] {
+        let svg = figure(at, more);
+        let entries = words(&svg);
+        assert!(entries.contains(&"runs jammed"), "{more:?}: {entries:?}");
+        assert!(!entries.contains(&"no result"), "{more:?}: {entries:?}");
+        // The second curve, and the legend in grey.
+        let crosses = |colour: &str| {
+            let paths = svg.split("<path").skip(1);
+            let paths = paths.map(|rest| rest.split("/>").next().unwrap());
+            let is_cross = |path: &&str| path.contains(colour) && path.matches('M').count() == 2;
+            paths.filter(is_cross).count()
+        };
+        assert_eq!((crosses("#d55e00"), crosses("#0072b2")), (1, 0), "{svg}");
+    }
+}
+
+#[test]
 fn ticks_have_one_style_and_traces_show_what_is_discarded() {
     let folder = PAPER.folder();
     let at = folder.path();
@@ -68,6 +104,40 @@ fn ticks_have_one_style_and_traces_show_what_is_discarded() {
     let svg = figure(at, &[&ONE[..], &["--kind", "trace"]].concat());
     assert!(words(&svg).contains(&"discarded"));
     assert!(!words(&figure(at, &ONE)).contains(&"discarded"));
+}
+
+#[test]
+fn a_kind_of_the_other_command_is_pointed_to() {
+    let nowhere = tempfile::tempdir().unwrap();
+    for (command, kind, other) in [
+        (
+            "report",
+            "g_r",
+            "sweep structure --figure FILE.svg --kind pair-distribution",
+        ),
+        (
+            "report",
+            "contact_angle",
+            "sweep structure --figure FILE.svg --kind contact-angle",
+        ),
+        (
+            "structure",
+            "viscosity",
+            "sweep report --figure FILE.svg --kind viscosity",
+        ),
+    ] {
+        let arguments = [command, "s.sqlite", "--figure", "f.svg", "--kind", kind];
+        let error = refused(nowhere.path(), &arguments);
+        assert!(error.contains(other), "{error}");
+    }
+    let wrong = [
+        "report", "s.sqlite", "--figure", "f.svg", "--kind", "contact",
+    ];
+    let error = refused(nowhere.path(), &wrong);
+    assert!(
+        error.contains("similar value exists: 'contacts'"),
+        "{error}"
+    );
 }
 
 #[test]
