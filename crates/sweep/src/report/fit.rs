@@ -36,13 +36,13 @@ pub struct FitReport {
     /// Of each point.
     params: Vec<Params>,
     /// Points that are left out, as most of their runs jammed.
-    jammed: Vec<Jammed>,
+    jammed: Vec<LeftOut>,
     fit: Fit,
 }
 
 /// A point most of whose runs jammed: those that flowed are no sample of it.
 #[derive(Debug)]
-struct Jammed {
+struct LeftOut {
     fraction: f64,
     /// `None` under an imposed rate.
     stress: Option<f64>,
@@ -123,7 +123,7 @@ impl FitReport {
             campaign: report.campaign,
             data,
             params,
-            jammed: jammed.iter().map(Jammed::of).collect(),
+            jammed: jammed.iter().map(LeftOut::of).collect(),
             fit,
         })
     }
@@ -296,7 +296,7 @@ impl FitReport {
     }
 }
 
-impl Jammed {
+impl LeftOut {
     fn of(point: &PointRuns) -> Self {
         let (_, imposed) = point.params.last_shear();
         let plateau = |rate: f64| (rate == 0.0 || rate.is_infinite()).then_some(rate);
