@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::protocol::WrittenProtocol;
 use super::reader::{Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
-use super::start::{Layers, START, Start};
+use super::start::{Layers, START, Start, is_equilibrium};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis, InvalidCombination, folded_params_of, params_of};
 use crate::model::case::Case;
@@ -68,9 +68,9 @@ impl<'t> Grid<'t> {
             }
         }
         let start = match (table.get("volume_fraction"), table.get(START)) {
-            (Some(fraction), Some(written)) => {
+            (Some(fraction), Some(written)) if !is_equilibrium(written) => {
                 let problem = "`start` gives a layer, and a suspension cannot begin with one";
-                let allowed = "no `start` beside `volume_fraction`: the seed packs the spheres of a suspension; to shear them \
+                let allowed = "`start` = \"equilibrium\", or none: then the seed packs the spheres of a suspension; to shear them \
                                first one way and then another, give the run segments, `[[protocol.segment]]`";
                 let problem = Problem::at(&written.span(), problem, allowed).of_key(START);
                 faults.push(problem.also(&fraction.span(), "a suspension"));

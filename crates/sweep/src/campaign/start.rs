@@ -5,7 +5,7 @@ mod runs;
 
 use super::axis_values::of_axis;
 use super::error::Problem;
-use super::reader::{Reader, wrong_type};
+use super::reader::{Entry, Reader, wrong_type};
 use crate::model::axes::AXES;
 use sd_core::model::{StartFrom, StartLayer};
 use std::ops;
@@ -17,6 +17,11 @@ pub(super) const START: &str = "start";
 
 /// The word for starts in thermal equilibrium.
 const EQUILIBRIUM: &str = "equilibrium";
+
+/// Whether that word is written.
+pub(super) fn is_equilibrium(written: Entry<'_>) -> bool {
+    matches!(written.get_ref(), DeValue::String(word) if word == EQUILIBRIUM)
+}
 
 /// The starts of a grid.
 #[derive(Debug)]
