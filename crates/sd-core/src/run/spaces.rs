@@ -13,15 +13,25 @@ pub trait Starts: Fluid {
     /// # Errors
     /// [`Error::Refused`].
     fn check(params: &Params) -> Result<(), Error> {
-        let (key, allowed) = match (Self::DIMENSIONS, params.volume_fraction) {
+        let (key, value, problem, allowed) = match (Self::DIMENSIONS, params.volume_fraction) {
             (2, None) | (3, Some(_)) => return Ok(()),
-            (2, _) => ("area_fraction", "a layer has one"),
-            _ => ("volume_fraction", "a suspension has one"),
+            (2, Some(fraction)) => (
+                "volume_fraction",
+                fraction,
+                "makes a suspension, and this is to be a layer",
+                "a Suspension with it, or a Layer with area_fraction",
+            ),
+            _ => (
+                "area_fraction",
+                params.area_fraction,
+                "makes a layer, and this is to be a suspension",
+                "a Layer with it, or a Suspension with volume_fraction",
+            ),
         };
         Err(Refusal {
             key,
-            value: "none".into(),
-            problem: "is missing".into(),
+            value: value.to_string(),
+            problem: problem.into(),
             allowed: allowed.into(),
             because: None,
         }

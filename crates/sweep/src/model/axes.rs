@@ -238,7 +238,7 @@ pub(crate) fn folded_params_of(
     values: &[Option<Value>],
     segments: &[Segment],
 ) -> Result<(Params, Option<Params>), InvalidCombination> {
-    let mut params = unsettled(values, segments)?;
+    let mut params = as_given(values, segments)?;
     let (friction, shear_rate) = (params.friction, params.shear_rate);
     params.canonicalise();
     if params.has_friction() {
@@ -254,8 +254,8 @@ pub(crate) fn folded_params_of(
     Ok((params, is_folded.then_some(given)))
 }
 
-/// Parameters with these values and defaults, not settled.
-fn unsettled(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, InvalidCombination> {
+/// Parameters with these values and defaults, not in canonical form.
+fn as_given(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, InvalidCombination> {
     let mut builder = Params::builder();
     // The last axis first, since a choice precedes the numbers that have a meaning under it.
     for (axis, value) in AXES.iter().zip(values).rev() {
@@ -273,7 +273,7 @@ fn unsettled(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, I
     Ok(params)
 }
 
-/// Settled parameters with the laws of friction as they are given, which settling removes where a
+/// Canonical parameters with the laws of friction as they are given, which that form lacks where a
 /// friction coefficient or a shear rate of 0 keeps friction from acting.
 fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Option<Params> {
     let of_axis = |(axis, value): (&Axis, &Option<Value>)| match *value {
@@ -283,7 +283,7 @@ fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Optio
         value => value,
     };
     let values: Vec<Option<Value>> = AXES.iter().zip(values).map(of_axis).collect();
-    let mut params = unsettled(&values, segments).ok()?;
+    let mut params = as_given(&values, segments).ok()?;
     params.canonicalise();
     Some(params)
 }
