@@ -49,7 +49,7 @@ pub struct Input<S: Written = Layer> {
     /// Parameters of leading-order lubrication; the defaults where absent.
     lubrication: Option<LeadingOrder>,
     /// Imposed flow, default simple shear.
-    background: Option<Flow<S>>,
+    background: Option<FlowInput<S>>,
     /// External forces, default 0.
     pub forces: Option<Vec<S::Components>>,
     /// External torques, default 0.
@@ -103,16 +103,16 @@ pub enum InputError {
 /// Imposed flow in JSON.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
-struct Flow<S: Written> {
+struct FlowInput<S: Written> {
     rate_of_strain: S::Rates,
     angular_velocity: S::Turning,
 }
 
 /// A configuration and its contact problem.
-type Problem<S> = (Configuration<S>, InstantContacts<S>);
+type InstantProblem<S> = (Configuration<S>, InstantContacts<S>);
 
 /// A configuration of a layer or of a suspension.
-pub(crate) type AnyProblem = InSpace<Problem<Layer>, Problem<Bulk>>;
+pub(crate) type AnyProblem = InSpace<InstantProblem<Layer>, InstantProblem<Bulk>>;
 
 /// Reads the input strictly; the first of its centres says whether it is a layer or a suspension.
 ///
@@ -129,7 +129,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<AnyProblem, InputError> {
 }
 
 /// Reads the input of one space.
-fn read_in<S: Written>(bytes: &[u8]) -> Result<Problem<S>, InputError> {
+fn read_in<S: Written>(bytes: &[u8]) -> Result<InstantProblem<S>, InputError> {
     let input: Input<S> = serde_json::from_slice(bytes).map_err(|error| {
         // The message of serde ends with the position, which is reported separately.
         let text = error.to_string();
@@ -279,7 +279,7 @@ pub(crate) fn answer(problem: &AnyProblem) -> Result<Answer, sd_core::Error> {
 }
 
 fn answer_in<S: Written + Kept>(
-    (configuration, contact): &Problem<S>,
+    (configuration, contact): &InstantProblem<S>,
 ) -> Result<Answer, sd_core::Error> {
     let mut ratios = NearFields::ratios(&configuration.radii);
     if !configuration.hydrodynamics.needs_tables() {

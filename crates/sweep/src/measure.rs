@@ -2,6 +2,7 @@
 
 pub mod doubt;
 pub mod numbers;
+mod result;
 mod run;
 mod runs;
 pub(crate) mod segments;

@@ -4,6 +4,19 @@
 //! process, and all but the last few survive a power cut. Every change to a running case requires
 //! that this process still owns it. A run is a pure function of its case, so damaged or lost
 //! results are recomputed.
+//!
+//! # Files, from the lowest up
+//! A file reads only files named above it here.
+//! ```text
+//! statements, digest, error, files     SQL by names of columns; checksums; database and log
+//! points, entered, processes           rows of points, of the campaign, of processes
+//! schema                               tables, what a store of another program lacks, copies
+//! database                             an open store: lock, transactions, reading without a log
+//! samples, runs, frames                what a run has, each under its digest
+//! rules, claims, settle, workers       seeds that count; a case at work; its result; processes
+//! show, entry, check                   what readers see; entering a campaign; damage
+//! merge, submissions                   shards, and the jobs of a cluster that made them
+//! ```
 
 mod check;
 mod claims;

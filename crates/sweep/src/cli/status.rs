@@ -4,7 +4,7 @@ use super::Output;
 use super::cluster::write_builds;
 use super::place::{StoreArguments, last_run, print_warning};
 use crate::cluster::shard;
-use crate::cluster::status::{JobStatus, Status, TaskStatus};
+use crate::cluster::status::{CampaignStatus, JobStatus, TaskStatus};
 use crate::error::Error;
 use crate::report::{FailureGroup, table};
 use crate::system::exit;
@@ -33,7 +33,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let source = arguments.place.find()?;
     let (path, store) = (source.path(), source.open()?);
     print_warning(&store);
-    let status = Status::of(&store, FAILURES)?;
+    let status = CampaignStatus::of(&store, FAILURES)?;
     if output.json {
         output.json(&status)?;
     } else {
@@ -46,7 +46,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
 
 /// Writes all but the failures.
 fn write_text(
-    status: &Status,
+    status: &CampaignStatus,
     store: &Path,
     arguments: &Arguments,
     output: &mut Output<'_>,

@@ -10,14 +10,12 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
 pub enum ClusterError {
-    /// A program of the scheduler is missing.
     #[error("there is no `{program}` on this machine")]
     #[diagnostic(help(
         "give this command on a login node of the cluster, where Slurm is installed (`module load slurm` on some); \
          on a single machine `sweep run` computes the campaign"
     ))]
     Missing { program: String },
-    /// The scheduler refused.
     #[error("`{command}` was refused: {said}")]
     #[diagnostic(help(
         "correct what it names, then repeat the command: `sinfo -s` lists partitions; --sbatch-arg passes --partition \
@@ -25,47 +23,39 @@ pub enum ClusterError {
          answer, check with `squeue --me` whether the job exists, and try again in a while"
     ))]
     Refused { command: String, said: String },
-    /// An answer that cannot be parsed.
     #[error("`{command}` gave no job number but {said:?}")]
     #[diagnostic(help(
         "the job may still exist: check with `squeue --me` before you repeat the command; computing twice \
          does no harm"
     ))]
     Answer { command: String, said: String },
-    /// More tasks than a job may have.
     #[error("{asked} tasks are more than the {limit} a job may have here")]
     #[diagnostic(help(
         "nothing was submitted; give --tasks {limit} or fewer, so that each computes more cases. Several workers per task \
          (--workers-per-task) make them faster"
     ))]
     TooManyTasks { asked: usize, limit: usize },
-    /// A job whose state is unknown.
     #[error("whether job {job}, submitted before, still runs is unknown: {source}")]
     #[diagnostic(help(
         "repeat the command in a while, or with --again to submit its open cases once more"
     ))]
     Unclear {
         job: String,
-        /// What the scheduler said.
         #[source]
         source: Box<ClusterError>,
     },
-    /// A path that a script cannot name.
     #[error("{} is not valid UTF-8, and cannot be named in a script", path.display())]
     #[diagnostic(help("nothing was submitted; put the store elsewhere with --store FILE"))]
     Path { path: PathBuf },
-    /// The folder of shards is gone.
     #[error("there is no folder of shards at {}", path.display())]
     #[diagnostic(help(
         "nothing was submitted into it yet, or it was deleted: running tasks then recreate it when they next publish, and \
          `sweep submit CAMPAIGN.toml` recomputes what was lost with it, with the same digits"
     ))]
     Vanished { path: PathBuf },
-    /// A file of slices that cannot be used.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
     Slices { path: PathBuf, reason: String },
-    /// A file of the plan that could not be written.
     #[error("cannot write {}: {source}{}", path.display(), about_room(*full))]
     #[diagnostic(help(
         "nothing was submitted; {}, or choose another place with --store FILE, then repeat the command",
@@ -76,7 +66,6 @@ pub enum ClusterError {
         source: io::Error,
         full: bool,
     },
-    /// A shard that could not be written to the shared folder.
     #[error("cannot publish {}: {source}{}", path.display(), about_room(*full))]
     #[diagnostic(help(
         "earlier publications are kept, and {} holds the rest; {} in the folder, then restart the task \
@@ -90,11 +79,9 @@ pub enum ClusterError {
         source: io::Error,
         full: bool,
     },
-    /// A store.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Store(#[from] StoreError),
-    /// A campaign file.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Campaign(#[from] CampaignError),

@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_secs(1);
 
 /// Progress of a campaign.
 #[derive(Serialize)]
-pub(crate) struct Status {
+pub(crate) struct CampaignStatus {
     pub(crate) campaign: String,
     /// The file the store was last run with, if it is another version of the file given.
     pub(crate) last_run_with: Option<PathBuf>,
@@ -62,7 +62,7 @@ impl PrecisionStatus {
     }
 }
 
-impl Status {
+impl CampaignStatus {
     /// The status of an open store, with a maximum number of failures.
     pub(crate) fn of(store: &Store, failures: u32) -> Result<Self, ClusterError> {
         store.verify()?;

@@ -7,7 +7,7 @@ use super::{ClusterError, shard};
 use crate::model::campaign::Campaign;
 use crate::runner::{Progress, RunObserver};
 use crate::store::{MergedCases, OpenCase, Store, StoreError, TaskName};
-use crate::system::process::Identity;
+use crate::system::process::ProcessIdentity;
 use rustix::process::Signal;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -98,7 +98,7 @@ impl Task {
             job: "by-hand".into(),
             task,
             restart: 0,
-            node: Identity::of_this_process().host,
+            node: ProcessIdentity::of_this_process().host,
         });
         let file = shard::name(plan, &name);
         let work = options.scratch.join(&file);

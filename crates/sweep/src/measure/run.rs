@@ -1,15 +1,12 @@
-//! One run: what its result is made from, and the result.
+//! One run: what its result is made from, and what of it a point is made from.
 
 use super::doubt::Doubt;
-use super::numbers::{Level, Number, columns};
 use super::steady::rise;
 use super::{Distribution, Steadiness, ratio};
-use crate::data::Value;
 use crate::model::case::State;
+use sd_core::Params;
 use sd_core::simulation::Counters;
-use sd_core::{Params, Sample};
-use std::collections::HashMap;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
 /// What the result of a run is made from: its samples are added in their order, and not kept.
 #[derive(Debug)]
@@ -32,11 +29,11 @@ pub(crate) struct RunData<'p> {
     /// Approach velocities, summed over the contacts of all samples.
     pub(super) approach: f64,
     /// Layering, and bond orientation, of the averaged samples.
-    order: [Vec<f64>; 2],
+    pub(super) order: [Vec<f64>; 2],
     /// Mean square displacements along y and z against strain.
-    displacements: [Slope; 2],
+    pub(super) displacements: [Slope; 2],
     /// Means in time of the numbers of results.
-    means: Vec<Mean>,
+    pub(super) means: Vec<Mean>,
     pub(super) viscosity: Option<Distribution>,
     pub(super) viscosity_stresslet: Option<Distribution>,
     pub(super) steadiness: Option<Steadiness>,
@@ -44,9 +41,9 @@ pub(crate) struct RunData<'p> {
 
 /// A mean in progress.
 #[derive(Debug, Clone, Copy, Default)]
-struct Mean {
-    sum: f64,
-    number: u64,
+pub(super) struct Mean {
+    pub(super) sum: f64,
+    pub(super) number: u64,
 }
 
 /// Minimum averaged strain of a diffusivity, in which a sphere of a dense suspension passes several
@@ -57,7 +54,7 @@ const DIFFUSION_SAMPLES: u64 = 10;
 
 /// A line of least squares in progress.
 #[derive(Debug, Clone, Copy, Default)]
-struct Slope {
+pub(super) struct Slope {
     number: u64,
     /// The first abscissa, that all are relative to, and the last.
     ends: [f64; 2],
@@ -66,7 +63,7 @@ struct Slope {
 }
 
 impl Slope {
-    fn add(&mut self, x: f64, y: f64) {
+    pub(super) fn add(&mut self, x: f64, y: f64) {
         if y.is_nan() {
             return;
         }
@@ -91,71 +88,7 @@ impl Slope {
     }
 }
 
-impl<'p> RunData<'p> {
-    /// Without samples: those before step `discard_step` are left out.
-    pub(crate) fn new(params: &'p Params, discard_step: u64) -> Self {
-        Self {
-            params,
-            discard_step,
-            steps: 0,
-            counters: Counters::default(),
-            wall_time_s: 0.0,
-            cpu_time_s: 0.0,
-            resumed: 0,
-            finished_at: 0,
-            viscosities: Vec::new(),
-            stresslet_viscosities: Vec::new(),
-            contacts: 0,
-            activated: 0,
-            sticking: 0,
-            approach: 0.0,
-            order: [Vec::new(), Vec::new()],
-            displacements: [Slope::default(); 2],
-            means: vec![Mean::default(); columns(Level::Runs).count()],
-            viscosity: None,
-            viscosity_stresslet: None,
-            steadiness: None,
-        }
-    }
-
-    /// The samples from step `discard_step` on.
-    pub(crate) fn of(params: &'p Params, samples: &[(u64, Sample)], discard_step: u64) -> Self {
-        let mut run = Self::new(params, discard_step);
-        for (step, sample) in samples {
-            run.add(*step, sample);
-        }
-        run.finish();
-        run
-    }
-
-    /// Adds a sample.
-    pub(crate) fn add(&mut self, step: u64, sample: &Sample) {
-        if step < self.discard_step {
-            return;
-        }
-        self.viscosities.push(sample.viscosity);
-        self.stresslet_viscosities.push(sample.viscosity_stresslet);
-        self.contacts += u64::from(sample.contacts);
-        self.activated += u64::from(sample.activated);
-        self.sticking += u64::from(sample.sticking);
-        self.approach += -sample.normal_velocity * f64::from(sample.contacts);
-        if let Some(structure) = &sample.structure {
-            let [along_y, along_z] = &mut self.displacements;
-            along_y.add(sample.strain, structure.displacement_yy);
-            along_z.add(sample.strain, structure.displacement_zz);
-            let [layering, bonds] = &mut self.order;
-            layering.push(structure.layering);
-            // One of them is of layers, and the other of suspensions.
-            bonds.push(structure.psi_6.max(structure.q_6));
-        }
-        for (mean, number) in self.means.iter_mut().zip(columns(Level::Runs)) {
-            if let Some(value) = number.averaged_value(sample) {
-                mean.sum += value;
-                mean.number += 1;
-            }
-        }
-    }
-
+impl RunData<'_> {
     /// Computes what needs all samples.
     pub(crate) fn finish(&mut self) {
         self.steadiness = Steadiness::of(&self.viscosities);
@@ -166,12 +99,6 @@ impl<'p> RunData<'p> {
     /// Number of samples.
     pub(super) fn samples(&self) -> u64 {
         self.viscosities.len() as u64
-    }
-
-    /// The mean in time of a number over the samples that have it.
-    pub(super) fn mean(&self, name: &str) -> Option<f64> {
-        let mean = self.means.get(place_of(name)?)?;
-        ratio(mean.sum, mean.number as f64)
     }
 
     /// Whether it is a suspension, and not a layer.
@@ -232,16 +159,6 @@ impl<'p> RunData<'p> {
     pub(super) fn strain(&self, steps: u64) -> f64 {
         steps as f64 * self.params.time_step
     }
-
-    /// The numbers of its result, in the order of [`NUMBERS`].
-    pub(crate) fn result(&self) -> impl Iterator<Item = Option<Value>> {
-        columns(Level::Runs).map(|number| number.of_run(self))
-    }
-
-    /// One of these numbers.
-    pub(crate) fn number(&self, name: &str) -> Option<f64> {
-        Some(Number::named(name)?.of_run(self)?.number())
-    }
 }
 
 /// One run of a point, with its result if it has one.
@@ -277,12 +194,6 @@ impl PointRun {
         self.state == State::Done && self.doubts.is_empty()
     }
 
-    /// A number of its result by its name; `None` if it has none.
-    pub fn number(&self, name: &str) -> Option<f64> {
-        let number = self.numbers.get(place_of(name)?)?;
-        (!number.is_nan()).then_some(*number)
-    }
-
     /// Strain discarded.
     pub fn discard(&self) -> Option<f64> {
         Some(self.number("discard_step")? * self.params.time_step)
@@ -304,21 +215,11 @@ impl PointRun {
     }
 }
 
-/// Place of a number among those of results.
-pub(super) fn place_of(name: &str) -> Option<usize> {
-    static PLACES: LazyLock<HashMap<&str, usize>> = LazyLock::new(|| {
-        let of_runs = columns(Level::Runs).enumerate();
-        of_runs
-            .map(|(place, number)| (number.name, place))
-            .collect()
-    });
-    PLACES.get(name).copied()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::test_support::{params, sample};
+    use sd_core::Sample;
 
     #[test]
     fn discarded_samples_do_not_count() {

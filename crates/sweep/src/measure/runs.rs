@@ -1,6 +1,6 @@
 //! The runs of a point, from which its numbers are made.
 
-use super::run::{PointRun, place_of};
+use super::run::PointRun;
 use super::steady::{MIN_RUNS, is_significant};
 use super::{Decision, Distribution, Drift, Estimate, Trend, relative_half_width};
 use crate::model::precision::{Precision, Quantity};
@@ -39,14 +39,7 @@ impl Runs<'_> {
 
     /// A number of the results of the averaged runs that have it.
     pub(crate) fn values(&self, name: &str) -> Vec<f64> {
-        let Some(place) = place_of(name) else {
-            return Vec::new();
-        };
-        let numbers = self
-            .averaged
-            .iter()
-            .filter_map(|run| run.numbers.get(place));
-        numbers.copied().filter(|number| !number.is_nan()).collect()
+        self.of_each(|run| run.number(name))
     }
 
     /// The sum of these numbers.

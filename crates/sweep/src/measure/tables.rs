@@ -2,7 +2,7 @@
 
 use super::doubt::Doubt;
 use super::numbers::{Level, Number, columns};
-use super::run::{PointRun, place_of};
+use super::run::PointRun;
 use crate::data::{Cells, DataColumn, Kind, Value, Word};
 use crate::model::axes::{AXES, Axis};
 use sd_core::Sample;
@@ -33,14 +33,13 @@ pub(crate) fn run_table(runs: &[&PointRun]) -> Vec<DataColumn> {
     );
     table.push(seed_column(runs.iter().map(|run| run.seed)));
     for number in columns(Level::Runs) {
-        let place = place_of(number.name).unwrap_or(usize::MAX);
         let is_count = number.kind(Level::Runs) == Kind::Count;
         let cells = runs.iter().map(|run| {
-            let value = run.numbers.get(place).filter(|value| !value.is_nan())?;
+            let value = run.number(number.name)?;
             Some(if is_count {
-                Value::Count(crate::text::format::count(*value) as u64)
+                Value::Count(crate::text::format::count(value) as u64)
             } else {
-                Value::Number(*value)
+                Value::Number(value)
             })
         });
         table.push(column(number, Level::Runs, cells));

@@ -1,7 +1,7 @@
 //! Claims and checkpoints: the life of a running case.
 
 use super::points::CaseRow;
-use super::runs::{LAST, SUSPECT, StoredCheckpoint};
+use super::runs::{LAST, StoredCheckpoint};
 use super::statements::Statements;
 use super::{BadCheckpoint, Checkpoint, Store, StoreError, frames, runs, samples};
 use crate::model::case::Case;
@@ -14,8 +14,6 @@ use std::time::Duration;
 
 /// Maximum number of short cases that are claimed together.
 const BATCH_CASES: usize = 1024;
-/// Number of cases examined to decide whether the pending ones keep the other workers busy.
-const CASES_EXAMINED: usize = 4096;
 
 /// A case this process owns.
 #[derive(Debug)]
@@ -84,9 +82,8 @@ impl NewRows {
 }
 
 impl Store {
-    /// Claims the next cases: started ones first, then in the order of work, except that an
-    /// expensive case is not left for last, where it would keep one of `workers` busy while the
-    /// others idle. Short cases are claimed together, up to an estimated time of `batch`; started
+    /// Claims the next cases: started ones first, then in the order of work. Short cases are claimed
+    /// together, up to an estimated time of `batch`; started
     /// and longer cases are claimed alone.
     ///
     /// # Errors
@@ -94,10 +91,7 @@ impl Store {
     pub fn claim(&mut self, workers: usize, batch: Duration) -> Result<Vec<Claim>, StoreError> {
         let me = self.me();
         self.write(|connection| {
-            let ids = match overdue(connection, workers)? {
-                Some(id) => vec![id],
-                None => next(connection, workers, batch.as_secs_f64())?,
-            };
+            let ids = next(connection, workers, batch.as_secs_f64())?;
             let own = "UPDATE cases SET state = 'running', owner = ?2, attempts = attempts + 1,
                      changed_at = ?3
                  WHERE id = ?1 RETURNING key, seed, steps, sample_stride, steps_done,
@@ -298,34 +292,4 @@ fn next(connection: &Connection, workers: usize, batch_s: f64) -> rusqlite::Resu
         }
     }
     Ok(batch)
-}
-
-/// The most expensive pending case, if the other pending cases would not keep the other workers
-/// busy for its duration.
-fn overdue(connection: &Connection, workers: usize) -> rusqlite::Result<Option<i64>> {
-    if workers < 2 {
-        return Ok(None);
-    }
-    let mut query = connection.prepare_cached(
-        "SELECT id, cost, steps_done > 0 OR deaths >= ?2 FROM cases WHERE state = 'pending'
-             AND counts
-         ORDER BY cost DESC LIMIT ?1",
-    )?;
-    let mut rows = query.query(params![CASES_EXAMINED, SUSPECT])?;
-    let Some(first) = rows.next()? else {
-        return Ok(None);
-    };
-    let (id, cost, has_its_turn): (i64, f64, bool) = (first.get(0)?, first.get(1)?, first.get(2)?);
-    // Started cases always come first, and cases that kill their processes last.
-    if has_its_turn {
-        return Ok(None);
-    }
-    let mut others = 0.0;
-    while let Some(row) = rows.next()? {
-        others += row.get::<_, f64>(1)?;
-        if others > cost * (workers as f64 - 1.0) {
-            return Ok(None);
-        }
-    }
-    Ok(Some(id))
 }

@@ -2,7 +2,7 @@
 
 use super::StoreError;
 use super::entered::Entered;
-use super::files::{FileIdentity, Files, address, has_log, log_of, refuse_other_than_files};
+use super::files::{FileIdentity, OpenedFiles, address, has_log, log_of, refuse_other_than_files};
 use super::processes::{ActiveProcess, Registered, TaskName};
 use super::schema::{self, Lack};
 use super::statements::Statements;
@@ -24,7 +24,7 @@ pub struct Store {
     pub(super) connection: Connection,
     pub(super) path: PathBuf,
     /// Its files, as they were when it was opened for writing.
-    pub(super) files: Option<Files>,
+    pub(super) files: Option<OpenedFiles>,
     /// Warning for the user: changes in a log that cannot be read.
     pub(super) warning: Option<String>,
     /// This process, once registered in the store.
@@ -59,7 +59,7 @@ impl Store {
         store.complete()?;
         store.read(store.connection.pragma_update(None, "synchronous", "FULL"))?;
         // The file at the path must be the one that was opened.
-        store.files = Some(Files::of(path, file));
+        store.files = Some(OpenedFiles::of(path, file));
         Ok(store)
     }
 
@@ -220,7 +220,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Gone`].
     pub fn make_sure_of_the_file(&self) -> Result<(), StoreError> {
-        match self.files.as_ref().and_then(Files::loss) {
+        match self.files.as_ref().and_then(OpenedFiles::loss) {
             None => Ok(()),
             Some(what) => Err(StoreError::Gone {
                 path: self.path.clone(),

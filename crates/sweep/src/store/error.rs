@@ -9,19 +9,16 @@ use std::path::{Path, PathBuf};
 /// Why the store could not be opened or used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the message of each explains its fields")]
+#[expect(missing_docs, reason = "the message of each explains it")]
 pub enum StoreError {
-    /// No such file.
     #[error("there is no store at {}", path.display())]
     #[diagnostic(help("`sweep run CAMPAIGN.toml` creates one, by default results/NAME.sqlite"))]
     Missing { path: PathBuf },
-    /// A folder, a pipe, a device or a socket instead of a store.
     #[error("{} is {what}", path.display())]
     #[diagnostic(help(
         "name a store, such as results/quickstart.sqlite, or a campaign file, such as sweeps/quickstart.toml"
     ))]
     NotAFile { path: PathBuf, what: &'static str },
-    /// A damaged store.
     #[error("{} is damaged: {what}", path.display())]
     #[diagnostic(help(
         "`sweep check {0}` lists damaged runs, and `sweep run` computes them again, with the same digits; from a file that cannot be \
@@ -29,22 +26,15 @@ pub enum StoreError {
          computes all of them again",
         path.display()
     ))]
-    Damaged {
-        path: PathBuf,
-        /// The damage.
-        what: String,
-    },
-    /// The file or its directory cannot be written.
+    Damaged { path: PathBuf, what: String },
     #[error("cannot write a store at {}: {source}", path.display())]
     #[diagnostic(help("choose another place with --store FILE"))]
     Unwritable { path: PathBuf, source: io::Error },
-    /// A file of another kind.
     #[error("{} is not a store of sweep", path.display())]
     #[diagnostic(help(
         "nothing was changed in it; name the store of a campaign, such as results/NAME.sqlite"
     ))]
     NotAStore { path: PathBuf },
-    /// A store of another schema.
     #[error(
         "{} has schema {found}, but this program supports schema {known}: it was made by another version of sweep", path.display()
     )]
@@ -57,17 +47,11 @@ pub enum StoreError {
         found: i32,
         known: i32,
     },
-    /// A store with a number or an axis that this program does not know.
     #[error("{} has {column}, which this program does not know: a later version of sweep wrote it", path.display())]
     #[diagnostic(help(
         "nothing was changed in it; use that version, or choose another place with --store FILE"
     ))]
-    Later {
-        path: PathBuf,
-        /// The column of the number, or the axis.
-        column: String,
-    },
-    /// A store of another campaign.
+    Later { path: PathBuf, column: String },
     #[error("{} is the store of campaign {found:?}, not of {wanted:?}", path.display())]
     #[diagnostic(help("nothing was changed in it; choose another place with --store FILE"))]
     OtherCampaign {
@@ -75,7 +59,6 @@ pub enum StoreError {
         found: String,
         wanted: String,
     },
-    /// A store on which another process computes another version of the campaign.
     #[error(
         "process {pid} on {host} computes {} on {}, and {} has other runs under the same name",
         theirs.display(), path.display(), ours.display()
@@ -90,7 +73,6 @@ pub enum StoreError {
         pid: u32,
         host: String,
     },
-    /// A store into which another version of the campaign was entered meanwhile.
     #[error(
         "{} now holds the campaign of {}, not that of {}",
         path.display(), theirs.display(), ours.display()
@@ -104,21 +86,14 @@ pub enum StoreError {
         ours: PathBuf,
         theirs: PathBuf,
     },
-    /// The file was removed or replaced while in use.
     #[error("the store {} was {what} while it was in use", path.display())]
     #[diagnostic(help(
         "later changes of this process are lost with it; restore the store from a copy, or repeat the \
          command to start again"
     ))]
-    Gone {
-        path: PathBuf,
-        /// What happened to it.
-        what: &'static str,
-    },
-    /// Another process took over the case; the results of this one are discarded.
+    Gone { path: PathBuf, what: &'static str },
     #[error("case {key} was taken over by another process")]
     ClaimLost { key: String },
-    /// A missing case, or an ambiguous name.
     #[error("{given:?} is {what} of {}", path.display())]
     #[diagnostic(help(
         "identify a case by the beginning of its key, or by its number in the campaign file, from 1"
@@ -128,13 +103,11 @@ pub enum StoreError {
         given: String,
         what: &'static str,
     },
-    /// A run without frames.
     #[error("no frames of case {key} are stored")]
     #[diagnostic(help(
         "`sweep run CAMPAIGN.toml --trajectory` computes runs without frames again, with the same digits"
     ))]
     NoFrames { key: String },
-    /// A case whose frames an earlier version of this program wrote, without velocities.
     #[error(
         "the frames of case {key} have no velocities: an earlier version of this program wrote them"
     )]
@@ -143,7 +116,6 @@ pub enum StoreError {
          `sweep run CAMPAIGN.toml --trajectory --store NEW.sqlite`"
     ))]
     EarlierFrames { key: String },
-    /// An I/O or `SQLite` error.
     #[error("{}: {what}", path.display())]
     #[diagnostic(help("{advice}"))]
     Sqlite {
@@ -151,7 +123,6 @@ pub enum StoreError {
         what: String,
         advice: &'static str,
         during_run: bool,
-        /// Whether it may be temporary: a full disk, a lock.
         passing: bool,
         #[source]
         source: Box<rusqlite::Error>,

@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
-/// Identity of a file.
+/// ProcessIdentity of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FileIdentity {
     device: u64,
@@ -28,13 +28,13 @@ impl FileIdentity {
 
 /// The files of a store as they were when it was opened for writing.
 #[derive(Debug)]
-pub(super) struct Files {
+pub(super) struct OpenedFiles {
     path: PathBuf,
     database: Option<FileIdentity>,
     log: Cell<Option<FileIdentity>>,
 }
 
-impl Files {
+impl OpenedFiles {
     /// The files of an open store; its file was this one before.
     pub(super) fn of(path: &Path, database: Option<FileIdentity>) -> Self {
         Self {

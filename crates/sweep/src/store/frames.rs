@@ -96,13 +96,13 @@ pub(super) fn resume(
 }
 
 /// Frames of a run in another store: their steps; step, strain and data of each.
-pub(super) type Kept = (Range<u64>, Vec<(u64, f64, Vec<u8>)>);
+pub(super) type KeptFrames = (Range<u64>, Vec<(u64, f64, Vec<u8>)>);
 
 /// The frames of a case.
 ///
 /// # Errors
 /// Those of the queries, and [`DigestMismatch`] if frames were changed or are missing.
-pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<Kept>> {
+pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<KeptFrames>> {
     let Some(kept) = kept(connection, case)?.filter(|kept| !kept.is_empty()) else {
         return Ok(None);
     };
@@ -115,7 +115,7 @@ pub(super) fn of(connection: &Connection, case: i64) -> rusqlite::Result<Option<
 pub(super) fn take(
     connection: &Connection,
     (case, key): (i64, &str),
-    (theirs, frames): Kept,
+    (theirs, frames): KeptFrames,
 ) -> rusqlite::Result<()> {
     let ours = kept(connection, case)?.filter(|kept| !kept.is_empty());
     let both = match ours {

@@ -5,7 +5,7 @@ use super::entered::Entered;
 use super::statements::Statements;
 use crate::model::case::PHYSICS_VERSION;
 use crate::system::process;
-use crate::system::process::{Identity, ProcessState};
+use crate::system::process::{ProcessIdentity, ProcessState};
 use rusqlite::Connection;
 use rusqlite::types::Value;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ pub(super) const SEALED: Sealed = Sealed {
 #[derive(Debug, Clone)]
 pub(super) struct Registered {
     pub(super) id: i64,
-    pub(super) identity: Identity,
+    pub(super) identity: ProcessIdentity,
 }
 
 /// The task of a scheduler a process works for.
@@ -43,7 +43,7 @@ pub struct TaskName {
 pub(super) struct ActiveProcess {
     pub(super) id: i64,
     #[serde(flatten)]
-    pub(super) identity: Identity,
+    pub(super) identity: ProcessIdentity,
     heartbeat: i64,
     pub(super) file: Option<String>,
     request: Option<String>,
@@ -52,7 +52,7 @@ pub(super) struct ActiveProcess {
 impl ActiveProcess {
     /// All of them but the process `me`, each with whether it lives.
     pub(super) fn others(connection: &Connection, me: i64) -> rusqlite::Result<Vec<(Self, bool)>> {
-        let here = Identity::of_this_process();
+        let here = ProcessIdentity::of_this_process();
         let others = "SELECT id, host, boot, namespace, pid, start, heartbeat, file, request
              FROM processes WHERE ended_at IS NULL AND id != ?1";
         let others: Vec<Self> = connection.named(others, [me])?;
@@ -99,7 +99,7 @@ pub(super) fn described(connection: &Connection, id: i64) -> Vec<Value> {
 
 /// Registers this process, which computes a version of the campaign.
 pub(super) fn enter(connection: &Connection, entered: &Entered) -> rusqlite::Result<Registered> {
-    let identity = Identity::of_this_process();
+    let identity = ProcessIdentity::of_this_process();
     let now = process::now();
     let mut described = vec![
         identity.host.clone().into(),

@@ -91,7 +91,7 @@ impl Lack {
         for table in model.values::<String, Vec<_>>(tables, [])? {
             let own = columns_of(&model, &table)?;
             let there = columns_of(connection, &table)?;
-            let lacks = |these: &Columns, name| these.iter().all(|(known, _)| known != name);
+            let lacks = |these: &TableColumns, name| these.iter().all(|(known, _)| known != name);
             let unknown = there.iter().find(|(name, _)| lacks(&own, name));
             lack.unknown = lack
                 .unknown
@@ -138,10 +138,10 @@ impl Lack {
 }
 
 /// Names and types of columns.
-type Columns = Vec<(String, String)>;
+type TableColumns = Vec<(String, String)>;
 
 /// The columns of a table.
-fn columns_of(connection: &Connection, table: &str) -> rusqlite::Result<Columns> {
+fn columns_of(connection: &Connection, table: &str) -> rusqlite::Result<TableColumns> {
     let columns = "SELECT name, type FROM pragma_table_info(?1, 'main')";
     connection.all(columns, [table], |row| row.try_into())
 }

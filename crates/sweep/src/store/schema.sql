@@ -69,7 +69,6 @@ CREATE TABLE cases (
     CHECK ((state = 'running') = (owner IS NOT NULL))
 );
 CREATE INDEX IF NOT EXISTS queue ON cases (turn, gain DESC, position) WHERE state = 'pending' AND counts;
-CREATE INDEX IF NOT EXISTS expensive ON cases (cost) WHERE state = 'pending' AND counts;
 CREATE INDEX IF NOT EXISTS running ON cases (owner) WHERE state = 'running';
 CREATE INDEX IF NOT EXISTS orphans ON cases (state) WHERE NOT counts;
 CREATE INDEX IF NOT EXISTS cases_of_point ON cases (point);

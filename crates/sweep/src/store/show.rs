@@ -529,16 +529,16 @@ impl Store {
     /// Wall and CPU seconds of finished runs, over their estimates; `None` without finished runs.
     fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
         #[derive(Deserialize)]
-        struct Computed {
+        struct Pace {
             wall_time_s: f64,
             cpu_time_s: f64,
             cost: f64,
         }
-        let computed: Vec<Computed> = self.sampled_runs(
+        let computed: Vec<Pace> = self.sampled_runs(
             "r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps AS cost",
             "cases c ON c.id = r.case_id",
         )?;
-        let sum = |of: fn(&Computed) -> f64| computed.iter().map(of).sum::<f64>();
+        let sum = |of: fn(&Pace) -> f64| computed.iter().map(of).sum::<f64>();
         let cost = sum(|run| run.cost);
         let pace = (
             sum(|run| run.wall_time_s) / cost,
@@ -600,7 +600,7 @@ impl Store {
     /// this machine.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
         #[derive(Deserialize)]
-        struct Measured {
+        struct MeasuredRun {
             #[serde(deserialize_with = "json")]
             params: Params,
             computed: u64,
@@ -608,8 +608,11 @@ impl Store {
             host: String,
             build: String,
         }
-        let here = (process::Identity::of_this_process().host, process::build());
-        let mut runs: Vec<Measured> = self.sampled_runs(
+        let here = (
+            process::ProcessIdentity::of_this_process().host,
+            process::build(),
+        );
+        let mut runs: Vec<MeasuredRun> = self.sampled_runs(
             "p.params, r.computed, r.cpu_time_s, o.host, o.build",
             "cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
              JOIN processes o ON o.id = r.process",

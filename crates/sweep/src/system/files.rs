@@ -1,6 +1,6 @@
 //! Reading of whole files and atomic writing.
 
-use super::process::Identity;
+use super::process::ProcessIdentity;
 use rustix::fs::OFlags;
 use std::fs::{File, Permissions};
 use std::io::{self, Read as _, Write as _};
@@ -121,7 +121,7 @@ pub(crate) fn write_whole(
 /// # Errors
 /// System errors.
 pub(crate) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
-    let me = Identity::of_this_process();
+    let me = ProcessIdentity::of_this_process();
     clear_temporary_files(folder, &me);
     tempfile::Builder::new()
         .prefix(&format!(
@@ -136,7 +136,7 @@ pub(crate) fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
 
 /// Deletes the temporary files that killed processes left in a folder. What cannot be read or
 /// deleted stays.
-fn clear_temporary_files(folder: &Path, me: &Identity) {
+fn clear_temporary_files(folder: &Path, me: &ProcessIdentity) {
     for path in left_behind(folder, me) {
         let _ = std::fs::remove_file(path);
     }
@@ -144,11 +144,11 @@ fn clear_temporary_files(folder: &Path, me: &Identity) {
 
 /// Whether a killed process left a temporary file in a folder.
 pub(crate) fn is_left_behind(folder: &Path) -> bool {
-    !left_behind(folder, &Identity::of_this_process()).is_empty()
+    !left_behind(folder, &ProcessIdentity::of_this_process()).is_empty()
 }
 
 /// Temporary files of processes that no longer run, and the old ones of other machines.
-fn left_behind(folder: &Path, me: &Identity) -> Vec<PathBuf> {
+fn left_behind(folder: &Path, me: &ProcessIdentity) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in names {
@@ -159,7 +159,7 @@ fn left_behind(folder: &Path, me: &Identity) -> Vec<PathBuf> {
         let mut parts = owner.split('-');
         let is_here = parts.next() == Some(machine(me).as_str());
         let pid = parts.next().and_then(|pid| pid.parse().ok());
-        let owner = pid.filter(|_| is_here).map(|pid| Identity {
+        let owner = pid.filter(|_| is_here).map(|pid| ProcessIdentity {
             pid,
             start: parts.next().unwrap_or_default().to_owned(),
             ..me.clone()
@@ -179,7 +179,7 @@ fn left_behind(folder: &Path, me: &Identity) -> Vec<PathBuf> {
 }
 
 /// A short name of the machine, its boot and the namespace in which a pid has meaning.
-fn machine(process: &Identity) -> String {
+fn machine(process: &ProcessIdentity) -> String {
     let parts = [&process.host, &process.boot, &process.namespace];
     let all = parts.map(String::as_str).join("\n");
     blake3::hash(all.as_bytes()).to_hex()[..8].to_owned()
@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn temporary_files_of_dead_processes_are_deleted_and_those_of_others_stay() {
         let directory = tempfile::tempdir().unwrap();
-        let me = Identity::of_this_process();
+        let me = ProcessIdentity::of_this_process();
         let mine = temporary_file(directory.path()).unwrap();
         let left = |machine: &str, pid: u32| {
             let path = directory

@@ -1,4 +1,4 @@
-//! Identity of processes, and whether another one still lives.
+//! ProcessIdentity of processes, and whether another one still lives.
 
 use serde::Deserialize;
 use std::path::Path;
@@ -8,9 +8,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A process on another host counts as dead once its heartbeat is this old.
 pub(crate) const HEARTBEAT_LIMIT: Duration = Duration::from_mins(2);
 
-/// Identity of a process.
+/// ProcessIdentity of a process.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub(crate) struct Identity {
+pub(crate) struct ProcessIdentity {
     /// Name of the host.
     pub(crate) host: String,
     /// Its boot id, which changes at a restart. Empty where the system does not report it.
@@ -32,7 +32,7 @@ pub(crate) enum ProcessState {
     Dead,
 }
 
-impl Identity {
+impl ProcessIdentity {
     /// This process.
     pub(crate) fn of_this_process() -> Self {
         let pid = std::process::id();
@@ -149,11 +149,11 @@ mod tests {
 
     #[test]
     fn this_process_is_alive_and_its_pid_reused_is_dead() {
-        let me = Identity::of_this_process();
+        let me = ProcessIdentity::of_this_process();
         assert_eq!(me.judge(&me, Duration::ZERO), ProcessState::Alive);
         assert_eq!(me.judge(&me, HEARTBEAT_LIMIT * 2), ProcessState::Alive);
         if !me.start.is_empty() {
-            let earlier = Identity {
+            let earlier = ProcessIdentity {
                 start: "1".into(),
                 ..me.clone()
             };
@@ -174,8 +174,8 @@ mod tests {
 
     #[test]
     fn another_host_is_judged_by_its_heartbeat() {
-        let me = Identity::of_this_process();
-        let other = Identity {
+        let me = ProcessIdentity::of_this_process();
+        let other = ProcessIdentity {
             host: "elsewhere".into(),
             ..me.clone()
         };
@@ -191,8 +191,8 @@ mod tests {
 
     #[test]
     fn a_container_of_the_same_host_is_judged_by_its_heartbeat() {
-        let me = Identity::of_this_process();
-        let other = Identity {
+        let me = ProcessIdentity::of_this_process();
+        let other = ProcessIdentity {
             namespace: "pid:[1]".into(),
             pid: 1,
             ..me.clone()
@@ -205,11 +205,11 @@ mod tests {
 
     #[test]
     fn a_restarted_host_has_no_old_processes() {
-        let me = Identity {
+        let me = ProcessIdentity {
             boot: "now".into(),
-            ..Identity::of_this_process()
+            ..ProcessIdentity::of_this_process()
         };
-        let other = Identity {
+        let other = ProcessIdentity {
             boot: "before".into(),
             ..me.clone()
         };

@@ -31,7 +31,7 @@ pub(super) struct Merging<'m> {
 /// A case in the shard or in the store, and the steps, outcome, counters and process of its run, if
 /// that is complete.
 #[derive(Deserialize)]
-struct Stored {
+struct StoredCase {
     id: i64,
     key: String,
     state: State,
@@ -44,7 +44,7 @@ struct Stored {
     process: Option<i64>,
 }
 
-impl Stored {
+impl StoredCase {
     /// The case that meets a condition.
     fn find(
         connection: &Connection,
@@ -88,7 +88,7 @@ impl Merging<'_> {
             }
         }
         // The copied data may have ended it.
-        let ours = Stored::find(self.connection, "c.id = ?1", [ours.id])?.unwrap_or(ours);
+        let ours = StoredCase::find(self.connection, "c.id = ?1", [ours.id])?.unwrap_or(ours);
         match theirs.state {
             State::Failed if matches!(ours.state, State::Pending | State::Failed) => {
                 self.take_failures(&ours, &theirs)
@@ -104,8 +104,8 @@ impl Merging<'_> {
     }
 
     /// The case with a number in the shard, if its key is intact.
-    fn theirs(&self, id: i64) -> Option<(Stored, CaseRow)> {
-        let stored = Stored::find(self.other, "c.id = ?1", [id]).ok()??;
+    fn theirs(&self, id: i64) -> Option<(StoredCase, CaseRow)> {
+        let stored = StoredCase::find(self.other, "c.id = ?1", [id]).ok()??;
         let case = "SELECT p.params, c.seed, c.steps, max(c.sample_stride, 1) AS sample_stride
              FROM cases c JOIN points p ON p.id = c.point WHERE c.id = ?1";
         let case: CaseRow = self.other.first(case, [id]).ok()??;
@@ -113,8 +113,8 @@ impl Merging<'_> {
     }
 
     /// The case in the store; a case outside the grid is added if the shard has data of it.
-    fn ours(&self, theirs: &Stored, case: CaseRow) -> rusqlite::Result<Option<Stored>> {
-        let known = || Stored::find(self.connection, "c.key = ?1", [&theirs.key]);
+    fn ours(&self, theirs: &StoredCase, case: CaseRow) -> rusqlite::Result<Option<StoredCase>> {
+        let known = || StoredCase::find(self.connection, "c.key = ?1", [&theirs.key]);
         let has_data = theirs.state != State::Pending || theirs.steps_done > 0;
         let found = known()?;
         if found.is_some() || self.cases == MergedCases::Own || !has_data {
@@ -140,7 +140,12 @@ impl Merging<'_> {
 
     /// Copies a run if there is none. Of two that agree, the longer is kept; of two that disagree,
     /// the later attempt.
-    fn run(&mut self, ours: &Stored, theirs: &Stored, end: &RunEnd) -> rusqlite::Result<()> {
+    fn run(
+        &mut self,
+        ours: &StoredCase,
+        theirs: &StoredCase,
+        end: &RunEnd,
+    ) -> rusqlite::Result<()> {
         if ours.state == State::Running && !end.jammed && end.computed < ours.steps {
             // A process of this store continues it.
             return Ok(());
@@ -176,8 +181,8 @@ impl Merging<'_> {
     /// differ.
     fn difference(
         &self,
-        ours: &Stored,
-        theirs: &Stored,
+        ours: &StoredCase,
+        theirs: &StoredCase,
         end: &RunEnd,
     ) -> rusqlite::Result<Option<String>> {
         let Some(own) = RunEnd::of(self.connection, ours.id)? else {
@@ -206,7 +211,12 @@ impl Merging<'_> {
     }
 
     /// Copies a complete run; one with damaged frames is to be computed again, with its frames.
-    fn take_run(&mut self, ours: &Stored, theirs: &Stored, end: &RunEnd) -> rusqlite::Result<()> {
+    fn take_run(
+        &mut self,
+        ours: &StoredCase,
+        theirs: &StoredCase,
+        end: &RunEnd,
+    ) -> rusqlite::Result<()> {
         let Ok(kept) = frames::of(self.other, theirs.id) else {
             self.merged.unreadable += 1;
             return frames::request(self.connection, ours.id);
@@ -226,12 +236,17 @@ impl Merging<'_> {
     }
 
     /// Replaces the samples of a case by theirs before a step.
-    fn take_samples(&self, ours: &Stored, theirs: &Stored, until: u64) -> rusqlite::Result<()> {
+    fn take_samples(
+        &self,
+        ours: &StoredCase,
+        theirs: &StoredCase,
+        until: u64,
+    ) -> rusqlite::Result<()> {
         samples::copy((self.other, theirs.id), (self.connection, ours.id), until)
     }
 
     /// Copies failures that the store does not have.
-    fn take_failures(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
+    fn take_failures(&mut self, ours: &StoredCase, theirs: &StoredCase) -> rusqlite::Result<()> {
         let found = runs::check(self.other, "c.id = ?1", &[&theirs.id])
             .and_then(|()| runs::failures_of(self.other, theirs.id));
         let Ok(mut found) = found else {
@@ -266,7 +281,7 @@ impl Merging<'_> {
     }
 
     /// Replaces the checkpoints of a running case by newer ones.
-    fn take_checkpoints(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
+    fn take_checkpoints(&mut self, ours: &StoredCase, theirs: &StoredCase) -> rusqlite::Result<()> {
         let intact = intact_checkpoints(self.other, theirs.id).unwrap_or_default();
         let Some(steps) = intact.iter().map(|checkpoint| checkpoint.steps).max() else {
             self.merged.unreadable += 1;
@@ -287,7 +302,7 @@ impl Merging<'_> {
     }
 
     /// Copies frames that the store lacks. Those of one step are identical in all processes.
-    fn take_frames(&mut self, ours: &Stored, theirs: &Stored) -> rusqlite::Result<()> {
+    fn take_frames(&mut self, ours: &StoredCase, theirs: &StoredCase) -> rusqlite::Result<()> {
         let kept = frames::kept(self.connection, ours.id)?;
         let found = match (kept, frames::kept(self.other, theirs.id)) {
             (Some(ours), Ok(Some(theirs)))
@@ -329,7 +344,7 @@ impl Merging<'_> {
 ///
 /// # Errors
 /// Those of the queries, and [`rusqlite::Error::QueryReturnedNoRows`] where something is missing.
-fn complete_run(other: &Connection, theirs: &Stored) -> rusqlite::Result<RunEnd> {
+fn complete_run(other: &Connection, theirs: &StoredCase) -> rusqlite::Result<RunEnd> {
     let untrusted = || rusqlite::Error::QueryReturnedNoRows;
     let mut end = RunEnd::of(other, theirs.id)?.ok_or_else(untrusted)?;
     let stride = "SELECT max(sample_stride, 1) FROM cases WHERE id = ?1";
