@@ -1,5 +1,7 @@
-//! The layers of the crate: a room imports only rooms below it.
+//! The layers of the crate: a room imports only rooms below it, and a file of the store only files
+//! below it.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// All source files in a folder.
@@ -67,6 +69,62 @@ fn rooms_import_only_rooms_below_them() {
                 .is_none_or(|other| other > rank)
             {
                 wrong.push(format!("{} imports crate::{name}", place.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The names in lists of imports from a module, as in `super::{a, B}` and `super::a::C`.
+fn imported<'t>(text: &'t str, module: &str) -> Vec<&'t str> {
+    let is_name = |c: char| c.is_alphanumeric() || c == '_';
+    let after = text.split(module).skip(1);
+    after
+        .flat_map(|rest| match rest.strip_prefix('{') {
+            Some(list) => list[..list.find('}').unwrap()].split(',').collect(),
+            None => vec![rest],
+        })
+        .map(|name| name.trim_start())
+        .map(|name| &name[..name.find(|c| !is_name(c)).unwrap_or(name.len())])
+        .collect()
+}
+
+#[test]
+fn files_of_the_store_read_only_files_below_them() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/store");
+    let map = std::fs::read_to_string(folder.with_extension("rs")).unwrap();
+    let list = map.split("```").nth(1).unwrap();
+    let lines = list.lines().filter_map(|line| line.strip_prefix("//! "));
+    let files: Vec<&str> = lines
+        .flat_map(|line| line.split("  ").next().unwrap().split(", "))
+        .collect();
+    let rank = |file: &str| files.iter().position(|other| *other == file);
+    // Types that the room hands on, with their files.
+    let mut of_type = HashMap::new();
+    let uses = map.split("use ").skip(1);
+    for (file, rest) in uses.filter_map(|part| part.split_once("::")) {
+        let names = rest[..rest.find(';').unwrap()].trim_matches(['{', '}']);
+        of_type.extend(names.split(',').map(|name| (name.trim(), file)));
+    }
+    let mut wrong = Vec::new();
+    for path in sources(&folder) {
+        let place = path.strip_prefix(&folder).unwrap().with_extension("");
+        let file = place.iter().next().unwrap().to_str().unwrap();
+        if file == "tests" {
+            continue;
+        }
+        let own = rank(file).unwrap_or_else(|| panic!("{file} is not in the list of store.rs"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        let text = text.split("#[cfg(test)]").next().unwrap();
+        let module = if place.iter().count() > 1 {
+            "crate::store::"
+        } else {
+            "super::"
+        };
+        for name in imported(text, module) {
+            let other = of_type.get(name).copied().unwrap_or(name);
+            if rank(other).is_some_and(|other| other > own) {
+                wrong.push(format!("{} imports {name} of {other}", place.display()));
             }
         }
     }
