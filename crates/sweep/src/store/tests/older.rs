@@ -14,6 +14,7 @@ fn forget(path: &Path) {
          ALTER TABLE samples DROP COLUMN displacement_yy;
          ALTER TABLE results DROP COLUMN core_fraction;
          ALTER TABLE results DROP COLUMN layering;
+         ALTER TABLE results DROP COLUMN viscous_number;
          ALTER TABLE results DROP COLUMN diffusivity_yy;
          UPDATE points SET axes = json_remove(axes, '$.direction')";
     connection.execute_batch(views).unwrap();
