@@ -14,7 +14,6 @@ fn forget(path: &Path) {
          ALTER TABLE samples DROP COLUMN displacement_yy;
          ALTER TABLE results DROP COLUMN core_fraction;
          ALTER TABLE results DROP COLUMN layering;
-         ALTER TABLE results DROP COLUMN viscous_number;
          ALTER TABLE results DROP COLUMN diffusivity_yy;
          UPDATE points SET axes = json_remove(axes, '$.direction')";
     connection.execute_batch(views).unwrap();
@@ -51,12 +50,7 @@ fn an_older_store_is_read_with_empty_numbers_and_not_changed() {
     let runs = store.point_runs().unwrap();
     let done = runs.iter().find(|run| run.state == State::Done).unwrap();
     assert!(done.number("viscosity").is_some());
-    for name in [
-        "core_fraction",
-        "layering",
-        "viscous_number",
-        "diffusivity_yy",
-    ] {
+    for name in ["core_fraction", "layering", "diffusivity_yy"] {
         assert_eq!(done.number(name), None, "{name}");
     }
     assert_eq!(
