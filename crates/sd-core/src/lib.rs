@@ -157,7 +157,8 @@
 //! stage           positions → velocities: the only place where contact and far field meet; method: how it is computed
 //! stress          viscosity, normal stress differences, particle pressure, each by its causes; energy balance
 //! run             start: the first layer or suspension; steppers: methods in time; simulation: a run and its snapshots; instant: one evaluation;
-//!                 products: mobility and resistance, planned once; pair: two spheres alone
+//!                 products: mobility and resistance, planned once; transport: diffusion and sedimentation at short times; pair: two
+//!                 spheres alone
 //! ```
 //! A right-hand side calls them in this order: pairs in range (`space`), their near field and the
 //! far field of all (`hydrodynamics`), contact forces and velocities (`contact`, `stage`),
@@ -184,7 +185,7 @@ pub use model::{
 };
 pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
-pub use run::{pair, products, simulation, start};
+pub use run::{pair, products, simulation, start, transport};
 pub use space::pair::{Neighbours, PairKey};
 pub use space::{
     Bulk, IncidentFlow, Layer, LocalFlow, Space, Strains, VelocityGradient, bulk, cell, modes,

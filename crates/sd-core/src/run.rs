@@ -9,3 +9,4 @@ pub mod simulation;
 pub(crate) mod spaces;
 pub mod start;
 pub(crate) mod steppers;
+pub mod transport;

@@ -24,6 +24,7 @@ mod solve;
 mod status;
 mod structure;
 mod tables;
+mod transport;
 mod verify;
 mod words;
 
@@ -72,7 +73,15 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Cluster", &["submit", "merge", "cancel"]),
     (
         "Tools",
-        &["solve", "scalars", "verify", "pair", "completions", "man"],
+        &[
+            "solve",
+            "transport",
+            "scalars",
+            "verify",
+            "pair",
+            "completions",
+            "man",
+        ],
     ),
 ];
 
@@ -146,6 +155,7 @@ enum Command {
     Scalars(scalars::Arguments),
     Verify(verify::Arguments),
     Pair(pair::Arguments),
+    Transport(transport::Arguments),
     Completions(completions::Arguments),
     Man(man::Arguments),
 }
@@ -218,6 +228,7 @@ pub fn execute(cli: Cli, out: &mut dyn Write) -> Result<u8, Error> {
         Command::Scalars(arguments) => scalars::execute(&arguments, &mut output),
         Command::Verify(arguments) => verify::execute(&arguments, &mut output),
         Command::Pair(arguments) => pair::execute(&arguments, &mut output),
+        Command::Transport(arguments) => transport::execute(&arguments, &mut output),
         Command::Completions(arguments) => completions::execute(&arguments, &mut output),
         Command::Man(arguments) => man::execute(&arguments, &mut output),
     }

@@ -15,6 +15,7 @@
 //! model              axes, cases, protocol, campaign, order of work; layers and suspensions as one type
 //! near_field_cache   near fields of unequal spheres, kept in the user's cache
 //! measure            what a run measures: averages in time and over runs, doubts, stopping rule
+//! transport          diffusion, sedimentation and viscosity of starts, at short times
 //! structure          frames as pair distributions and networks of contacts
 //! trajectory         kept frames in the formats of other programs
 //! instant            one instant of one configuration, and the two-sphere functions
@@ -63,6 +64,7 @@ mod structure;
 pub mod system;
 pub mod text;
 pub mod trajectory;
+mod transport;
 mod verify;
 
 #[cfg(test)]

@@ -57,6 +57,8 @@ impl Start {
             DeValue::String(name) => {
                 let layer = file::read(&folder.join(name.as_ref()));
                 let layers = layer.map(|layer| Layers::File(Box::new(layer)));
+                let layers = layers
+                    .map_err(|[what, allowed]| [what, format!("\"{EQUILIBRIUM}\", or {allowed}")]);
                 (
                     layers,
                     Some((name.to_string(), span.clone())),

@@ -1,0 +1,110 @@
+//! `sweep transport`.
+
+use super::Output;
+use super::place::{workers, workers_or_all};
+use crate::error::Error;
+use crate::measure::Estimate;
+use crate::near_field_cache;
+use crate::report::table;
+use crate::system::exit;
+use crate::text::format::{NumberFormat, counted, significant, uncertain, wrapped};
+use crate::transport::{NUMBERS, TransportPoint, transport};
+use serde_json::json;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Print short-time diffusion, sedimentation and viscosity of the starts of suspensions
+///
+/// Computes no run: at every point of the campaign these are means over its starts, one per seed,
+/// with 95 % intervals. `start = "equilibrium"` makes starts in thermal equilibrium.
+/// docs/transport.md defines the numbers. Writes nothing.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  sweep transport sweeps/suspension-random.toml\n  \
+                  sweep transport sweeps/suspension-random.toml --json"
+)]
+pub(crate) struct Arguments {
+    /// The campaign file
+    campaign: PathBuf,
+    /// Starts computed in parallel [default: the cores of the machine]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        visible_alias = "jobs",
+        visible_short_alias = 'j',
+        value_parser = workers
+    )]
+    workers: Option<NonZeroUsize>,
+}
+
+/// Writes the numbers.
+pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
+    let campaign = crate::campaign::read(&arguments.campaign)?;
+    let certain = || campaign.certain().map(|(_, case)| &case.params);
+    if certain().any(|params| params.volume_fraction.is_none()) {
+        return Err(Error::Argument {
+            argument: "FILE",
+            message: format!(
+                "{} has layers, whose diffusion in the fluid above and below depends on the size of the cell: \
+                 `volume_fraction` in place of `area_fraction` makes suspensions",
+                arguments.campaign.display()
+            ),
+        });
+    }
+    output.note(&counted(certain().count(), "start"));
+    if let Some(warning) = campaign.warning() {
+        output.note(&format!("warning: {warning}"));
+    }
+    let ratios = near_field_cache::ratios(certain())?;
+    let tables = near_field_cache::make(&ratios, |text| output.note(text))?;
+    let points = transport(&campaign, &tables, workers_or_all(arguments.workers))?;
+    if output.json {
+        let points: Vec<_> = points.iter().map(TransportPoint::json).collect();
+        output.json(&json!({ "points": points }))?;
+        return Ok(exit::DONE);
+    }
+    let mut heads: Vec<String> = Vec::new();
+    let axes: Vec<_> = crate::model::axes::AXES
+        .iter()
+        .filter(|axis| axis.key == "volume_fraction" || axis.varies(certain()))
+        .collect();
+    heads.extend(axes.iter().map(|axis| axis.symbol().to_owned()));
+    heads.extend(
+        [
+            "starts", "D_s/D_0", "N = ∞", "D_r/D_r0", "U/U_0", "N = ∞", "η/η_0",
+        ]
+        .map(Into::into),
+    );
+    let rows = points.iter().map(|point| {
+        let mut row: Vec<String> = axes
+            .iter()
+            .map(|axis| axis.value(&point.params).to_string())
+            .collect();
+        row.push(point.starts.len().to_string());
+        let corrections = point.corrections();
+        for (place, (_, of)) in NUMBERS.into_iter().enumerate() {
+            let estimate = point.estimate(of);
+            row.push(estimate.map_or_else(String::new, shown));
+            if let Some(k) = [0, 2].iter().position(|corrected| *corrected == place) {
+                let infinite = corrections.zip(estimate).map(|(c, e)| e.mean + c[k]);
+                row.push(infinite.map_or_else(String::new, |mean| significant(mean, 3)));
+            }
+        }
+        row
+    });
+    writeln!(output.out, "{}", table(output.width, heads, rows))?;
+    let notes = "over the values of a sphere alone and of the fluid; mean over starts ± half the 95 % Student interval; N = ∞: \
+                 less the hold of periodic images on equal spheres. The force-torque-stresslet approximation of Stokesian \
+                 Dynamics makes U/U_0 too large in dense suspensions: docs/transport.md";
+    writeln!(output.out, "{}", wrapped(notes, output.width).trim_end())?;
+    Ok(exit::DONE)
+}
+
+/// A mean with its interval.
+fn shown(estimate: Estimate) -> String {
+    match estimate.ci95 {
+        Some(half) => uncertain(estimate.mean, half, NumberFormat::Plain),
+        None => significant(estimate.mean, 4),
+    }
+}
