@@ -2,6 +2,7 @@
 
 use super::fluid::{Fluid, NearTerm, modes_in_strain};
 use crate::linalg::dense::Matrix;
+use crate::linalg::simd::vectorised;
 use crate::space::pair::Neighbours;
 use crate::space::{Space, Strains};
 
@@ -50,15 +51,20 @@ pub(super) fn add_background_forces<S: Fluid>(
     forces: &mut [f64],
 ) {
     let (forces, at_rest) = (S::by_sphere_mut(forces), S::each(0.0));
-    for (pair, term) in pairs.iter().zip(terms) {
-        let both = [pair.i, pair.j];
-        let x = both.map(|sphere| modes_in_strain::<S>(&at_rest, strains.at(sphere)));
-        for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
-            for k in 0..S::MODES {
-                forces[sphere][k] -= y[k];
+    vectorised(
+        #[inline(always)]
+        || {
+            for (pair, term) in pairs.iter().zip(terms) {
+                let both = [pair.i, pair.j];
+                let x = both.map(|sphere| modes_in_strain::<S>(&at_rest, strains.at(sphere)));
+                for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
+                    for k in 0..S::MODES {
+                        forces[sphere][k] -= y[k];
+                    }
+                }
             }
-        }
-    }
+        },
+    );
 }
 
 /// Adds the counterforces and the stresslets that the terms give disturbances `velocities` in the
@@ -72,16 +78,22 @@ pub(super) fn add_counterforces<S: Fluid>(
     stresslets: &mut [S::Strain],
 ) {
     let (velocities, forces) = (S::by_sphere(velocities), S::by_sphere_mut(forces));
-    for (pair, term) in pairs.iter().zip(terms) {
-        let both = [pair.i, pair.j];
-        let x = both.map(|sphere| modes_in_strain::<S>(&velocities[sphere], strains.at(sphere)));
-        for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
-            for k in 0..S::MODES {
-                forces[sphere][k] += y[k];
+    vectorised(
+        #[inline(always)]
+        || {
+            for (pair, term) in pairs.iter().zip(terms) {
+                let both = [pair.i, pair.j];
+                let x = both
+                    .map(|sphere| modes_in_strain::<S>(&velocities[sphere], strains.at(sphere)));
+                for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
+                    for k in 0..S::MODES {
+                        forces[sphere][k] += y[k];
+                    }
+                    for k in 0..S::STRAINS {
+                        stresslets[sphere][k] -= y[S::MODES + k];
+                    }
+                }
             }
-            for k in 0..S::STRAINS {
-                stresslets[sphere][k] -= y[S::MODES + k];
-            }
-        }
-    }
+        },
+    );
 }
