@@ -45,9 +45,6 @@ impl Fluid for Layer {
     }
 }
 
-/// Spheres p and q of the blocks of a pair.
-const BLOCKS: [(usize, usize); 3] = [(0, 0), (1, 0), (1, 1)];
-
 impl NearTerm<Layer> for PairTerm {
     #[inline]
     fn add(&mut self, other: &Self) {
@@ -61,16 +58,20 @@ impl NearTerm<Layer> for PairTerm {
 
     #[inline(always)]
     fn blocks(&self, n: &Vec2) -> [[f64; 9]; 3] {
-        BLOCKS.map(|(p, q)| {
-            let mut block = [0.0; 9];
-            block.copy_from_slice(self.block(*n, p, q).as_flattened());
-            block
-        })
+        [
+            self.block(*n, 0, 0),
+            self.block(*n, 1, 0),
+            self.block(*n, 1, 1),
+        ]
     }
 
     #[inline]
     fn mode_blocks(&self, n: &Vec2) -> [[[f64; 6]; 6]; 3] {
-        BLOCKS.map(|(p, q)| self.mode_block(*n, p, q))
+        [
+            self.mode_block(*n, 0, 0),
+            self.mode_block(*n, 1, 0),
+            self.mode_block(*n, 1, 1),
+        ]
     }
 
     #[inline(always)]

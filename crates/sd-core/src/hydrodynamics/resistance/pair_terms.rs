@@ -55,12 +55,15 @@ pub(super) fn add_background_forces<S: Fluid>(
         #[inline(always)]
         || {
             for (pair, term) in pairs.iter().zip(terms) {
-                let both = [pair.i, pair.j];
-                let x = both.map(|sphere| modes_in_strain::<S>(&at_rest, strains.at(sphere)));
-                for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
-                    for k in 0..S::MODES {
-                        forces[sphere][k] -= y[k];
-                    }
+                let (i, j) = (pair.i, pair.j);
+                let x = [
+                    modes_in_strain::<S>(&at_rest, strains.at(i)),
+                    modes_in_strain::<S>(&at_rest, strains.at(j)),
+                ];
+                let [of_i, of_j] = term.apply(&pair.normal, &x);
+                for k in 0..S::MODES {
+                    forces[i][k] -= of_i[k];
+                    forces[j][k] -= of_j[k];
                 }
             }
         },
@@ -82,16 +85,19 @@ pub(super) fn add_counterforces<S: Fluid>(
         #[inline(always)]
         || {
             for (pair, term) in pairs.iter().zip(terms) {
-                let both = [pair.i, pair.j];
-                let x = both
-                    .map(|sphere| modes_in_strain::<S>(&velocities[sphere], strains.at(sphere)));
-                for (sphere, y) in both.into_iter().zip(term.apply(&pair.normal, &x)) {
-                    for k in 0..S::MODES {
-                        forces[sphere][k] += y[k];
-                    }
-                    for k in 0..S::STRAINS {
-                        stresslets[sphere][k] -= y[S::MODES + k];
-                    }
+                let (i, j) = (pair.i, pair.j);
+                let x = [
+                    modes_in_strain::<S>(&velocities[i], strains.at(i)),
+                    modes_in_strain::<S>(&velocities[j], strains.at(j)),
+                ];
+                let [of_i, of_j] = term.apply(&pair.normal, &x);
+                for k in 0..S::MODES {
+                    forces[i][k] += of_i[k];
+                    forces[j][k] += of_j[k];
+                }
+                for k in 0..S::STRAINS {
+                    stresslets[i][k] -= of_i[S::MODES + k];
+                    stresslets[j][k] -= of_j[S::MODES + k];
                 }
             }
         },

@@ -19,14 +19,15 @@ use std::f64::consts::PI;
 /// Number of independent entries of a pair matrix.
 pub(super) const ENTRIES: usize = 34;
 /// Start of the transverse block.
-const TRANSVERSE: usize = 10;
+pub(super) const TRANSVERSE: usize = 10;
 /// Start of the odd block.
-const ODD: usize = 13;
+pub(super) const ODD: usize = 13;
 
 /// Mode vectors of both spheres, or a coupling of them, in the frame of the pair.
 pub type PairMatrix = SMatrix<f64, 12, 12>;
 
 /// Place of `(row, column)` in an upper triangle of dimension n.
+#[inline(always)]
 const fn upper(n: usize, row: usize, column: usize) -> usize {
     let (r, c) = if row < column {
         (row, column)
@@ -37,16 +38,19 @@ const fn upper(n: usize, row: usize, column: usize) -> usize {
 }
 
 /// Place of an axial entry: 0, 1 = `U_x`, a of i; 2, 3 of j.
+#[inline(always)]
 pub(super) const fn axial(row: usize, column: usize) -> usize {
     upper(4, row, column)
 }
 
 /// Place of a transverse entry: 0 = w of i, 1 of j.
+#[inline(always)]
 pub(super) const fn transverse(row: usize, column: usize) -> usize {
     TRANSVERSE + upper(2, row, column)
 }
 
 /// Place of an odd entry: 0, 1, 2 = `U_y`, Ω, e2 of i; 3, 4, 5 of j.
+#[inline(always)]
 pub(super) const fn odd(row: usize, column: usize) -> usize {
     ODD + upper(6, row, column)
 }

@@ -1,6 +1,6 @@
 //! The resistance of one pair, applied to modes in the frame of the layer.
 
-use super::pair_frame::{self, ENTRIES, PairMatrix, axial, odd, transverse};
+use super::pair_frame::{self, ENTRIES, ODD, PairMatrix, TRANSVERSE, axial, odd, transverse};
 use crate::space::modes::Vec2;
 
 /// A pair matrix in the frame of its line of centres, symmetric, in mu·a, mu·a², mu·a³.
@@ -37,10 +37,20 @@ fn rotated([x, y, spin, e1, e2, e3]: [f64; 6], n: Vec2) -> [f64; 6] {
     ]
 }
 
-/// A row of a matrix times a vector.
+/// The product of a symmetric matrix, of which the upper triangle is given row by row, and a vector.
 #[inline(always)]
-fn product<const N: usize>(row: impl Fn(usize) -> f64, x: &[f64; N]) -> f64 {
-    x.iter().enumerate().map(|(k, x)| row(k) * x).sum()
+fn symmetric<const N: usize>(upper: &[f64], x: [f64; N]) -> [f64; N] {
+    let (mut y, mut at) = ([0.0; N], 0);
+    for row in 0..N {
+        y[row] += upper[at] * x[row];
+        at += 1;
+        for column in row + 1..N {
+            y[row] += upper[at] * x[column];
+            y[column] += upper[at] * x[row];
+            at += 1;
+        }
+    }
+    y
 }
 
 impl PairTerm {
@@ -89,7 +99,7 @@ impl PairTerm {
     /// Block (p, q) of `R_FU`, by columns: forces and torque on sphere p from the velocities of
     /// sphere q.
     #[inline(always)]
-    pub(crate) fn block(&self, n: Vec2, p: usize, q: usize) -> [[f64; 3]; 3] {
+    pub(crate) fn block(&self, n: Vec2, p: usize, q: usize) -> [f64; 9] {
         let along = self.axial(2 * p, 2 * q);
         let across = self.odd(3 * p, 3 * q);
         let force_spin = self.odd(3 * p, 3 * q + 1);
@@ -97,13 +107,15 @@ impl PairTerm {
         let oblique = (along - across) * (n.x * n.y);
         let (xx, yy) = (n.x * n.x, n.y * n.y);
         [
-            [along * xx + across * yy, oblique, -torque_velocity * n.y],
-            [oblique, along * yy + across * xx, torque_velocity * n.x],
-            [
-                -force_spin * n.y,
-                force_spin * n.x,
-                self.odd(3 * p + 1, 3 * q + 1),
-            ],
+            along * xx + across * yy,
+            oblique,
+            -torque_velocity * n.y,
+            oblique,
+            along * yy + across * xx,
+            torque_velocity * n.x,
+            -force_spin * n.y,
+            force_spin * n.x,
+            self.odd(3 * p + 1, 3 * q + 1),
         ]
     }
 
@@ -149,19 +161,22 @@ impl PairTerm {
     /// `(F_x, F_y, T, s1, s2, s3)` of both spheres from `(U_x, U_y, Ω, −e1, −e2, −e3)` of both.
     #[inline(always)]
     pub fn apply(&self, n: Vec2, x: &[[f64; 6]; 2]) -> [[f64; 6]; 2] {
-        let [i, j] = x.map(|modes| rotated(modes, Vec2::new(n.x, -n.y)));
-        let stretch = |x: [f64; 6]| ROOT * x[3] + 0.5 * x[5];
-        let axial = [i[0], stretch(i), j[0], stretch(j)];
-        let transverse = [i, j].map(|x| ROOT * x[5] - 0.5 * x[3]);
-        let odd = [i[1], i[2], i[4], j[1], j[2], j[4]];
-        [0, 1].map(|p| {
-            let [along, stretch] = [0, 1].map(|k| product(|c| self.axial(2 * p + k, c), &axial));
-            let [across, spin, shear] =
-                [0, 1, 2].map(|k| product(|c| self.odd(3 * p + k, c), &odd));
-            let w = product(|c| self.entries[pair_frame::transverse(p, c)], &transverse);
+        let back = Vec2::new(n.x, -n.y);
+        let (i, j) = (rotated(x[0], back), rotated(x[1], back));
+        let stretches = [ROOT * i[3] + 0.5 * i[5], ROOT * j[3] + 0.5 * j[5]];
+        let (of_axial, rest) = self.entries.split_at(TRANSVERSE);
+        let (of_transverse, of_odd) = rest.split_at(ODD - TRANSVERSE);
+        let axial = symmetric(of_axial, [i[0], stretches[0], j[0], stretches[1]]);
+        let transverse = [ROOT * i[5] - 0.5 * i[3], ROOT * j[5] - 0.5 * j[3]];
+        let transverse = symmetric(of_transverse, transverse);
+        let odd = symmetric(of_odd, [i[1], i[2], i[4], j[1], j[2], j[4]]);
+        let mut y = [[0.0; 6]; 2];
+        for (p, y) in y.iter_mut().enumerate() {
+            let (stretch, w, odd) = (axial[2 * p + 1], transverse[p], &odd[3 * p..]);
             let (e1, e3) = (ROOT * stretch - 0.5 * w, 0.5 * stretch + ROOT * w);
-            rotated([along, across, spin, e1, shear, e3], n)
-        })
+            *y = rotated([axial[2 * p], odd[0], odd[1], e1, odd[2], e3], n);
+        }
+        y
     }
 }
 
@@ -194,11 +209,9 @@ mod tests {
                         assert!((entry - expected).abs() < 1e-13, "{row} {column}");
                     }
                 }
-                for (column, entries) in pair.block(n, p, q).into_iter().enumerate() {
-                    for (row, entry) in entries.into_iter().enumerate() {
-                        let expected = lab[(6 * p + row, 6 * q + column)];
-                        assert!((entry - expected).abs() < 1e-13, "{row} {column}");
-                    }
+                for (k, entry) in pair.block(n, p, q).into_iter().enumerate() {
+                    let expected = lab[(6 * p + k % 3, 6 * q + k / 3)];
+                    assert!((entry - expected).abs() < 1e-13, "{k}");
                 }
             }
         }
