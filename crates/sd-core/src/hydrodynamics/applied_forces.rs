@@ -25,8 +25,8 @@ pub(crate) fn check_numbers(field: &'static str, list: &[f64], each: usize) -> R
     }
 }
 
-/// Refuses parameters of the hydrodynamics out of range, and radii or centres of another number than
-/// spheres or out of range.
+/// Refuses parameters of the hydrodynamics, radii or centres out of range, and centres of another
+/// number.
 ///
 /// # Errors
 /// [`Error::OutOfRange`]; [`Error::Length`]; [`Error::OfSphere`].

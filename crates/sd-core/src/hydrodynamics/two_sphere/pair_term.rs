@@ -37,7 +37,7 @@ fn rotated([x, y, spin, e1, e2, e3]: [f64; 6], n: Vec2) -> [f64; 6] {
     ]
 }
 
-/// The product of a symmetric matrix, of which the upper triangle is given row by row, and a vector.
+/// The product of a vector and a symmetric matrix, whose upper triangle is given row by row.
 #[inline(always)]
 fn symmetric<const N: usize>(upper: &[f64], x: [f64; N]) -> [f64; N] {
     let (mut y, mut at) = ([0.0; N], 0);
