@@ -44,8 +44,8 @@ impl TransportPoint {
     }
 
     /// What to add to self-diffusion and to sedimentation for infinitely many spheres, if all are
-    /// equal: images of a sphere, 2L apart, hold it back in a fluid of viscosity η∞, by S(0) less in
-    /// sedimentation (Ladd, J. Chem. Phys. 93, 3484, 1990); S(0) by Carnahan and Starling.
+    /// equal: images of a sphere, 2L apart, hold it back in a fluid of viscosity η∞, by S(0) less
+    /// in sedimentation (Ladd, J. Chem. Phys. 93, 3484, 1990); S(0) by Carnahan and Starling.
     pub(crate) fn corrections(&self) -> Option<[f64; 2]> {
         let phi = self
             .params

@@ -241,8 +241,8 @@ impl NormalForce {
         if overlap.touching { self.dashpot } else { 0.0 }
     }
 
-    /// Linearises a spring's law about the overlap at the end of the time span. Returns the new bias
-    /// and compliance if they changed and `force` does not satisfy the law.
+    /// Linearises a spring's law about the overlap at the end of the time span. Returns the new
+    /// bias and compliance if they changed and `force` does not satisfy the law.
     ///
     /// `velocity`, `force`: v_n and f of the current solution. `tolerance`: largest accepted
     /// difference from the law.

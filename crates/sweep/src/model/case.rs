@@ -23,8 +23,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case of these parameters, [canonical](Params::canonicalise) so that equal physics has equal
-    /// numbers.
+    /// The case of these parameters, [canonical](Params::canonicalise) so that equal physics has
+    /// equal numbers.
     pub fn new(mut params: Params, seed: u64, protocol: &Protocol) -> Self {
         params.canonicalise();
         let in_steps = protocol.with_time_step(params.time_step);

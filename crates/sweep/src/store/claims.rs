@@ -82,9 +82,9 @@ impl NewRows {
 }
 
 impl Store {
-    /// Claims the next cases: started ones first, then in the order of work. Short cases are claimed
-    /// together, up to an estimated time of `batch`; started
-    /// and longer cases are claimed alone.
+    /// Claims the next cases: started ones first, then in the order of work. Short cases are
+    /// claimed together, up to an estimated time of `batch`; started and longer cases are claimed
+    /// alone.
     ///
     /// # Errors
     /// An I/O or SQLite error, or an unreadable case.

@@ -16,7 +16,8 @@ const MIN_COMPLIANCE: f64 = 1e-6;
 /// Maximum stiffness of a spring, that of rigid contacts.
 const MAX_STIFFNESS: f64 = 1.0 / MIN_COMPLIANCE;
 
-/// The near-field parts of R and of `R + Cᵀ S C + Dᵀ S D` with their factors, and the stiffnesses S.
+/// The near-field parts of R and of `R + Cᵀ S C + Dᵀ S D` with their factors, and the stiffnesses
+/// S.
 #[derive(Default)]
 pub(super) struct Preconditioner<S: Fluid = Layer> {
     /// The near-field part of R, and whether the matrix and its factor are those of this stage.
