@@ -84,7 +84,7 @@ fn imported<'t>(text: &'t str, module: &str) -> Vec<&'t str> {
             Some(list) => list[..list.find('}').unwrap()].split(',').collect(),
             None => vec![rest],
         })
-        .map(|name| name.trim_start())
+        .map(str::trim_start)
         .map(|name| &name[..name.find(|c| !is_name(c)).unwrap_or(name.len())])
         .collect()
 }
