@@ -239,7 +239,7 @@ class Store:
     ) -> None: ...
     def plot(
         self,
-        kind: str = "viscosity",
+        kind: str = "curve",
         *,
         quantity: str | None = None,
         along: str | None = None,

@@ -64,22 +64,17 @@ pub(crate) fn vectors<const D: usize>(
     name: &str,
     given: &Bound<'_, PyAny>,
 ) -> PyResult<Vec<[f64; D]>> {
-    let rows = |array: ArrayView2<'_, f64>| {
-        let rows = array.rows().into_iter();
-        rows.map(|row| std::array::from_fn(|k| row[k])).collect()
-    };
     let shape = format!("(N, {D})");
     let array = with_numbers(name, given, &shape)?;
-    match array.cast::<PyArray2<f64>>() {
-        Ok(array) => {
-            let array = array.try_readonly()?;
-            match array.as_array() {
-                view if view.ncols() == D => Ok(rows(view)),
-                _ => Err(wrong_shape(name, array.as_any(), &shape)),
-            }
-        }
-        Err(_) => Err(wrong_shape(name, &array, &shape)),
+    let wrong = || wrong_shape(name, &array, &shape);
+    let array = array.cast::<PyArray2<f64>>().map_err(|_| wrong())?;
+    let array = array.try_readonly()?;
+    let view: ArrayView2<'_, f64> = array.as_array();
+    if view.ncols() != D {
+        return Err(wrong());
     }
+    let rows = view.rows().into_iter();
+    Ok(rows.map(|row| std::array::from_fn(|k| row[k])).collect())
 }
 
 /// Whether an array has three columns.

@@ -6,17 +6,15 @@ use crate::two_spheres::LOOK;
 use crate::values;
 use pyo3::exceptions::{PyRuntimeWarning, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::PyDict;
 use sd_core::Params;
 use std::ffi::CString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
-
 use sweep::model::axes::Axis;
 use sweep::runner::{
-    CampaignProgress, Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin,
-    complete,
+    Options, Progress, Reason, StartOptions, StartedCampaign, Stop, Style, begin, complete,
 };
 use sweep::store::StoreSource;
 use sweep::system::disk::network_file_system;
@@ -47,17 +45,14 @@ pub(crate) struct Campaign(sweep::model::campaign::Campaign);
 /// values.
 pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Params, Table)> {
     let mut grid = values::table(params)?;
-    let besides = grid.iter().filter(|(key, _)| Axis::of_key(key).is_none());
-    let besides = besides
-        .map(|(key, value)| (key.clone(), value.clone()))
-        .collect();
+    let mut besides = grid.clone();
+    besides.retain(|key, _| Axis::of_key(key).is_none());
     if grid.contains_key("seeds") {
         return Err(PyTypeError::new_err(
             "params must not have `seeds`: the seed of a run is an argument of its own",
         ));
     }
-    let several = grid.iter().find(|(_, value)| value.is_array());
-    if let Some((key, _)) = several {
+    if let Some((key, _)) = grid.iter().find(|(_, value)| value.is_array()) {
         return Err(PyValueError::new_err(format!(
             "params: `{key}` has several values: a run has one; several are a campaign"
         )));
@@ -78,14 +73,10 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
         .map_err(|_| PyValueError::new_err(format!("seed must be below 2^63, got {seed}")))?;
     grid.insert("seeds".into(), vec![seed].into());
     let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
-    let campaign = sweep::campaign::parse("params", text).map_err(raise_without_place)?;
-    match campaign.cases.as_slice() {
-        [(_, case)] => Ok((case.params.clone(), besides)),
-        cases => Err(PyValueError::new_err(format!(
-            "params: {} runs: one is wanted",
-            cases.len()
-        ))),
-    }
+    let mut campaign = sweep::campaign::parse("params", text).map_err(raise_without_place)?;
+    let case = campaign.cases.pop();
+    let none = || PyValueError::new_err("params: one run is wanted");
+    Ok((case.ok_or_else(none)?.1.params, besides))
 }
 
 /// The text of a campaign file.
@@ -104,8 +95,8 @@ impl Campaign {
     #[new]
     #[pyo3(signature = (name, *, protocol=None, grid=None, **axes))]
     fn new(
-        name: &Bound<'_, PyAny>,
-        protocol: Option<&Bound<'_, PyAny>>,
+        name: &str,
+        protocol: Option<&Bound<'_, PyDict>>,
         grid: Option<&Bound<'_, PyAny>>,
         axes: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
@@ -114,8 +105,7 @@ impl Campaign {
             (None, None) => Vec::new(),
             (Some(grid), None) => match values::value("grid", grid)? {
                 Some(Value::Array(grids)) => grids,
-                Some(other) => vec![other],
-                None => Vec::new(),
+                other => other.into_iter().collect(),
             },
             (Some(_), Some(axes)) => {
                 return Err(PyTypeError::new_err(format!(
@@ -124,12 +114,8 @@ impl Campaign {
                 )));
             }
         };
-        let name = values::text("name", name)?;
-        let protocol = match protocol {
-            Some(protocol) => values::table(&values::dict("protocol", protocol)?)?,
-            None => Table::new(),
-        };
-        let text = text_of(&name, protocol, grids)?;
+        let protocol = protocol.map(values::table).transpose()?.unwrap_or_default();
+        let text = text_of(name, protocol, grids)?;
         let mut campaign = sweep::campaign::parse("campaign", text).map_err(raise_without_place)?;
         campaign.file = std::path::absolute(format!("{name}.toml"))?;
         Ok(Self(campaign))
@@ -141,8 +127,8 @@ impl Campaign {
     /// ----------
     /// path : str or path
     #[staticmethod]
-    fn from_toml(path: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let path = values::file("path", path)?;
+    #[expect(clippy::needless_pass_by_value, reason = "an argument of Python")]
+    fn from_toml(path: PathBuf) -> PyResult<Self> {
         sweep::campaign::read(&path).map(Self).map_err(raise)
     }
 
@@ -182,11 +168,7 @@ impl Campaign {
     /// dict
     ///     As `sweep plan --json` has it.
     #[pyo3(signature = (*, workers=None))]
-    fn plan<'py>(
-        &self,
-        py: Python<'py>,
-        workers: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn plan<'py>(&self, py: Python<'py>, workers: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
         let workers = threads(workers)?;
         let plan = py
             .detach(|| sweep::plan::plan(&self.0, workers, false, None))
@@ -222,12 +204,9 @@ impl Campaign {
     /// Returns
     /// -------
     /// Store
-    #[pyo3(
-        signature = (
-            store=None, *, workers=None, progress=None, retry_failed=None, trajectory=None, time_limit=None, max_wall_time=None
-        ),
-        text_signature = "($self, store=None, *, workers=None, progress=True, retry_failed=False, trajectory=False, time_limit=None, max_wall_time=None)"
-    )]
+    #[pyo3(signature = (
+        store=None, *, workers=None, progress=None, retry_failed=false, trajectory=false, time_limit=None, max_wall_time=None
+    ))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keywords of Python, each with a default"
@@ -235,46 +214,64 @@ impl Campaign {
     fn run(
         &self,
         py: Python<'_>,
-        store: Option<&Bound<'_, PyAny>>,
-        workers: Option<&Bound<'_, PyAny>>,
+        store: Option<PathBuf>,
+        workers: Option<usize>,
         progress: Option<&Bound<'_, PyAny>>,
-        retry_failed: Option<&Bound<'_, PyAny>>,
-        trajectory: Option<&Bound<'_, PyAny>>,
+        retry_failed: bool,
+        trajectory: bool,
         time_limit: Option<&Bound<'_, PyAny>>,
         max_wall_time: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Store> {
-        let path = self.place("store", store)?;
-        let wanted = Wanted {
-            workers: threads(workers)?,
-            retry_failed: values::flag("retry_failed", retry_failed, false)?,
-            trajectory: values::flag("trajectory", trajectory, false)?,
-            time_limit: time("time_limit", time_limit)?,
-            wall_limit: time("max_wall_time", max_wall_time)?,
-        };
+        let path = self.place(store)?;
+        let threads = threads(workers)?;
+        let stop = Stop::by_hand();
+        if let Some(limit) = time("time_limit", time_limit)? {
+            stop.after(limit);
+        }
+        let wall_limit = time("max_wall_time", max_wall_time)?;
         if let Some(network) = network_file_system(&path) {
-            warn(
-                py,
-                &format!(
-                    "{} is on a network file system ({network}), where several machines cannot safely share a store: run it from one machine only, \
-                 or choose a local disk",
-                    path.display()
-                ),
-            )?;
-        }
-        let bar = py
-            .import("sheared_layers._progress")?
-            .call_method1("bar", (progress,))?
-            .unbind();
-        let computed = compute(py, &self.0, &path, &wanted, &bar);
-        let done = Store::of(StoreSource::new(path, Some(self.0.clone())));
-        if computed.is_ok() {
-            bar.call_method1(py, "update", (1.0, done.standing()?))?;
-        }
-        bar.call_method0(py, "close")?;
-        for words in computed? {
+            let words = format!(
+                "{} is on a network file system ({network}), where several machines cannot safely share a store: run it from one machine \
+                 only, or choose a local disk",
+                path.display()
+            );
             warn(py, &words)?;
         }
-        if let Some(words) = done.failures()? {
+        let bar = py.import("sheared_layers._progress")?;
+        let bar = bar.call_method1("bar", (progress,))?.unbind();
+        let workers = threads.min(self.0.cases.len().max(1));
+        let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
+        let work = || -> Result<Vec<String>, sweep::Error> {
+            let options = StartOptions {
+                retry_failed,
+                trajectory,
+            };
+            let StartedCampaign { mut store, .. } = begin(&path, &self.0, options)?;
+            let mut notes: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
+            let options = Options {
+                workers,
+                threads,
+                wall_limit,
+                observer: None,
+                stop: &stop,
+                progress: &progress,
+            };
+            let counts = complete(&mut store, &self.0, options)?;
+            let left = counts.pending + counts.running;
+            if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
+                notes.push(format!(
+                    "time limit reached: {left} runs remain; the same call continues them"
+                ));
+            }
+            Ok(notes)
+        };
+        let notes = attended(py, work, &stop, &progress, &bar);
+        let done = Store::of(StoreSource::new(path.clone(), Some(self.0.clone())));
+        if notes.is_ok() {
+            bar.call_method1(py, "update", (1.0, progress.standing().message))?;
+        }
+        bar.call_method0(py, "close")?;
+        for words in notes?.into_iter().chain(done.failures()?) {
             warn(py, &words)?;
         }
         Ok(done)
@@ -287,11 +284,8 @@ impl Campaign {
     /// path : str or path, optional
     ///     The store; `default_store`.
     #[pyo3(signature = (path=None))]
-    fn store(&self, path: Option<&Bound<'_, PyAny>>) -> PyResult<Store> {
-        Store::opened(StoreSource::new(
-            self.place("path", path)?,
-            Some(self.0.clone()),
-        ))
+    fn store(&self, path: Option<PathBuf>) -> PyResult<Store> {
+        Store::opened(StoreSource::new(self.place(path)?, Some(self.0.clone())))
     }
 
     fn __repr__(&self) -> String {
@@ -300,24 +294,10 @@ impl Campaign {
 }
 
 impl Campaign {
-    fn place(&self, name: &str, store: Option<&Bound<'_, PyAny>>) -> PyResult<PathBuf> {
-        let store = store.map_or_else(
-            || Ok(self.0.default_store()),
-            |store| values::file(name, store),
-        )?;
+    fn place(&self, store: Option<PathBuf>) -> PyResult<PathBuf> {
+        let store = store.unwrap_or_else(|| self.0.default_store());
         Ok(std::path::absolute(store)?)
     }
-}
-
-/// Options of a run.
-struct Wanted {
-    workers: usize,
-    retry_failed: bool,
-    trajectory: bool,
-    /// Of the whole.
-    time_limit: Option<Duration>,
-    /// Of a single run.
-    wall_limit: Option<Duration>,
 }
 
 /// A time: seconds, or a text as on the command line.
@@ -325,55 +305,24 @@ fn time(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Duratio
     let Some(given) = given else {
         return Ok(None);
     };
-    let text = if given.is_instance_of::<PyString>() {
-        values::text(name, given)?
-    } else {
-        format!("{}s", values::number(name, given)?)
-    };
-    parse_positive_duration(&text).map(Some).map_err(|words| {
-        PyValueError::new_err(format!("{name}: {words}, got {}", values::shown(given)))
-    })
+    let refused = |words: &str| format!("{name}: {words}, got {}", values::shown(given));
+    let text = given
+        .extract::<String>()
+        .or_else(|_| Ok(format!("{}s", given.extract::<f64>()?)))
+        .map_err(|_: PyErr| PyTypeError::new_err(refused("seconds, or a text such as \"2h\"")))?;
+    parse_positive_duration(&text)
+        .map(Some)
+        .map_err(|words| PyValueError::new_err(refused(&words)))
 }
 
-/// Computes a campaign in separate threads, while this one checks for Ctrl-C and updates the bar.
-/// Prints notes for the user.
-fn compute(
+/// Does the work in separate threads, while this one checks for Ctrl-C and updates the bar.
+fn attended(
     py: Python<'_>,
-    campaign: &sweep::model::campaign::Campaign,
-    path: &std::path::Path,
-    wanted: &Wanted,
+    work: impl Send + FnOnce() -> Result<Vec<String>, sweep::Error>,
+    stop: &Stop,
+    progress: &Progress,
     bar: &Py<PyAny>,
 ) -> PyResult<Vec<String>> {
-    let stop = Stop::by_hand();
-    if let Some(limit) = wanted.time_limit {
-        stop.after(limit);
-    }
-    let workers = wanted.workers.min(campaign.cases.len().max(1));
-    let progress = Progress::new(Style::Quiet, workers, Box::new(std::io::sink()));
-    let work = || -> Result<Vec<String>, sweep::Error> {
-        let beginning = StartOptions {
-            retry_failed: wanted.retry_failed,
-            trajectory: wanted.trajectory,
-        };
-        let StartedCampaign { mut store, .. } = begin(path, campaign, beginning)?;
-        let mut notes: Vec<String> = store.warning().map(str::to_owned).into_iter().collect();
-        let options = Options {
-            workers,
-            threads: wanted.workers,
-            wall_limit: wanted.wall_limit,
-            observer: None,
-            stop: &stop,
-            progress: &progress,
-        };
-        let counts = complete(&mut store, campaign, options)?;
-        let left = counts.pending + counts.running;
-        if left > 0 && matches!(stop.reason(), Some(Reason::TimeLimit)) {
-            notes.push(format!(
-                "time limit reached: {left} runs remain; the same call continues them"
-            ));
-        }
-        Ok(notes)
-    };
     let mut interrupted: Option<PyErr> = None;
     let done = py.detach(|| {
         std::thread::scope(|scope| {
@@ -383,16 +332,12 @@ fn compute(
                 if interrupted.is_some() {
                     continue;
                 }
-                let CampaignProgress {
-                    fraction,
-                    counts,
-                    message,
-                } = progress.standing();
+                let now = progress.standing();
                 let looked = Python::attach(|py| {
                     py.check_signals()?;
                     // The progress is unknown before the store was read.
-                    if counts.total() > 0 {
-                        bar.call_method1(py, "update", (fraction, message))?;
+                    if now.counts.total() > 0 {
+                        bar.call_method1(py, "update", (now.fraction, now.message))?;
                     }
                     Ok(())
                 });
@@ -412,18 +357,14 @@ fn compute(
 }
 
 /// Number of threads.
-fn threads(given: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
-    let Some(given) = given else {
-        return Ok(std::thread::available_parallelism().map_or(1, NonZeroUsize::get));
-    };
-    usize::try_from(values::count("workers", given)?)
-        .ok()
-        .filter(|workers| (1..=WORKER_LIMIT).contains(workers))
-        .ok_or_else(|| {
-            PyValueError::new_err(format!(
-                "workers: {given} is out of range: 1 to {WORKER_LIMIT}"
-            ))
-        })
+fn threads(given: Option<usize>) -> PyResult<usize> {
+    match given {
+        None => Ok(std::thread::available_parallelism().map_or(1, NonZeroUsize::get)),
+        Some(workers) if (1..=WORKER_LIMIT).contains(&workers) => Ok(workers),
+        Some(workers) => Err(PyValueError::new_err(format!(
+            "workers: {workers} is out of range: 1 to {WORKER_LIMIT}"
+        ))),
+    }
 }
 
 pub(crate) fn warn(py: Python<'_>, words: &str) -> PyResult<()> {

@@ -50,24 +50,18 @@ pub(crate) fn raise_without_place(error: CampaignError) -> PyErr {
 
 /// Adds the attributes of an error to an exception.
 fn with_attributes(exception: PyErr, error: &Error) -> PyErr {
-    let own = |text: &str| Some(text.to_owned());
     let [key, value, allowed, suggestion] = match error {
-        Error::Campaign(CampaignError::Faulty(fault)) => [
-            fault.key().map(str::to_owned),
-            fault.value().map(str::to_owned),
-            own(fault.allowed()),
-            fault.suggestion().map(str::to_owned),
-        ],
-        Error::Physics(sd_core::Error::Refused(refusal)) => [
-            own(refusal.key),
-            own(&refusal.value),
-            own(&refusal.allowed),
-            None,
-        ],
-        Error::Report(ReportError::Argument { option, message }) => {
-            [own(option), None, own(message), None]
+        Error::Campaign(CampaignError::Faulty(fault)) => {
+            let (key, value) = (fault.key(), fault.value());
+            [key, value, Some(fault.allowed()), fault.suggestion()]
         }
-        _ => [None, None, None, None],
+        Error::Physics(sd_core::Error::Refused(of)) => {
+            [Some(of.key), Some(&of.value), Some(&of.allowed), None]
+        }
+        Error::Report(ReportError::Argument { option, message }) => {
+            [Some(*option), None, Some(message.as_str()), None]
+        }
+        _ => [None; 4],
     };
     Python::attach(|py| {
         let instance = exception.value(py);

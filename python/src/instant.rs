@@ -82,73 +82,35 @@ pub(crate) fn tables_of(py: Python<'_>, radii: &[f64]) -> PyResult<NearFields> {
 /// -------
 /// Solution
 #[pyfunction]
-#[pyo3(signature = (
-    centres, *, radii=None, cell=None, offset=None, cross_offset=None, hydrodynamics=None, background=None, forces=None, torques=None, contact=None, **more
-), text_signature = "(centres, *, radii=None, cell=None, offset=None, cross_offset=None, hydrodynamics='stokesian-dynamics', background=None, forces=None, torques=None, contact=None, **more)")]
-#[expect(
-    clippy::too_many_arguments,
-    reason = "keywords of Python, each with a default"
+#[pyo3(
+    signature = (centres, *, radii=None, forces=None, torques=None, **more),
+    text_signature = "(centres, *, radii=None, cell=None, offset=None, cross_offset=None, hydrodynamics='stokesian-dynamics', background=None, forces=None, torques=None, contact=None, **more)"
 )]
 pub(crate) fn solve<'py>(
     py: Python<'py>,
     centres: &Bound<'py, PyAny>,
     radii: Option<&Bound<'py, PyAny>>,
-    cell: Option<&Bound<'py, PyAny>>,
-    offset: Option<&Bound<'py, PyAny>>,
-    cross_offset: Option<&Bound<'py, PyAny>>,
-    hydrodynamics: Option<&Bound<'py, PyAny>>,
-    background: Option<&Bound<'py, PyAny>>,
     forces: Option<&Bound<'py, PyAny>>,
     torques: Option<&Bound<'py, PyAny>>,
-    contact: Option<&Bound<'py, PyAny>>,
     more: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     need_numpy(py)?;
     let mut written = more.map(values::table).transpose()?.unwrap_or_default();
-    for (name, given) in [
-        ("cell", cell),
-        ("offset", offset),
-        ("cross_offset", cross_offset),
-        ("hydrodynamics", hydrodynamics),
-        ("background", background),
-        ("contact", contact),
-    ] {
-        if let Some(value) = given
-            .map(|given| values::value(name, given))
-            .transpose()?
-            .flatten()
-        {
-            written.insert(name.into(), value);
-        }
-    }
     written
         .entry("hydrodynamics")
         .or_insert_with(|| "stokesian-dynamics".into());
-    let given = Given {
-        written,
-        centres,
-        radii,
-        forces,
-        torques,
-    };
+    // Read as arrays below.
+    written.insert("centres".into(), toml::Value::Array(Vec::new()));
+    let lists = [radii, forces, torques];
     if has_three_columns("centres", centres)? {
-        solve_in::<Bulk>(py, given)
+        solve_in::<Bulk>(py, written, centres, lists)
     } else {
-        solve_in::<Layer>(py, given)
+        solve_in::<Layer>(py, written, centres, lists)
     }
 }
 
-/// The input of a configuration: values as in a file, and arrays.
-struct Given<'g, 'py> {
-    written: toml::Table,
-    centres: &'g Bound<'py, PyAny>,
-    radii: Option<&'g Bound<'py, PyAny>>,
-    forces: Option<&'g Bound<'py, PyAny>>,
-    torques: Option<&'g Bound<'py, PyAny>>,
-}
-
 /// A space whose configurations come as arrays.
-pub(crate) trait Arrays: Written + Kept {
+trait Arrays: Written + Kept {
     /// Reads vectors.
     fn vectors(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Self::Components>>;
 
@@ -176,21 +138,17 @@ impl Arrays for Bulk {
     }
 }
 
-fn solve_in<'py, S: Arrays>(py: Python<'py>, given: Given<'_, 'py>) -> PyResult<Bound<'py, PyAny>>
+fn solve_in<'py, S: Arrays>(
+    py: Python<'py>,
+    written: toml::Table,
+    centres: &Bound<'py, PyAny>,
+    [radii, forces, torques]: [Option<&Bound<'py, PyAny>>; 3],
+) -> PyResult<Bound<'py, PyAny>>
 where
     instant::Configuration<S>: Sync,
     instant::InstantContacts<S>: Sync,
     instant::SolvedConfiguration<S>: Send,
 {
-    let Given {
-        mut written,
-        centres,
-        radii,
-        forces,
-        torques,
-    } = given;
-    // Read as arrays below.
-    written.insert("centres".into(), toml::Value::Array(Vec::new()));
     let mut input: InstantInput<S> =
         InstantInput::deserialize(written).map_err(|error| unreadable(&error))?;
     input.centres = S::vectors("centres", centres)?;
@@ -224,12 +182,7 @@ where
 /// The exception for invalid keywords.
 fn unreadable(error: &toml::de::Error) -> PyErr {
     let words = error.to_string();
-    let words: Vec<&str> = words
-        .lines()
-        .map(str::trim)
-        .filter(|line| !line.is_empty())
-        .collect();
-    let words = words.join(" ");
+    let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
     if error.message().starts_with("unknown field") {
         PyTypeError::new_err(words)
     } else {

@@ -4,21 +4,22 @@ use crate::arrays::{need_numpy, of_numbers, of_rows};
 use crate::campaign::one_case;
 use crate::errors::{SimulationError, raise};
 use crate::instant::tables_of;
-use crate::steps::{Place, RunIn, Stepped, Steps};
+use crate::steps::{self, Place, Steps};
 use crate::values;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyBytes, PyDict, PyString};
-use sd_core::simulation::{Flow, Frame};
-use sd_core::{Bulk, Error, NearFields, Params, Sample, Simulation, Snapshot};
+use pyo3::types::{PyBytes, PyDict};
+use sd_core::simulation::Flow;
+use sd_core::{Bulk, Error, NearFields, Params, RunSpace, Sample};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use sweep::measure::numbers::{Level, Number, columns};
+use sweep::measure::numbers::{Level, columns};
 use sweep::model::axes::AXES;
+use sweep::model::spaces::{AnyFrame, AnySimulation, InSpace};
 use sweep::store::Checkpoint;
+use sweep::text::format::count;
 use toml::Table;
 
 /// Base of `Layer` and `Suspension`: rough spheres under shear, step by step.
@@ -33,7 +34,7 @@ pub(crate) struct Run {
     besides: Table,
     seed: Option<u64>,
     tables: NearFields,
-    inner: Mutex<Box<dyn Steps>>,
+    inner: Mutex<Steps>,
     /// Steps done as of the arrays below.
     steps: AtomicU64,
     /// Seconds the steps took, as bits.
@@ -72,33 +73,34 @@ pub(crate) struct Suspension;
 /// The data to restore a run.
 type Made<'py> = (Bound<'py, PyDict>, Bound<'py, PyBytes>);
 
+/// The check of parameters of a class.
+type Check = fn(&Params) -> Result<(), Error>;
+
+fn check<S: RunSpace>(params: &Params) -> Result<(), Error> {
+    S::check(params)
+}
+
 impl Run {
-    fn of<S: Stepped>(
+    fn of(
         py: Python<'_>,
         (params, besides): (Params, Table),
         seed: Option<u64>,
-        make: impl Send + FnOnce(&Params, &NearFields) -> Result<Simulation<S>, Error>,
-    ) -> PyResult<Self>
-    where
-        Simulation<S>: Send,
-        Frame<S>: Send,
-    {
+        make: impl Send + FnOnce(&Params, &NearFields) -> Result<AnySimulation, Error>,
+    ) -> PyResult<Self> {
         need_numpy(py)?;
-        S::check(&params).map_err(raise)?;
         let tables = if params.hydrodynamics.needs_tables() {
-            tables_of(
-                py,
-                &sd_core::start::radii_and_side(&params).map_err(raise)?.0,
-            )?
+            let (radii, _) = sd_core::start::radii_and_side(&params).map_err(raise)?;
+            tables_of(py, &radii)?
         } else {
             NearFields::default()
         };
         let run = py.detach(|| make(&params, &tables)).map_err(raise)?;
-        let run: Box<dyn Steps> = Box::new(RunIn::from(run));
-        let (place, [of_centre, of_orientation, ..]) = (run.place(), run.widths());
-        let (centres, angles) = (of_numbers(py, place.centres), of_numbers(py, place.angles));
+        let run = Steps::from(run);
+        let (steps, places) = run.place();
+        let [centres, angles] = places.map(|numbers| of_numbers(py, numbers));
+        let [of_centre, of_orientation, _] = widths(&params);
         Ok(Self {
-            steps: AtomicU64::new(place.steps),
+            steps: AtomicU64::new(steps),
             computing_time_s: AtomicU64::new(0.0_f64.to_bits()),
             positions: read_only(centres.bind(py), of_centre)?,
             orientations: read_only(angles.bind(py), of_orientation)?,
@@ -113,39 +115,40 @@ impl Run {
     }
 
     /// From parameters and a seed.
-    fn begin<S: Stepped>(
+    fn begin(
         py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        seed: &Bound<'_, PyAny>,
-    ) -> PyResult<Self>
-    where
-        Simulation<S>: Send,
-        Frame<S>: Send,
-    {
-        let seed = values::count("seed", seed)?;
-        let params = one_case(&values::dict("params", params)?, seed)?;
+        check: Check,
+        params: &Bound<'_, PyDict>,
+        seed: u64,
+    ) -> PyResult<Self> {
+        let params = one_case(params, seed)?;
+        check(&params.0).map_err(raise)?;
         Self::of(py, params, Some(seed), |params, tables| {
-            Simulation::<S>::new(params, seed, tables)
+            AnySimulation::new(params, seed, tables)
         })
     }
 
     /// From a snapshot.
-    fn restored<S: Stepped>(
+    fn restored(
         py: Python<'_>,
-        params: &Bound<'_, PyAny>,
-        snapshot: &Bound<'_, PyAny>,
-    ) -> PyResult<Self>
-    where
-        Simulation<S>: Send,
-        Snapshot<S>: Send,
-        Frame<S>: Send,
-    {
-        let params = one_case(&values::dict("params", params)?, 0)?;
-        let checkpoint = Checkpoint::decode(&values::bytes("snapshot", snapshot)?)
-            .map_err(|damage| PyValueError::new_err(format!("snapshot: {damage}")))?;
-        let snapshot = S::unwrapped(checkpoint.snapshot).map_err(PyValueError::new_err)?;
-        Self::of(py, params, None, move |params, tables| {
-            Simulation::from_snapshot(params, snapshot, tables)
+        check: Check,
+        params: &Bound<'_, PyDict>,
+        snapshot: &[u8],
+    ) -> PyResult<Self> {
+        let params = one_case(params, 0)?;
+        check(&params.0).map_err(raise)?;
+        let refused = |words: String| PyValueError::new_err(format!("snapshot: {words}"));
+        let checkpoint =
+            Checkpoint::decode(snapshot).map_err(|damage| refused(damage.to_string()))?;
+        let (own, other) = match checkpoint.snapshot {
+            InSpace::Layer(_) => ("layer", "suspension"),
+            InSpace::Suspension(_) => ("suspension", "layer"),
+        };
+        if (own == "layer") != params.0.volume_fraction.is_none() {
+            return Err(refused(format!("of a {own}, and this is a {other}")));
+        }
+        Self::of(py, params, None, |params, tables| {
+            AnySimulation::from_snapshot(params, checkpoint.snapshot, tables)
         })
         .map_err(|error| {
             // A snapshot that does not fit is a bad argument.
@@ -159,30 +162,35 @@ impl Run {
 
     /// The run, for as long as the guard lives. Never acquire it while attached to the interpreter:
     /// another thread may hold it.
-    fn run(&self) -> MutexGuard<'_, Box<dyn Steps>> {
+    fn run(&self) -> MutexGuard<'_, Steps> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes the positions into the arrays, unless another thread has made more steps since.
-    fn show(&self, py: Python<'_>, place: &Place) -> PyResult<()> {
-        if place.steps <= self.steps.load(Ordering::Relaxed) {
+    fn show(&self, py: Python<'_>, (steps, places): &Place) -> PyResult<()> {
+        if *steps <= self.steps.load(Ordering::Relaxed) {
             return Ok(());
         }
-        self.steps.store(place.steps, Ordering::Relaxed);
-        let centres = self.centres.bind(py);
-        (centres.try_readwrite()?.as_slice_mut()?).copy_from_slice(&place.centres);
-        let angles = self.angles.bind(py);
-        (angles.try_readwrite()?.as_slice_mut()?).copy_from_slice(&place.angles);
+        self.steps.store(*steps, Ordering::Relaxed);
+        for (array, place) in [&self.centres, &self.angles].into_iter().zip(places) {
+            let mut array = array.bind(py).try_readwrite()?;
+            array.as_slice_mut()?.copy_from_slice(place);
+        }
         Ok(())
     }
 
-    /// Velocities and angular velocities, and numbers of components.
-    fn motion(&self, py: Python<'_>) -> PyResult<([Vec<f64>; 2], [usize; 4])> {
-        let (motion, widths) = py.detach(|| {
+    /// What the frame of the next step shows.
+    fn of_next<T: Send>(
+        &self,
+        py: Python<'_>,
+        of: impl Send + FnOnce(Sample, &AnyFrame) -> T,
+    ) -> PyResult<T> {
+        let found = py.detach(|| {
             let mut run = self.run();
-            (run.motion(&self.params, &self.tables), run.widths())
+            let (sample, frame) = run.look(&self.params, &self.tables)?;
+            Ok(of(sample, frame))
         });
-        Ok((motion.map_err(raise)?, widths))
+        found.map_err(|error: Error| raise(error))
     }
 
     fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
@@ -209,10 +217,10 @@ macro_rules! constructors {
             #[new]
             fn new(
                 py: Python<'_>,
-                params: &Bound<'_, PyAny>,
-                seed: &Bound<'_, PyAny>,
+                params: &Bound<'_, PyDict>,
+                seed: u64,
             ) -> PyResult<PyClassInitializer<Self>> {
-                let run = Run::begin::<$space>(py, params, seed)?;
+                let run = Run::begin(py, check::<$space>, params, seed)?;
                 Ok(PyClassInitializer::from(run).add_subclass(Self))
             }
 
@@ -227,10 +235,10 @@ macro_rules! constructors {
             #[staticmethod]
             fn from_snapshot(
                 py: Python<'_>,
-                params: &Bound<'_, PyAny>,
-                snapshot: &Bound<'_, PyAny>,
+                params: &Bound<'_, PyDict>,
+                snapshot: &[u8],
             ) -> PyResult<Py<Self>> {
-                let run = Run::restored::<$space>(py, params, snapshot)?;
+                let run = Run::restored(py, check::<$space>, params, snapshot)?;
                 Py::new(py, PyClassInitializer::from(run).add_subclass(Self))
             }
         }
@@ -346,14 +354,14 @@ impl Run {
     /// -------
     /// list of dict
     ///     Samples, as `step` gives them.
-    #[pyo3(signature = (strain, *, every=None), text_signature = "($self, strain, *, every=1)")]
+    #[pyo3(signature = (strain, *, every=1))]
     fn shear<'py>(
         &self,
         py: Python<'py>,
-        strain: &Bound<'py, PyAny>,
-        every: Option<&Bound<'py, PyAny>>,
+        strain: f64,
+        every: usize,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let (strain, every) = (values::number("strain", strain)?, values::stride(every)?);
+        let every = values::stride(every)?;
         let steps = (strain / self.params.time_step).round();
         let off = (strain - steps * self.params.time_step).abs() > 1e-6 * self.params.time_step;
         if !(0.0..=1e9).contains(&steps) || off {
@@ -363,13 +371,7 @@ impl Run {
             )));
         }
         let mut samples = Vec::new();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "checked above"
-        )]
-        let steps = steps as usize;
-        for step in 0..steps {
+        for step in 0..count(steps) {
             let sample = self.one_step(py)?;
             if step % every == 0 {
                 samples.push(dict_of(py, &sample)?);
@@ -382,8 +384,7 @@ impl Run {
     /// Measurements of the next step, as from `step`: at the present positions, or with loaded
     /// rigid contacts half a step ahead. The computation is reused for that step.
     fn sample<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = py.detach(|| self.run().sample(&self.params, &self.tables));
-        dict_of(py, &sample.map_err(raise)?)
+        dict_of(py, &self.of_next(py, |sample, _| sample)?)
     }
 
     /// The present pairs in contact: structured array with i, j, normal [2], gap, normal_force,
@@ -391,40 +392,33 @@ impl Run {
     /// of a suspension are vectors [3].
     #[getter]
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (contacts, [dimensions, ..]) = py.detach(|| {
-            let mut run = self.run();
-            (run.contacts(&self.params, &self.tables), run.widths())
-        });
+        let contacts = self.of_next(py, |_, frame| steps::contacts(frame))?;
         let helper = py.import("sheared_layers._solution")?;
-        helper.call_method1("touching", (contacts.map_err(raise)?, dimensions))
+        helper.call_method1("touching", (contacts, widths(&self.params)[0]))
     }
 
     /// Present stresslets: array [N, 3] of xx, yy, xy; of a suspension [N, 5], and xz, yz.
     #[getter]
     fn stresslets(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let (flat, [_, _, of_stresslet, _]) = py.detach(|| {
-            let mut run = self.run();
-            (run.stresslets(&self.params, &self.tables), run.widths())
-        });
-        of_rows(py, flat.map_err(raise)?, of_stresslet)
+        let flat = self.of_next(py, |_, frame| steps::stresslets(frame))?;
+        of_rows(py, flat, widths(&self.params)[2])
     }
 
     /// Present velocities at the centres, background flow included: array [N, 2], of a suspension
     /// [N, 3].
     #[getter]
     fn velocities(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let ([flat, _], [dimensions, ..]) = self.motion(py)?;
-        of_rows(py, flat, dimensions)
+        let [flat, _] = self.of_next(py, |_, frame| steps::motion(frame))?;
+        of_rows(py, flat, widths(&self.params)[0])
     }
 
     /// Present angular velocities, background flow included: array [N], of a suspension [N, 3].
     #[getter]
     fn angular_velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let ([_, flat], [dimensions, ..]) = self.motion(py)?;
-        Ok(if dimensions == 2 {
-            of_numbers(py, flat).into_bound(py).into_any()
-        } else {
-            of_rows(py, flat, dimensions)?.into_bound(py).into_any()
+        let [_, flat] = self.of_next(py, |_, frame| steps::motion(frame))?;
+        Ok(match widths(&self.params)[0] {
+            2 => of_numbers(py, flat).into_bound(py).into_any(),
+            width => of_rows(py, flat, width)?.into_bound(py).into_any(),
         })
     }
 
@@ -432,21 +426,15 @@ impl Run {
     /// suspension [N, 3]. Differences in time are displacements, those of the flow included.
     #[getter]
     fn unwrapped_positions(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let (flat, [dimensions, ..]) = py.detach(|| {
-            let run = self.run();
-            (run.unwrapped(), run.widths())
-        });
-        of_rows(py, flat, dimensions)
+        let flat = py.detach(|| self.run().unwrapped());
+        of_rows(py, flat, widths(&self.params)[0])
     }
 
     /// Lattice vectors of the periodic cell, one a row: array [2, 2], of a suspension [3, 3].
     #[getter]
     fn lattice(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let (flat, [dimensions, ..]) = py.detach(|| {
-            let run = self.run();
-            (run.lattice(), run.widths())
-        });
-        of_rows(py, flat.map_err(raise)?, dimensions)
+        let flat = py.detach(|| self.run().lattice()).map_err(raise)?;
+        of_rows(py, flat, widths(&self.params)[0])
     }
 
     /// The state of the run, as bytes with a checksum, for `from_snapshot`.
@@ -487,6 +475,14 @@ impl Run {
     }
 }
 
+/// Numbers of components of a centre, an orientation and a stresslet.
+fn widths(params: &Params) -> [usize; 3] {
+    match params.volume_fraction {
+        None => [2, 1, 3],
+        Some(_) => [3, 4, 5],
+    }
+}
+
 /// A read-only view of an array with rows of this length.
 fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAny>> {
     let view = if width == 1 {
@@ -500,17 +496,10 @@ fn read_only(array: &Bound<'_, PyArray1<f64>>, width: usize) -> PyResult<Py<PyAn
 
 /// A sample by the names of the store.
 fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>> {
-    /// The keys, made once: they are the same for every sample.
-    static KEYS: PyOnceLock<Vec<Py<PyString>>> = PyOnceLock::new();
-    // Manual steps do not record the contact network.
-    let numbers = || columns(Level::Samples).filter(|number: &&Number| !number.is_observed());
-    let keys = KEYS.get_or_init(py, || {
-        let names = numbers().map(|number| number.name);
-        names.map(|name| PyString::new(py, name).unbind()).collect()
-    });
     let dict = PyDict::new(py);
-    for (key, number) in keys.iter().zip(numbers()) {
-        dict.set_item(key, values::of_axis(py, number.of_sample(sample))?)?;
+    // Manual steps do not record the contact network.
+    for number in columns(Level::Samples).filter(|number| !number.is_observed()) {
+        dict.set_item(number.name, values::of_axis(py, number.of_sample(sample))?)?;
     }
     Ok(dict)
 }

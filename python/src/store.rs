@@ -3,23 +3,23 @@
 use crate::campaign::warn;
 use crate::errors::raise;
 use crate::table::Table;
-use crate::values;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use crate::values::{self, CaseName};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
+use pyo3::types::PyDict;
 use sd_core::model::Keywords;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use sweep::data::DataColumn;
 use sweep::model::axes::{AXES, Axis};
 use sweep::model::spaces::AnyFrame;
 use sweep::report::{
     Drawing, FitReport, Kind, Report, SegmentReport, Selection, SphereView, StructureReport,
-    draw_spheres, outline, point_table, traces,
+    draw_spheres, number, outline, point_table, traces,
 };
-use sweep::store::{Store as OpenStore, StoreSource, StoredFrame};
+use sweep::store::{Store as OpenStore, StoreSource};
 use sweep::system::files::{reason_to_stay, write_output};
 use sweep::trajectory::{contact_table, sphere_table};
+use toml::Value;
 
 /// The store of a campaign.
 ///
@@ -62,64 +62,71 @@ impl Store {
         .map_err(|error: sweep::Error| raise(error))
     }
 
-    /// Number of done runs, as text.
-    pub(crate) fn standing(&self) -> PyResult<String> {
-        let counts = self.open()?.counts().map_err(raise)?;
-        let ended = counts.done + counts.jammed + counts.failed;
-        Ok(format!("{ended} of {} cases", counts.total()))
-    }
-
     /// Number of failed runs, and the reason of the first, if any.
     pub(crate) fn failures(&self) -> PyResult<Option<String>> {
         let store = self.open()?;
         let counts = store.counts().map_err(raise)?;
         let first = store.failures(1).map_err(raise)?;
+        let (failed, total) = (counts.failed, counts.total());
         Ok(first.first().map(|first| {
-            format!(
-                "{} of {} runs failed; the first, {}: {}",
-                counts.failed,
-                counts.total(),
-                &first.key[..8],
-                first.failed.error
-            )
+            let (key, error) = (&first.key[..8], &first.failed.error);
+            format!("{failed} of {total} runs failed; the first, {key}: {error}")
         }))
+    }
+
+    /// A table of the store, while other threads of Python continue.
+    fn table(
+        &self,
+        py: Python<'_>,
+        read: impl Send + FnOnce(&OpenStore) -> Result<Vec<DataColumn>, sweep::Error>,
+    ) -> PyResult<Table> {
+        Ok(Table::of(self.read(py, read)?))
     }
 
     /// A table of the structure.
     fn structure_of(
         &self,
         py: Python<'_>,
-        case: Option<&Bound<'_, PyAny>>,
-        r#where: Option<&Bound<'_, PyAny>>,
+        case: Option<CaseName>,
+        r#where: Option<&Bound<'_, PyDict>>,
         table: fn(&StructureReport) -> Vec<DataColumn>,
-    ) -> PyResult<Vec<DataColumn>> {
+    ) -> PyResult<Table> {
         let selection = selection(r#where)?;
-        let case = case.map(name_of).transpose()?;
+        let case = case.map(|case| case.0);
         let (table, note) = self.read(py, |store| {
             let report = StructureReport::of(store, &selection, case.as_deref())?;
             Ok((table(&report), report.note()))
         })?;
         note.map_or(Ok(()), |note| warn(py, &note))?;
-        Ok(table)
+        Ok(Table::of(table))
     }
 
-    fn kept_frames(&self, py: Python<'_>, case: &str, every: usize) -> PyResult<Vec<StoredFrame>> {
-        self.read(py, |store| {
-            let key = store.key_of(case)?;
-            Ok(store.frames(&key, every)?)
+    /// A table of the kept frames of a case.
+    fn of_frames(
+        &self,
+        py: Python<'_>,
+        case: &str,
+        every: usize,
+        table: fn(&[(u64, &AnyFrame)]) -> Vec<DataColumn>,
+    ) -> PyResult<Table> {
+        let every = values::stride(every)?;
+        self.table(py, |store| {
+            let kept = store.frames(&store.key_of(case)?, every)?;
+            let frames: Vec<_> = kept.iter().map(|kept| (kept.step, &kept.frame)).collect();
+            Ok(table(&frames))
         })
     }
 }
 
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments of Python come as values"
+)]
 #[pymethods]
 impl Store {
     #[new]
-    fn new(path: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let path = values::file("path", path)?;
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "toml")
-        {
+    fn new(path: PathBuf) -> PyResult<Self> {
+        if path.extension().is_some_and(|ending| ending == "toml") {
             let campaign = sweep::campaign::read(&path).map_err(raise)?;
             return Self::opened(StoreSource::new(campaign.default_store(), Some(campaign)));
         }
@@ -146,15 +153,14 @@ impl Store {
     /// where : dict, optional
     ///     Only points with these values: ``{"friction": 0.3, "shear_rate": [0.1, math.inf]}``.
     #[pyo3(signature = (*, r#where=None))]
-    fn points(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
+    fn points(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyDict>>) -> PyResult<Table> {
         let selection = selection(r#where)?;
-        let columns = self.read(py, |store| Ok(point_table(&Report::of(store, &selection)?)))?;
-        Ok(Table::of(columns))
+        self.table(py, |store| Ok(point_table(&Report::of(store, &selection)?)))
     }
 
     /// The runs of the campaign, one row each: key, state, axes, seed, and results.
     fn runs(&self, py: Python<'_>) -> PyResult<Table> {
-        Ok(Table::of(self.read(py, |store| Ok(store.runs()?))?))
+        self.table(py, |store| Ok(store.runs()?))
     }
 
     /// The samples of a run in time; for a running one, up to its last checkpoint.
@@ -163,10 +169,11 @@ impl Store {
     /// ----------
     /// case : str or int
     ///     The beginning of its key, or its number in the campaign file, from 1.
-    fn samples(&self, py: Python<'_>, case: &Bound<'_, PyAny>) -> PyResult<Table> {
-        let case = name_of(case)?;
-        let samples = self.read(py, |store| Ok(store.samples(&store.key_of(&case)?)?))?;
-        Ok(Table::of(sweep::measure::sample_table(&samples)))
+    fn samples(&self, py: Python<'_>, case: CaseName) -> PyResult<Table> {
+        self.table(py, |store| {
+            let samples = store.samples(&store.key_of(&case.0)?)?;
+            Ok(sweep::measure::sample_table(&samples))
+        })
     }
 
     /// The spheres of a run at its kept strains, one row per sphere and strain.
@@ -175,30 +182,18 @@ impl Store {
     /// Parameters
     /// ----------
     /// case : str or int
-    ///     The beginning of its key, or its number in the campaign file, from 1.
+    ///     As in `samples`.
     /// every : int
     ///     Stride of frames.
-    #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
-    fn frames(
-        &self,
-        py: Python<'_>,
-        case: &Bound<'_, PyAny>,
-        every: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Table> {
-        let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
-        Ok(Table::of(sphere_table(&with_steps(&kept))))
+    #[pyo3(signature = (case, *, every=1))]
+    fn frames(&self, py: Python<'_>, case: CaseName, every: usize) -> PyResult<Table> {
+        self.of_frames(py, &case.0, every, sphere_table)
     }
 
     /// The contacts of the same frames, one row per contact and strain.
-    #[pyo3(signature = (case, *, every=None), text_signature = "($self, case, *, every=1)")]
-    fn contacts(
-        &self,
-        py: Python<'_>,
-        case: &Bound<'_, PyAny>,
-        every: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Table> {
-        let kept = self.kept_frames(py, &name_of(case)?, values::stride(every)?)?;
-        Ok(Table::of(contact_table(&with_steps(&kept))))
+    #[pyo3(signature = (case, *, every=1))]
+    fn contacts(&self, py: Python<'_>, case: CaseName, every: usize) -> PyResult<Table> {
+        self.of_frames(py, &case.0, every, contact_table)
     }
 
     /// Structure of the layers: pair distributions, contacts, clusters, percolation, rigid
@@ -221,62 +216,39 @@ impl Store {
     fn structure(
         &self,
         py: Python<'_>,
-        case: Option<&Bound<'_, PyAny>>,
-        r#where: Option<&Bound<'_, PyAny>>,
+        case: Option<CaseName>,
+        r#where: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Table> {
-        Ok(Table::of(self.structure_of(
-            py,
-            case,
-            r#where,
-            StructureReport::table,
-        )?))
+        self.structure_of(py, case, r#where, StructureReport::table)
     }
 
     /// Curves of the structure: pair distributions, angles of contacts, forces, sizes of clusters.
-    ///
-    /// Parameters
-    /// ----------
-    /// case : str or int, optional
-    ///     A single run; by default all finished runs.
-    /// where : dict, optional
-    ///     Only these points, as in `points`.
-    ///
-    /// Returns
-    /// -------
-    /// Table
-    ///     One row per bin of each curve of each point: the table of `sweep structure --curves`.
+    /// Parameters are those of `structure`. One row per bin of each curve of each point: the table
+    /// of `sweep structure --curves`.
     #[pyo3(signature = (case=None, *, r#where=None))]
     fn structure_curves(
         &self,
         py: Python<'_>,
-        case: Option<&Bound<'_, PyAny>>,
-        r#where: Option<&Bound<'_, PyAny>>,
+        case: Option<CaseName>,
+        r#where: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Table> {
-        Ok(Table::of(self.structure_of(
-            py,
-            case,
-            r#where,
-            StructureReport::curves,
-        )?))
+        self.structure_of(py, case, r#where, StructureReport::curves)
     }
 
     /// Results of each segment of the runs: averages, stress after a reversal, harmonics of an
-    /// oscillation.
+    /// oscillation. One row per segment of each point: the table of `sweep segments --csv`.
     ///
     /// Parameters
     /// ----------
     /// where : dict, optional
     ///     Only these points, as in `points`.
-    ///
-    /// Returns
-    /// -------
-    /// Table
-    ///     One row per segment of each point: the table of `sweep segments --csv`.
     #[pyo3(signature = (*, r#where=None))]
-    fn segments(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyAny>>) -> PyResult<Table> {
+    fn segments(&self, py: Python<'_>, r#where: Option<&Bound<'_, PyDict>>) -> PyResult<Table> {
         let selection = selection(r#where)?;
-        let table = |store: &OpenStore| Ok(SegmentReport::of(store, &selection)?.table());
-        Ok(Table::of(self.read(py, table)?))
+        self.table(
+            py,
+            |store| Ok(SegmentReport::of(store, &selection)?.table()),
+        )
     }
 
     /// Fit the Wyart-Cates model to the viscosities, as `sweep fit` does.
@@ -293,22 +265,17 @@ impl Store {
     /// dict
     ///     The object of `sweep fit --json`: each of ``parameters`` has ``value``, ``low`` and
     ///     ``high``; ``rms`` is that of the residuals; ``points`` has a dict for each point.
-    #[pyo3(
-        signature = (*, r#where=None, replicates=200),
-        text_signature = "($self, *, where=None, replicates=200)"
-    )]
+    #[pyo3(signature = (*, r#where=None, replicates=200))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
-        r#where: Option<&Bound<'py, PyAny>>,
+        r#where: Option<&Bound<'py, PyDict>>,
         replicates: u32,
     ) -> PyResult<Bound<'py, PyAny>> {
         let selection = selection(r#where)?;
         let replicates = replicates.min(100_000) as usize;
-        let fit = self.read(py, |store| {
-            Ok(FitReport::of(store, &selection, replicates)?.json())
-        })?;
-        values::answer(py, &fit)
+        let fit = |store: &OpenStore| Ok(FitReport::of(store, &selection, replicates)?.json());
+        values::answer(py, &self.read(py, fit)?)
     }
 
     /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does.
@@ -326,49 +293,32 @@ impl Store {
     ///     Quantity that colours the spheres: "pressure", "contacts", "spin" or "cluster".
     /// slab : (float, float), optional
     ///     In a suspension, only spheres with centres at z in this range, in a.
-    #[pyo3(
-        signature = (case, path, *, strain=None, colour=None, slab=None),
-        text_signature = "($self, case, path, *, strain=None, colour='pressure', slab=None)"
-    )]
+    #[pyo3(signature = (case, path, *, strain=None, colour="pressure", slab=None))]
     fn draw(
         &self,
         py: Python<'_>,
-        case: &Bound<'_, PyAny>,
-        path: &Bound<'_, PyAny>,
-        strain: Option<&Bound<'_, PyAny>>,
-        colour: Option<&Bound<'_, PyAny>>,
-        slab: Option<(f64, f64)>,
+        case: CaseName,
+        path: PathBuf,
+        strain: Option<f64>,
+        colour: &str,
+        slab: Option<[f64; 2]>,
     ) -> PyResult<()> {
-        let refused = |message: String| PyValueError::new_err(message);
-        let (case, path) = (name_of(case)?, values::file("path", path)?);
+        let name = path.display();
         if path.extension().is_none_or(|ending| ending != "svg") {
-            let path = path.display();
-            let message = format!("path must be a name that ends with .svg, got {path}");
-            return Err(refused(message));
+            let message = format!("path must be a name that ends with .svg, got {name}");
+            return Err(PyValueError::new_err(message));
         }
         if let Some(reason) = reason_to_stay(&path) {
-            let message = format!(
-                "{} is not written: {reason}; name another file",
-                path.display()
-            );
-            return Err(refused(message));
-        }
-        if let Some((from, to)) = slab
-            && !(from < to && from.is_finite() && to.is_finite())
-        {
-            let message =
-                format!("slab must be two finite numbers, the lower one first, got ({from}, {to})");
-            return Err(refused(message));
+            let message = format!("{name} is not written: {reason}; name another file");
+            return Err(PyValueError::new_err(message));
         }
         let view = SphereView {
-            strain: strain
-                .map(|strain| values::number("strain", strain))
-                .transpose()?,
+            strain,
             colour: word("colour", colour)?,
-            slab: slab.map(|(from, to)| [from, to]),
+            slab,
         };
-        let picture = self.read(py, |store| Ok(draw_spheres(store, &case, view)?))?;
-        Ok(write_output(&path, picture.file.as_ref())?)
+        let picture = self.read(py, |store| Ok(draw_spheres(store, &case.0, view)?))?;
+        Ok(write_output(&path, picture.file.as_bytes())?)
     }
 
     /// Draw the results with matplotlib, in the style of `sweep report --figure`.
@@ -376,10 +326,9 @@ impl Store {
     /// Parameters
     /// ----------
     /// kind : str
-    ///     "viscosity", "contacts", "trace", "normal-stress", "approach-velocity", "state-diagram"
-    ///     and others of `sweep report`.
+    ///     "curve", "contacts", "trace", "flow-curve" or "state-diagram".
     /// quantity : str, optional
-    ///     Of kind "viscosity": "viscosity", "viscosity_stresslet" or "viscosity_median".
+    ///     Of kind "curve": a column of `points`; by default the viscosity.
     /// along : str, optional
     ///     The horizontal axis; by default the shear rate where it varies.
     /// where : dict, optional
@@ -394,10 +343,7 @@ impl Store {
     /// Returns
     /// -------
     /// matplotlib axes
-    #[pyo3(
-        signature = (kind=None, *, quantity=None, along=None, r#where=None, cases=None, segment=None, ax=None),
-        text_signature = "($self, kind='viscosity', *, quantity=None, along=None, where=None, cases=None, segment=None, ax=None)"
-    )]
+    #[pyo3(signature = (kind="curve", *, quantity=None, along=None, r#where=None, cases=None, segment=None, ax=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keywords of Python, each with a default"
@@ -405,38 +351,33 @@ impl Store {
     fn plot<'py>(
         &self,
         py: Python<'py>,
-        kind: Option<&Bound<'py, PyAny>>,
-        quantity: Option<&Bound<'py, PyAny>>,
-        along: Option<&Bound<'py, PyAny>>,
-        r#where: Option<&Bound<'py, PyAny>>,
-        cases: Option<&Bound<'py, PyAny>>,
+        kind: &str,
+        quantity: Option<&str>,
+        along: Option<&str>,
+        r#where: Option<&Bound<'py, PyDict>>,
+        cases: Option<Vec<String>>,
         segment: Option<usize>,
         ax: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let drawing = Drawing {
             kind: word("kind", kind)?,
-            quantity: word("quantity", quantity)?,
+            number: quantity.map(number).transpose().map_err(raise)?,
             along: along.map(axis).transpose()?,
             ..Drawing::default()
         };
-        let selection = selection(r#where)?;
-        let cases = match cases {
-            Some(cases) => values::texts("cases", cases)?,
-            None => Vec::new(),
-        };
-        let source = &self.0;
+        let (selection, cases) = (selection(r#where)?, cases.unwrap_or_default());
         let draw = |store: &OpenStore| {
             let report = Report::of(store, &selection)?;
             let traces = match drawing.kind {
                 Kind::Trace => traces(store, &selection, &cases)?,
                 _ => Vec::new(),
             };
-            Ok(outline(std::slice::from_ref(&report), &traces, &drawing)?)
+            Ok(outline(&report, &traces, &drawing)?)
         };
         let outline = match segment {
             None => self.read(py, draw)?,
             Some(number) => py
-                .detach(|| Ok(source.open_segment(number)?.map(|store| draw(&store))))
+                .detach(|| Ok(self.0.open_segment(number)?.map(|store| draw(&store))))
                 .map_err(|error: sweep::Error| raise(error))?
                 .map_err(|message| PyValueError::new_err(format!("segment: {message}")))?
                 .map_err(raise)?,
@@ -456,91 +397,38 @@ impl Store {
     }
 }
 
-fn with_steps(frames: &[StoredFrame]) -> Vec<(u64, &AnyFrame)> {
-    frames.iter().map(|kept| (kept.step, &kept.frame)).collect()
-}
-
-/// A case by its name on the command line.
-fn name_of(case: &Bound<'_, PyAny>) -> PyResult<String> {
-    if let Ok(key) = case.extract::<String>() {
-        return Ok(key);
-    }
-    match case.extract::<usize>().map(NonZeroUsize::new) {
-        Ok(Some(number)) => Ok(number.to_string()),
-        _ => Err(PyTypeError::new_err(format!(
-            "case must be the beginning of a key or the number of a run, from 1, got {}",
-            values::shown(case)
-        ))),
-    }
-}
-
 /// The points selected by a dictionary.
-fn selection(given: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
-    let given = given
-        .map(|given| values::dict("where", given))
-        .transpose()?;
-    let mut texts = Vec::new();
-    for (key, value) in given.iter().flatten() {
-        let key = key.str()?.to_string();
-        let values: Vec<Bound<'_, PyAny>> = if value.cast::<PyList>().is_ok()
-            || value.cast::<PyTuple>().is_ok()
-            || value.hasattr("tolist")?
-        {
-            let several = py_list(&value)?;
-            several.iter().collect()
-        } else {
-            vec![value]
-        };
-        let values: Vec<String> = values
-            .iter()
-            .map(|value| value.str().map(|text| text.to_string()))
-            .collect::<PyResult<_>>()?;
-        texts.push(format!("{key}={}", values.join(",")));
-    }
-    Selection::parse(&texts).map_err(raise)
-}
-
-/// A list, a tuple, an array or a scalar of numpy as a list.
-fn py_list<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
-    let plain = if value.hasattr("tolist")? {
-        value.call_method0("tolist")?
-    } else {
-        value.clone()
+fn selection(given: Option<&Bound<'_, PyDict>>) -> PyResult<Selection> {
+    let given = given.map(values::table).transpose()?.unwrap_or_default();
+    let word = |value: &Value| match value {
+        Value::String(word) => word.clone(),
+        value => value.to_string(),
     };
-    match plain.try_iter() {
-        Ok(entries) => PyList::new(value.py(), entries.collect::<PyResult<Vec<_>>>()?),
-        Err(_) => PyList::new(value.py(), [plain]),
-    }
+    let wanted = given.iter().map(|(key, value)| {
+        let several = value
+            .as_array()
+            .map_or(std::slice::from_ref(value), Vec::as_slice);
+        let words: Vec<String> = several.iter().map(word).collect();
+        format!("{key}={}", words.join(","))
+    });
+    Selection::parse(&wanted.collect::<Vec<_>>()).map_err(raise)
 }
 
 /// A choice by its keyword.
-fn word<T: Keywords + Default>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<T> {
-    let Some(given) = given else {
-        return Ok(T::default());
-    };
-    let given = values::text(name, given)?;
-    T::of_word(&given).ok_or_else(|| {
-        let known: Vec<String> = T::KEYWORDS
-            .iter()
-            .map(|word| format!("{:?}", word.word))
-            .collect();
-        PyValueError::new_err(format!(
-            "{name} must be one of {}, got {given:?}",
-            known.join(", ")
-        ))
+fn word<T: Keywords>(name: &str, given: &str) -> PyResult<T> {
+    T::of_word(given).ok_or_else(|| {
+        let known = T::KEYWORDS.iter().map(|word| format!("{:?}", word.word));
+        let known = known.collect::<Vec<_>>().join(", ");
+        PyValueError::new_err(format!("{name} must be one of {known}, got {given:?}"))
     })
 }
 
 /// An axis that a figure can run along.
-fn axis(given: &Bound<'_, PyAny>) -> PyResult<&'static Axis> {
-    let given = values::text("along", given)?;
-    let found = Axis::named(&given).filter(|axis| axis.is_numeric());
+fn axis(given: &str) -> PyResult<&'static Axis> {
+    let found = Axis::named(given).filter(|axis| axis.is_numeric());
     found.ok_or_else(|| {
         let known = AXES.iter().filter(|axis| axis.is_numeric());
-        let known: Vec<&str> = known.map(|axis| axis.key).collect();
-        PyValueError::new_err(format!(
-            "along must be one of {}, got {given:?}",
-            known.join(", ")
-        ))
+        let known = known.map(|axis| axis.key).collect::<Vec<_>>().join(", ");
+        PyValueError::new_err(format!("along must be one of {known}, got {given:?}"))
     })
 }

@@ -1,7 +1,6 @@
 //! A table of the program as Arrow, through the interface of capsules.
 
 use crate::arrays::need_numpy;
-use crate::values;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
     ArrayRef, Float64Array, Int64Array, RecordBatch, RecordBatchIterator, StringArray,
@@ -47,11 +46,10 @@ impl Table {
                     Arc::new(Float64Array::from(cells.clone())),
                 ),
             };
-            let about = [("unit", column.unit), ("meaning", column.meaning)];
-            let about = about.into_iter().filter(|(_, text)| !text.is_empty());
-            let about: HashMap<String, String> = about
-                .map(|(key, text)| (key.to_owned(), text.to_owned()))
-                .collect();
+            let about = [("unit", column.unit), ("meaning", column.meaning)].into_iter();
+            let about = about.filter(|(_, text)| !text.is_empty());
+            let about: HashMap<String, String> =
+                about.map(|(key, text)| (key.into(), text.into())).collect();
             fields.push(Field::new(column.name.to_string(), kind, true).with_metadata(about));
             arrays.push(array);
         }
@@ -106,20 +104,14 @@ impl Table {
     }
 
     fn __len__(&self) -> usize {
-        self.0.first().map_or(0, |column| match &column.cells {
-            Cells::Word(cells) => cells.len(),
-            Cells::Count(cells) => cells.len(),
-            Cells::Number(cells) => cells.len(),
-        })
+        self.0.first().map_or(0, |column| column.cells.len())
     }
 
     /// Names of the columns.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        self.0
-            .iter()
-            .map(|column| column.name.to_string())
-            .collect()
+        let names = self.0.iter().map(|column| column.name.to_string());
+        names.collect()
     }
 
     /// Units of the columns, if known; "1" for pure numbers.
@@ -136,12 +128,7 @@ impl Table {
 
     /// A column as an array: float64 with nan for missing values; int64, or float64 with missing
     /// values; object for text.
-    fn __getitem__<'py>(
-        &self,
-        py: Python<'py>,
-        column: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let wanted = values::text("column", column)?;
+    fn __getitem__<'py>(&self, py: Python<'py>, wanted: &str) -> PyResult<Bound<'py, PyAny>> {
         let Some(column) = self.0.iter().find(|column| column.name == wanted) else {
             return Err(PyKeyError::new_err(format!(
                 "no column is called {wanted:?}; there are {}",
@@ -149,26 +136,27 @@ impl Table {
             )));
         };
         need_numpy(py)?;
+        let missing = |cells: &[Option<i64>]| {
+            let cells = cells
+                .iter()
+                .map(|cell| cell.map_or(f64::NAN, |cell| cell as f64));
+            PyArray1::from_iter(py, cells).into_any()
+        };
         Ok(match &column.cells {
             Cells::Number(cells) => {
                 let cells = cells.iter().map(|cell| cell.unwrap_or(f64::NAN));
                 PyArray1::from_iter(py, cells).into_any()
             }
-            Cells::Count(cells) => {
-                if let Some(all) = cells.iter().copied().collect::<Option<Vec<i64>>>() {
-                    return Ok(PyArray1::from_vec(py, all).into_any());
-                }
-                let cells = cells
-                    .iter()
-                    .map(|cell| cell.map_or(f64::NAN, |cell| cell as f64));
-                PyArray1::from_iter(py, cells).into_any()
-            }
+            Cells::Count(cells) => match cells.iter().copied().collect::<Option<Vec<i64>>>() {
+                Some(all) => PyArray1::from_vec(py, all).into_any(),
+                None => missing(cells),
+            },
             Cells::Word(cells) => {
                 let kind = PyDict::new(py);
                 kind.set_item("dtype", "object")?;
                 let words: Vec<Option<&str>> = cells.iter().map(Option::as_deref).collect();
-                py.import("numpy")?
-                    .call_method("array", (words,), Some(&kind))?
+                let numpy = py.import("numpy")?;
+                numpy.call_method("array", (words,), Some(&kind))?
             }
         })
     }
@@ -186,10 +174,7 @@ impl Table {
     }
 
     fn __repr__(&self) -> String {
-        format!(
-            "Table({} rows: {})",
-            self.__len__(),
-            self.columns().join(", ")
-        )
+        let columns = self.columns().join(", ");
+        format!("Table({} rows: {columns})", self.__len__())
     }
 }

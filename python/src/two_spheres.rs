@@ -32,11 +32,10 @@ pub(crate) const LOOK: Duration = Duration::from_millis(50);
 #[pyfunction]
 pub(crate) fn scalars<'py>(
     py: Python<'py>,
-    size_ratio: &Bound<'py, PyAny>,
+    size_ratio: f64,
     separation: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     need_numpy(py)?;
-    let size_ratio = values::number("size_ratio", size_ratio)?;
     let array = with_numbers("separation", separation, "of separations")?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     let flat = array.call_method1("reshape", (-1,))?;
@@ -83,39 +82,28 @@ pub(crate) fn scalars<'py>(
 /// -------
 /// Passed
 #[pyfunction]
-#[pyo3(
-    signature = (size_ratio=None, *, roughness=None, friction=None, contact=None, offset=None, start=None, time_step=None),
-    text_signature = "(size_ratio=1.0, *, roughness=0.05, friction=0.0, contact=True, offset=0.25, start=5.0, time_step=0.05)"
-)]
+#[pyo3(signature = (size_ratio=1.0, *, roughness=0.05, friction=0.0, contact=true, offset=0.25, start=5.0, time_step=0.05))]
 #[expect(
     clippy::too_many_arguments,
     reason = "keywords of Python, each with a default"
 )]
-pub(crate) fn pair<'py>(
-    py: Python<'py>,
-    size_ratio: Option<&Bound<'py, PyAny>>,
-    roughness: Option<&Bound<'py, PyAny>>,
-    friction: Option<&Bound<'py, PyAny>>,
-    contact: Option<&Bound<'py, PyAny>>,
-    offset: Option<&Bound<'py, PyAny>>,
-    start: Option<&Bound<'py, PyAny>>,
-    time_step: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn pair(
+    py: Python<'_>,
+    size_ratio: f64,
+    roughness: f64,
+    friction: f64,
+    contact: bool,
+    offset: f64,
+    start: f64,
+    time_step: f64,
+) -> PyResult<Bound<'_, PyAny>> {
     need_numpy(py)?;
-    let number = |name, given: Option<&Bound<'py, PyAny>>, default| {
-        given.map_or(Ok(default), |given| values::number(name, given))
-    };
-    let size_ratio = number("size_ratio", size_ratio, 1.0)?;
-    let surface = (
-        number("roughness", roughness, 0.05)?,
-        number("friction", friction, 0.0)?,
-    );
     let scenario = PairScenario {
         size_ratio,
-        contact: values::flag("contact", contact, true)?.then_some(surface),
-        offset: number("offset", offset, 0.25)?,
-        start: number("start", start, 5.0)?,
-        time_step: number("time_step", time_step, 0.05)?,
+        contact: contact.then_some((roughness, friction)),
+        offset,
+        start,
+        time_step,
     };
     let tables = tables_of(py, &[1.0, size_ratio])?;
     let mut interrupted = None;

@@ -1,29 +1,12 @@
 //! Conversion of keywords of Python to values of campaign files, and of results to dictionaries.
 
-use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::num::NonZeroUsize;
 use sweep::data::Value as OfAxis;
 use toml::{Table, Value};
-
-/// Reads an argument; errors have its name and what is allowed.
-fn read<'a, 'py, T: FromPyObject<'a, 'py>>(
-    name: &str,
-    given: &'a Bound<'py, PyAny>,
-    allowed: &str,
-) -> PyResult<T> {
-    given.extract::<T>().map_err(|error: T::Error| {
-        let error: PyErr = error.into();
-        let words = format!("{name} must be {allowed}, got {}", shown(given));
-        if error.is_instance_of::<PyOverflowError>(given.py()) {
-            PyValueError::new_err(words)
-        } else {
-            PyTypeError::new_err(words)
-        }
-    })
-}
 
 /// A short description of a value.
 pub(crate) fn shown(given: &Bound<'_, PyAny>) -> String {
@@ -37,58 +20,31 @@ pub(crate) fn shown(given: &Bound<'_, PyAny>) -> String {
     text
 }
 
-/// A number.
-pub(crate) fn number(name: &str, given: &Bound<'_, PyAny>) -> PyResult<f64> {
-    read(name, given, "a number")
-}
-
-/// A whole number that is not negative.
-pub(crate) fn count(name: &str, given: &Bound<'_, PyAny>) -> PyResult<u64> {
-    read(name, given, "a whole number from 0 to 2^64 - 1")
-}
-
 /// A number of frames or steps, from 1.
-pub(crate) fn stride(given: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
-    let Some(given) = given else {
-        return Ok(1);
-    };
-    let allowed = "a whole number from 1";
-    match read("every", given, allowed)? {
-        0 => Err(PyValueError::new_err(format!(
-            "every must be {allowed}, got 0"
-        ))),
-        every => Ok(every),
+pub(crate) fn stride(every: usize) -> PyResult<usize> {
+    NonZeroUsize::new(every)
+        .map(NonZeroUsize::get)
+        .ok_or_else(|| PyValueError::new_err("every must be a whole number from 1, got 0"))
+}
+
+/// A case by its name on the command line: the beginning of its key, or its number from 1.
+pub(crate) struct CaseName(pub(crate) String);
+
+impl<'py> FromPyObject<'_, 'py> for CaseName {
+    type Error = PyErr;
+
+    fn extract(case: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(key) = case.extract::<String>() {
+            return Ok(Self(key));
+        }
+        match case.extract::<NonZeroUsize>() {
+            Ok(number) => Ok(Self(number.to_string())),
+            Err(_) => Err(PyTypeError::new_err(format!(
+                "expected the beginning of a key or the number of a run, from 1, got {}",
+                shown(&case)
+            ))),
+        }
     }
-}
-
-/// True or False.
-pub(crate) fn flag(name: &str, given: Option<&Bound<'_, PyAny>>, default: bool) -> PyResult<bool> {
-    given.map_or(Ok(default), |given| read(name, given, "True or False"))
-}
-
-/// A text.
-pub(crate) fn text(name: &str, given: &Bound<'_, PyAny>) -> PyResult<String> {
-    read(name, given, "a text")
-}
-
-/// Bytes.
-pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
-    read(name, given, "bytes")
-}
-
-/// The name of a file.
-pub(crate) fn file(name: &str, given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
-    read(name, given, "the name of a file")
-}
-
-/// A dictionary.
-pub(crate) fn dict<'py>(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-    read(name, given, "a dict")
-}
-
-/// Texts.
-pub(crate) fn texts(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    read(name, given, "a list of texts")
 }
 
 /// Allowed types of an argument, for messages.
@@ -108,7 +64,13 @@ pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Val
         return Ok(Some(Value::String(text.to_cow()?.into_owned())));
     }
     if given.is_instance_of::<PyInt>() || given.hasattr("__index__")? && !given.hasattr("shape")? {
-        return whole(name, given).map(Some);
+        let whole = given.extract::<i64>().map_err(|_| {
+            PyValueError::new_err(format!(
+                "{name} must be a whole number below 2^63, got {}",
+                shown(given)
+            ))
+        });
+        return whole.map(|whole| Some(Value::Integer(whole)));
     }
     if given.is_instance_of::<PyFloat>() {
         return Ok(Some(Value::Float(given.extract()?)));
@@ -117,37 +79,23 @@ pub(crate) fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Val
         return Ok(Some(Value::Table(table(dict)?)));
     }
     if given.cast::<PyList>().is_ok() || given.cast::<PyTuple>().is_ok() {
-        let mut all = Vec::new();
-        for entry in given.try_iter()? {
-            let entry = entry?;
-            let entry = value(name, &entry)?.ok_or_else(|| {
-                PyTypeError::new_err(format!("{name}: None in a list: {ALLOWED}"))
-            })?;
-            all.push(entry);
+        let entry = |entry: PyResult<Bound<'_, PyAny>>| {
+            value(name, &entry?)?
+                .ok_or_else(|| PyTypeError::new_err(format!("{name}: None in a list: {ALLOWED}")))
+        };
+        let all: PyResult<Vec<Value>> = given.try_iter()?.map(entry).collect();
+        return Ok(Some(Value::Array(all?)));
+    }
+    // Arrays and scalars of numpy, paths, and what is like them.
+    for plain in ["tolist", "__fspath__"] {
+        if given.hasattr(plain)? {
+            return value(name, &given.call_method0(plain)?);
         }
-        return Ok(Some(Value::Array(all)));
-    }
-    // Arrays and scalars of numpy, and what is like them.
-    if given.hasattr("tolist")? {
-        return value(name, &given.call_method0("tolist")?);
-    }
-    if given.hasattr("__fspath__")? {
-        return value(name, &given.call_method0("__fspath__")?);
     }
     Err(PyTypeError::new_err(format!(
         "{name} must be {ALLOWED}, got {}",
         shown(given)
     )))
-}
-
-/// A whole number.
-fn whole(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
-    given.extract::<i64>().map(Value::Integer).map_err(|_| {
-        PyValueError::new_err(format!(
-            "{name} must be a whole number below 2^63, got {}",
-            shown(given)
-        ))
-    })
 }
 
 /// A dictionary as a table, without what is `None`.

@@ -156,7 +156,7 @@ def test_points_are_chosen_as_on_the_command_line(store):
         (lambda s: s.samples(1.5), TypeError, ["case", "1.5"]),
         (lambda s: s.frames(1, every=0), ValueError, ["every", "0"]),
         (lambda s: s.points()["viscosty"], KeyError, ["viscosty", "viscosity"]),
-        (lambda s: s.plot("pie"), ValueError, ["kind", "pie", "viscosity", "trace"]),
+        (lambda s: s.plot("pie"), ValueError, ["kind", "pie", "curve", "trace"]),
         (lambda s: s.plot(quantity="mass"), ValueError, ["quantity", "mass", "viscosity_median"]),
         (lambda s: s.plot(along="contact"), ValueError, ["along", "contact", "friction"]),
         (lambda s: s.plot("trace", cases=["zz"]), ValueError, ["zz"]),
@@ -201,8 +201,9 @@ def test_a_plot_shows_what_the_figure_shows(store, tmp_path):
     dilute = 1 + 5 / 3 * 0.65
     assert any(abs(float(other.get_ydata()[0]) - dilute) < 1e-12 for other in ax.get_lines()[1:])
     _, mine = pyplot.subplots()
-    for kind in ["contacts", "trace", "normal-stress", "approach-velocity"]:
+    for kind in ["contacts", "trace", "curve"]:
         assert store.plot(kind, ax=mine, along=None) is mine
+    assert store.plot(quantity="n1", ax=mine).get_ylabel().startswith("first normal stress difference")
     # The means over the seeds of both points have bands, single runs have none.
     assert [len(store.plot("trace", cases=cases).collections) for cases in [None, ["1"]]] == [2, 0]
     pyplot.close("all")

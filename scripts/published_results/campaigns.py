@@ -30,7 +30,7 @@ CAMPAIGNS = {
     # Their effects and the figure are made with the tables.
     "cause-of-thickening": [],
     "cause-of-thickening-full": [],
-    "figure-06": [figure("--kind", "approach-velocity")],
+    "figure-06": [figure("--quantity", "mean_approach_velocity")],
     "figure-07": [figure("--kind", "contacts", "--where", "shear_rate=inf")],
     "figure-10": [figure("--kind", "trace")],
     "figure-11": [figure("--where", f"contact={contact}", suffix=f"-{contact}") for contact in ["rigid", "procedure"]],

@@ -22,22 +22,20 @@ mod units;
 pub use crate::text::format::NumberFormat;
 pub use error::ReportError;
 pub use failures::FailureGroup;
-pub use figure::{
-    Drawing, Graph, Kind, Outline, Quantity, Trace, draw, draw_graphs, outline, traces,
-};
+pub use figure::{Drawing, Graph, Kind, Outline, Trace, draw, draw_graphs, outline, traces};
 pub use fit::FitReport;
 pub(crate) use labels::Starts;
-pub use page::{PageHost, data, movie, page};
+pub use page::{PageHost, data, movie, page, page_figure, page_runs};
 pub use points::{Point, Report};
 pub use runs::TableFormat;
 pub use segments::SegmentReport;
 pub(crate) use selection::range;
 pub use selection::{Excerpt, Selection};
 pub use sheet::Shape;
-pub(crate) use sheet::{room, write_latex};
+pub(crate) use sheet::room;
 pub use spheres::{SphereColour, SpherePicture, SphereView, draw_spheres};
 pub use structure::{StructureKind, StructureReport};
-pub use table::{Columns, point_table, write_json};
+pub use table::{Columns, number, point_table, write_json};
 pub(crate) use text::table;
 pub use text::write as write_text;
 pub use units::Units;

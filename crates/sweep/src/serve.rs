@@ -1,11 +1,15 @@
 //! The live page: a server that only reads the store.
 //!
-//! It has three read-only routes: the page, its data, and the movie of a run. Requests must name
+//! It has read-only routes: the page, its data, the figure of a number against an axis
+//! (`/figure.svg?name=viscosity&along=shear_rate&where=friction=0.3`), the runs of a point
+//! (`/runs.svg?point=3`), and the movie of a run (`/movie/KEY`). Requests must name
 //! this machine as their host, so that no other site can read the store through a visitor's browser
 //! (DNS rebinding). A connection carries one request, and a fixed number of threads answers one
 //! connection each; the system queues the others.
 
-use crate::report::{Excerpt, PageHost, ReportError, Selection, Units, data, movie, page};
+use crate::report::{
+    Excerpt, PageHost, ReportError, Selection, Units, data, movie, page, page_figure, page_runs,
+};
 use crate::store::{Store, StoreError, StoreSource};
 use crate::system::lock;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -69,10 +73,10 @@ type Response = (Status, &'static str, String);
 type Status = (u16, &'static str);
 
 const OK: Status = (200, "OK");
-const BAD_REQUEST: Status = (400, "Bad HttpRequest");
+const BAD_REQUEST: Status = (400, "Bad Request");
 const NOT_FOUND: Status = (404, "Not Found");
 const METHOD_NOT_ALLOWED: Status = (405, "Method Not Allowed");
-const MISDIRECTED: Status = (421, "Misdirected HttpRequest");
+const MISDIRECTED: Status = (421, "Misdirected Request");
 const UNAVAILABLE: Status = (503, "Service Unavailable");
 
 const TEXT: &str = "text/plain; charset=utf-8";
@@ -189,6 +193,7 @@ fn read_head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
 struct HttpRequest<'h> {
     method: &'h str,
     path: &'h str,
+    query: &'h str,
 }
 
 impl<'h> HttpRequest<'h> {
@@ -212,30 +217,50 @@ impl<'h> HttpRequest<'h> {
                 "a request needs one Host header and no second one\n",
             ));
         };
-        let host = host.trim();
-        if !is_local_host(host) {
+        if !is_local_host(host.trim()) {
             return Err((
                 MISDIRECTED,
                 "this server answers to localhost and to addresses only\n",
             ));
         }
-        // A proxy writes the whole address.
-        let path = match target.strip_prefix("http://") {
-            None => target,
-            Some(address) => {
-                let (authority, _) = address.split_once('/').unwrap_or((address, ""));
-                if authority != host {
-                    return Err((
-                        BAD_REQUEST,
-                        "the host in the request line is not the one of the Host header\n",
-                    ));
-                }
-                &address[authority.len()..]
-            }
-        };
-        let (path, _) = path.split_once('?').unwrap_or((path, ""));
-        Ok(Self { method, path })
+        if !target.starts_with('/') {
+            return Err((BAD_REQUEST, "this server is no proxy\n"));
+        }
+        let (path, query) = target.split_once('?').unwrap_or((target, ""));
+        Ok(Self {
+            method,
+            path,
+            query,
+        })
     }
+
+    /// An argument of the query; empty if it is not there.
+    fn argument(&self, name: &str) -> String {
+        let mut all = self
+            .query
+            .split('&')
+            .filter_map(|part| part.split_once('='));
+        let (_, value) = all.find(|(key, _)| *key == name).unwrap_or_default();
+        decoded(value)
+    }
+}
+
+/// Text as forms send it: `+` for spaces, and other bytes as `%XX`.
+fn decoded(text: &str) -> String {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.bytes();
+    let digit = |byte: Option<u8>| {
+        let digit = char::from(byte.unwrap_or(b'0')).to_digit(16);
+        u8::try_from(digit.unwrap_or(0)).unwrap_or(0)
+    };
+    while let Some(byte) = rest.next() {
+        bytes.push(match byte {
+            b'+' => b' ',
+            b'%' => 16 * digit(rest.next()) + digit(rest.next()),
+            byte => byte,
+        });
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 /// Whether a Host header names this machine: its loopback, or an address rather than a name.
@@ -253,9 +278,9 @@ fn is_local_host(host: &str) -> bool {
 
 /// The response to a request.
 fn respond(request: &HttpRequest<'_>, shared: &Server) -> Response {
-    let json = "application/json";
+    let (json, svg) = ("application/json", "image/svg+xml");
     let route = match request.path {
-        "/" | "/data.json" => Some(request.path),
+        "/" | "/data.json" | "/figure.svg" | "/runs.svg" => Some(request.path),
         path => path.strip_prefix("/movie/").filter(|key| !key.is_empty()),
     };
     let Some(route) = route else {
@@ -264,11 +289,12 @@ fn respond(request: &HttpRequest<'_>, shared: &Server) -> Response {
     if !["GET", "HEAD"].contains(&request.method) {
         return (METHOD_NOT_ALLOWED, TEXT, "this server only reads\n".into());
     }
+    let all = Selection::default();
     match route {
         "/" => answer(
             "text/html; charset=utf-8",
             read(shared, |store| {
-                page(everything(store, &Selection::default()), PageHost::Server)
+                page(everything(store, &all), PageHost::Server)
             }),
         ),
         "/data.json" => {
@@ -278,12 +304,28 @@ fn respond(request: &HttpRequest<'_>, shared: &Server) -> Response {
                 return (OK, json, text.clone());
             }
             let result = read(shared, |store| {
-                data(everything(store, &Selection::default()), PageHost::Server)
+                data(everything(store, &all), PageHost::Server)
             });
             if let Ok(text) = &result {
                 *last = Some((Instant::now(), text.clone()));
             }
             answer(json, result)
+        }
+        "/figure.svg" => {
+            let [name, along, wanted] = ["name", "along", "where"].map(|of| request.argument(of));
+            answer(
+                svg,
+                read(shared, |store| {
+                    page_figure(everything(store, &all), &name, &along, &wanted)
+                }),
+            )
+        }
+        "/runs.svg" => {
+            let point = request.argument("point").parse().unwrap_or(usize::MAX);
+            let runs = read(shared, |store| {
+                Ok(page_runs(everything(store, &all), point)?.unwrap_or_default())
+            });
+            answer(svg, runs)
         }
         key => answer(
             json,
@@ -308,6 +350,9 @@ fn answer(kind: &'static str, result: Result<String, ServeError>) -> Response {
         Err(ServeError::Report(ReportError::Store(
             error @ (StoreError::NoFrames { .. } | StoreError::EarlierFrames { .. }),
         ))) => (NOT_FOUND, TEXT, format!("{error}\n")),
+        Err(ServeError::Report(ReportError::Argument { message, .. })) => {
+            (BAD_REQUEST, TEXT, message)
+        }
         // The reason may name files of this machine, so it is not sent to the client.
         Err(_) => {
             let text = "the store cannot be read; `sweep check STORE` shows why\n";
@@ -327,7 +372,14 @@ fn everything<'s>(store: &'s Store, all: &'s Selection) -> Excerpt<'s> {
 
 #[cfg(test)]
 mod tests {
-    use super::is_local_host;
+    use super::{decoded, is_local_host};
+
+    #[test]
+    fn arguments_are_decoded() {
+        assert_eq!(decoded("%CE%93=0.1..%E2%88%9E"), "Γ=0.1..∞");
+        assert_eq!(decoded("c=0.6+friction=1%2C2"), "c=0.6 friction=1,2");
+        assert_eq!(decoded("%zz%"), "\0\0");
+    }
 
     #[test]
     fn only_this_machine_is_ours() {

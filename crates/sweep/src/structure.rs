@@ -32,7 +32,7 @@ mod scalars;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use average::{Band, Curve, RunStructure, Structure};
+pub(crate) use average::{Curve, RunStructure, Structure};
 pub(crate) use clusters::clusters;
 pub(crate) use network::{Link, Network};
 pub(crate) use sampled::{Reference, sampled};

@@ -65,7 +65,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         slab: arguments.slab,
     };
     let picture = draw_spheres(&store, &arguments.case, view)?;
-    save(path, &picture.file, output)?;
+    save(path, picture.file.as_bytes(), output)?;
     if output.json {
         output.json(&serde_json::json!({
             "key": picture.key, "strain": picture.strain, "spheres": picture.spheres, "contacts": picture.contacts

@@ -50,7 +50,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         output.note(&note);
     }
     if let Some(path) = &arguments.figure {
-        save(path, &report.draw()?, output)?;
+        save(path, report.draw()?.as_bytes(), output)?;
     }
     if let Some(path) = &arguments.csv {
         let mut bytes = Vec::new();

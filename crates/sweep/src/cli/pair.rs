@@ -91,7 +91,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         let path_of = |x: usize| passed.path.iter().map(|row| [row[x], row[x + 1]]).collect();
         let graphs = [("first sphere", path_of(1)), ("second sphere", path_of(4))];
         let drawn = draw_graphs(&graphs, ["x / a", "y / a"], "two spheres that pass")?;
-        save(path, &drawn, output)?;
+        save(path, drawn.as_bytes(), output)?;
     }
     if output.json {
         output.json(&passed)?;

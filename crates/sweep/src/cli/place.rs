@@ -21,11 +21,6 @@ pub(crate) struct StoreArguments {
 }
 
 impl StoreArguments {
-    /// One of several stores: a store, or a campaign file whose store is at its default path.
-    pub(super) fn of(file: PathBuf) -> Self {
-        Self { file, store: None }
-    }
-
     /// The files that it names.
     pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
         std::iter::once(self.file.as_path()).chain(self.store.as_deref())

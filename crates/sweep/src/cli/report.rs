@@ -10,12 +10,12 @@ use super::tables::TableArguments;
 use crate::error::Error;
 use crate::report::{
     Columns, Excerpt, PageHost, Report, Selection, Shape, Units, page, point_table, write_json,
-    write_latex, write_text,
+    write_text,
 };
 use crate::store::Store;
 use crate::system::exit;
 use crate::text::format::wrapped;
-use figure::{FigureArguments, Sources};
+use figure::FigureArguments;
 use std::path::PathBuf;
 
 /// Print the results of a campaign, averaged over seeds
@@ -29,13 +29,13 @@ use std::path::PathBuf;
                   All options and more examples: sweep report --help",
     after_long_help = "Examples:\n  sweep report results/quickstart.sqlite\n  sweep report sweeps/quickstart.toml --json\n  \
                   sweep report sweeps/quickstart.toml --csv curves.csv --figure curves.svg --page curves.html\n  \
-                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --latex -\n  \
+                  sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --csv -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
                   sweep report results/figure-11.sqlite --figure contacts.svg --kind contacts --where shear_rate=inf\n  \
                   sweep report results/figure-15.sqlite --figure panels.svg --panels area_fraction\n  \
                   sweep report results/figure-14.sqlite results/figure-15.sqlite --figure both.svg\n  \
                   sweep report sweeps/quickstart.toml --runs runs.parquet --samples samples.csv\n  \
-                  sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si --latex -\n  \
+                  sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si\n  \
                   sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with a view for other programs, `runs` (a row per run):\n\
                   sqlite3 -header results/quickstart.sqlite 'SELECT * FROM runs'"
@@ -43,9 +43,6 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     #[command(flatten)]
     place: StoreArguments,
-    /// Further stores or campaign files for the same figure
-    #[arg(value_name = "MORE")]
-    more: Vec<PathBuf>,
     /// Only points with one of these values on an axis, named by its key in the campaign file;
     /// repeatable
     #[arg(
@@ -98,7 +95,7 @@ struct Files {
     /// Write one row per sample of every run: FILE.csv or FILE.parquet
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     samples: Option<PathBuf>,
-    /// Write one self-contained page with interactive curves, traces and movies
+    /// Write one self-contained page with figures, runs in time and movies
     #[arg(long, value_name = "FILE.html")]
     page: Option<PathBuf>,
 }
@@ -119,22 +116,13 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let files = [
         ("--csv", &arguments.files.csv),
         ("--parquet", &arguments.files.parquet),
-        ("--latex", &arguments.tables.latex),
         ("--runs", &arguments.files.runs),
         ("--samples", &arguments.files.samples),
         ("--figure", &arguments.drawn.figure),
         ("--page", &arguments.files.page),
     ];
-    let more = arguments.more.iter().map(PathBuf::as_path);
-    let inputs: Vec<_> = arguments.place.files().chain(more).collect();
+    let inputs: Vec<_> = arguments.place.files().collect();
     check_outputs(&files, &inputs, output)?;
-    if asked.is_none() && !arguments.more.is_empty() {
-        return Err(Error::Argument {
-            argument: "FILE",
-            message: "several stores are drawn into one figure: name its file with --figure; tables show one store, and `sweep merge` combines several"
-                .into(),
-        });
-    }
     let store = arguments.place.open_segment(arguments.segment, output)?;
     let report = Report {
         columns,
@@ -143,13 +131,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     };
     let mut files = false;
     if let Some(asked) = &asked {
-        let sources = Sources {
-            first: (&store, &report),
-            more: &arguments.more,
-            selection: &selection,
-            units,
-        };
-        figure::write(asked, &sources, output)?;
+        figure::write(asked, &store, &report, output)?;
         files = true;
     }
     let shape = arguments.tables.shape();
@@ -168,12 +150,6 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             )?;
             files = true;
         }
-    }
-    if let Some(path) = &arguments.tables.latex {
-        let mut bytes = Vec::new();
-        write_latex(&report, shape, &mut bytes)?;
-        save(path, &bytes, output)?;
-        files = true;
     }
     let excerpt = Excerpt {
         store: &store,

@@ -54,7 +54,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let store = arguments.place.open(output)?;
     let report = SegmentReport::of(&store, &selection)?;
     if let Some(path) = &arguments.figure {
-        save(path, &report.draw()?, output)?;
+        save(path, report.draw()?.as_bytes(), output)?;
     }
     for (path, is_parquet) in [(&arguments.csv, false), (&arguments.parquet, true)] {
         if let Some(path) = path {

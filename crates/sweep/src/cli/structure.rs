@@ -80,7 +80,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         save_table(&report.curves(), names, path, is_parquet, output)?;
     }
     if let Some(path) = &arguments.figure {
-        save(path, &report.draw(arguments.kind)?, output)?;
+        save(path, report.draw(arguments.kind)?.as_bytes(), output)?;
     }
     if output.json {
         output.json(&report.json())?;

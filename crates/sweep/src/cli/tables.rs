@@ -2,7 +2,6 @@
 
 use super::words::choice;
 use crate::report::{NumberFormat, Shape};
-use std::path::PathBuf;
 
 /// Form of tables.
 #[derive(Debug, clap::Args)]
@@ -14,12 +13,9 @@ pub(crate) struct TableArguments {
     /// Print all default columns, not only as many as fit
     #[arg(long)]
     wide: bool,
-    /// Format of numbers with an interval, on the screen and in LaTeX
+    /// Format of numbers with an interval
     #[arg(long, value_parser = choice::<NumberFormat>(), default_value = "plain", hide_short_help = true)]
     format: NumberFormat,
-    /// Write a LaTeX table, `-` for standard output
-    #[arg(long, value_name = "FILE", hide_short_help = true)]
-    pub(crate) latex: Option<PathBuf>,
 }
 
 impl TableArguments {

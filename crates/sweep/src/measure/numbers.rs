@@ -21,7 +21,7 @@ pub struct Number {
     pub name: &'static str,
     /// Its unit; `1` for pure numbers.
     pub unit: &'static str,
-    /// Its label on the page; empty for numbers without curves.
+    /// Its label in figures; empty for numbers that the page does not offer.
     pub(crate) label: &'static str,
     sample: Option<(&'static str, InSample)>,
     run: Option<(&'static str, InTime)>,
@@ -100,7 +100,7 @@ impl Number {
         }
     }
 
-    /// Averaged in time, and over runs; with a curve on the page.
+    /// Averaged in time, and over runs; offered by the page.
     const fn averaged(self) -> Self {
         let meaning = match self.sample {
             Some((meaning, _)) => meaning,
@@ -134,7 +134,7 @@ pub static NUMBERS: &[Number] = {
         number("strain", "1").sample("strain from the start of the run", Real(|s| &mut s.strain)),
         number("discard_step", "1").run("first step whose sample is averaged", CountOf(|r| r.discard_step)),
         number("samples", "1").run("samples averaged", CountOf(|r| r.samples())),
-        number("viscosity", "mu").label("viscosity")
+        number("viscosity", "mu").label("relative viscosity η")
             .sample("viscosity in full: stresslets and contact stress", Real(|s| &mut s.viscosity))
             .run("mean in time of the viscosity in full", Of(|r| Some(r.viscosity?.mean)))
             .point("viscosity in full, mean over runs of their means in time", MeanOver),
@@ -229,8 +229,8 @@ pub static NUMBERS: &[Number] = {
         number("correlation_strain", "1").point("strain after which the viscosity of a run counts as independent", Over(|r| mean(&r.of_each(|run| Some(run.steadiness()?.correlation * run.sample_every))))),
         number("effective_samples", "1").point("effective number of independent samples, all runs", Over(|r| r.of_each(|run| Some(run.number("samples")? / run.steadiness()?.correlation)).into_iter().reduce(|a, b| a + b))),
         number("n1", "mu rate").sample("first normal stress difference N₁, contacts included", Sum(|s| s.n1.total())).averaged(),
-        number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged(),
-        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts and repulsion, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged(),
+        number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged().label("normal stress difference N₂"),
+        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts and repulsion, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
         number("shear_hydrodynamic", "mu rate").sample("shear stress of the stresslets", Part(|s| &mut s.shear.hydrodynamic)).averaged(),
         number("shear_normal_contact", "mu rate").sample("shear stress of the normal contact forces", Part(|s| &mut s.shear.normal_contact)).averaged(),
         number("shear_tangential_contact", "mu rate").sample("shear stress of the tangential contact forces", Part(|s| &mut s.shear.tangential_contact)).averaged(),

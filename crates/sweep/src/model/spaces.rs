@@ -15,13 +15,14 @@ pub enum InSpace<L, B> {
 }
 
 /// A run.
-pub(crate) type AnySimulation = InSpace<Box<Simulation<Layer>>, Box<Simulation<Bulk>>>;
+pub type AnySimulation = InSpace<Box<Simulation<Layer>>, Box<Simulation<Bulk>>>;
 /// All that a run needs to continue.
 pub type AnySnapshot = InSpace<Snapshot<Layer>, Snapshot<Bulk>>;
 /// Spheres and contacts at one instant.
 pub type AnyFrame = InSpace<Frame<Layer>, Frame<Bulk>>;
 
-/// Evaluates the same expression for either.
+/// Evaluates the same expression for a value of either space.
+#[macro_export]
 macro_rules! of_either {
     ($either:expr, $one:ident => $result:expr) => {
         match $either {
@@ -46,7 +47,7 @@ impl AnySimulation {
     ///
     /// # Errors
     /// Those of [`Simulation::new`].
-    pub(crate) fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
+    pub fn new(params: &Params, seed: u64, tables: &NearFields) -> Result<Self, Error> {
         Ok(if params.volume_fraction.is_some() {
             Self::Suspension(Box::new(Simulation::new(params, seed, tables)?))
         } else {
@@ -58,7 +59,7 @@ impl AnySimulation {
     ///
     /// # Errors
     /// Those of [`Simulation::from_snapshot`].
-    pub(crate) fn from_snapshot(
+    pub fn from_snapshot(
         params: &Params,
         snapshot: AnySnapshot,
         tables: &NearFields,
@@ -74,7 +75,7 @@ impl AnySimulation {
     }
 
     /// All that the next step needs.
-    pub(crate) fn snapshot(&self) -> AnySnapshot {
+    pub fn snapshot(&self) -> AnySnapshot {
         match self {
             Self::Layer(run) => InSpace::Layer(run.snapshot()),
             Self::Suspension(run) => InSpace::Suspension(run.snapshot()),
@@ -85,7 +86,7 @@ impl AnySimulation {
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
-    pub(crate) fn step(&mut self) -> Result<Sample, Error> {
+    pub fn step(&mut self) -> Result<Sample, Error> {
         of_either!(self, run => run.step())
     }
 
@@ -93,7 +94,7 @@ impl AnySimulation {
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
-    pub(crate) fn step_with_frame(&mut self) -> Result<(Sample, AnyFrame), Error> {
+    pub fn step_with_frame(&mut self) -> Result<(Sample, AnyFrame), Error> {
         Ok(match self {
             Self::Layer(run) => {
                 let (sample, frame) = run.step_with_frame()?;
@@ -138,7 +139,7 @@ impl AnySimulation {
     }
 
     /// Whether it still flows.
-    pub(crate) fn flow(&self) -> Flow {
+    pub fn flow(&self) -> Flow {
         of_either!(self, run => run.flow())
     }
 

@@ -1,7 +1,7 @@
 //! Figures: their content, and its one form, from which all of them are drawn.
 //!
 //! ```text
-//! data       points of reports, or runs in time, as curves
+//! data       points of a report, or runs in time, as curves
 //! outline    curves with colours, ends and ticks of axes: what this program and others draw
 //! layout     positions on the page
 //! svg        shapes and texts as a file with its origin
@@ -21,6 +21,7 @@ mod plane;
 pub(super) mod scale;
 mod svg;
 
+pub(super) use data::default_axis;
 pub(super) use graph::draw_curves;
 pub use graph::{Graph, draw_graphs};
 pub(super) use origin::Origin;
@@ -31,47 +32,34 @@ pub(super) use plane::{Key, Mark, PlanePicture, draw_plane};
 use super::error::ReportError;
 use super::points::{Report, selected_runs};
 use super::selection::Selection;
-use crate::measure::Estimate;
-use crate::measure::PointRun;
-use crate::model::axes::{Axis, Identity, identity};
+use crate::measure::numbers::Number;
+use crate::measure::{Estimate, PointRun};
+use crate::model::axes::{Axis, identity};
 use crate::store::Store;
 use crate::text::choices::choices;
 use palette::ORDERED_CURVES;
 pub(super) use palette::{COLOURS, Colour};
 use sd_core::Params;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 choices! {
     /// Kind of a figure.
     Kind {
-        Viscosity = "viscosity", "Viscosity with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges, the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension";
+        Curve = "curve", "A number of the points (--quantity) with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges; of viscosities the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension";
         Contacts = "contacts", "Pairs in contact, activated, rolling and slipping, per sphere";
         Trace = "trace", "Viscosity against the strain since the start, mean over the finished runs of a point with the 95 % Student interval over runs as a band";
-        NormalStress = "normal-stress", "First normal stress difference with 95 % intervals";
-        SecondNormalStress = "second-normal-stress", "Second normal stress difference";
-        ParticlePressure = "particle-pressure", "Particle pressure of contacts and repulsion";
         FlowCurve = "flow-curve", "Shear stress σ* against shear rate Γ, whichever of them is imposed";
-        ApproachVelocity = "approach-velocity", "Mean approach velocity of the pairs in contact";
         StateDiagram = "state-diagram", "State of the flow in the plane of two axes: continuous, discontinuous, shear-jammed, jammed, failed";
     }
 }
 
-choices! {
-    /// The viscosity of a figure, by the names of the columns of tables.
-    Quantity {
-        Viscosity = "viscosity", "In full, contact stress included";
-        ViscosityStresslet = "viscosity_stresslet", "From the stresslets alone, as eq. (20) of the paper reads";
-        ViscosityMedian = "viscosity_median", "Median over runs of their medians in time, insensitive to spikes near jamming, with the quartiles over runs";
-    }
-}
-
 /// Options of a figure.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Drawing {
     /// Its kind.
     pub kind: Kind,
-    /// The viscosity that it shows.
-    pub quantity: Quantity,
+    /// The number of a curve; by default the viscosity.
+    pub number: Option<&'static Number>,
     /// Horizontal axis; by default the shear rate where it varies, for contacts the friction.
     pub along: Option<&'static Axis>,
     /// Horizontal axis of a state diagram; by default the fraction.
@@ -85,7 +73,6 @@ pub struct Drawing {
 /// A run in time, or the mean over runs of a point.
 #[derive(Debug)]
 pub struct Trace {
-    campaign: String,
     params: Params,
     /// Its seed, of one run.
     seed: Option<u64>,
@@ -95,6 +82,24 @@ pub struct Trace {
     discard: Option<f64>,
     /// Strain since the start, and viscosity.
     points: Vec<(f64, Estimate)>,
+}
+
+impl Trace {
+    /// A run in time.
+    pub(super) fn of_run(
+        run: &PointRun,
+        discard: f64,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        let points = points.into_iter().map(|(x, y)| (x, Estimate::bare(y)));
+        Self {
+            params: (*run.params).clone(),
+            seed: Some(run.seed),
+            runs: 1,
+            discard: Some(discard),
+            points: points.collect(),
+        }
+    }
 }
 
 /// Traces of the points selected: the `cases`, each named by its number in the campaign file or by
@@ -119,44 +124,38 @@ pub fn traces(
         }
         keys.push(key);
     }
-    let (campaign, protocol) = (store.campaign_name()?, store.protocol()?);
+    let protocol = store.protocol()?;
     // Shows the last segment, against the strain since its start.
-    let start = protocol
-        .segments
-        .last()
-        .map_or(0.0, |last| last.imposed.start);
+    let last = protocol.segments.last();
+    let start = last.map_or(0.0, |last| last.imposed.start);
     let usual = protocol.discard - start;
     // Runs of a point, or the cases one by one.
-    let mut groups: Vec<(Option<Identity>, Vec<&PointRun>)> = Vec::new();
+    let mut groups: Vec<Vec<&PointRun>> = Vec::new();
+    let mut place_of = HashMap::new();
     for run in &runs {
-        let point = keys.is_empty().then(|| identity(&run.params));
-        match groups
-            .iter_mut()
-            .rev()
-            .find(|(known, _)| known.is_some() && *known == point)
-        {
-            Some((_, group)) => group.push(run),
-            None if keys.is_empty() || keys.contains(&run.key) => groups.push((point, vec![run])),
-            None => {}
+        if keys.contains(&run.key) {
+            groups.push(vec![run]);
+        } else if keys.is_empty() {
+            let place = *place_of
+                .entry(identity(&run.params))
+                .or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[place].push(run);
         }
     }
     let mut all: Vec<Trace> = Vec::new();
-    for (point, group) in groups {
-        let is_counted = |run: &&&PointRun| point.is_some() && selection.averages(run);
-        let counted = group.iter().filter(is_counted).count();
+    for group in groups {
+        let is_counted = |run: &&PointRun| keys.is_empty() && selection.averages(run);
+        let is_mean = group.iter().any(is_counted);
         let mut traces = Vec::new();
         for run in group {
-            let is_meant = if counted > 0 {
-                selection.averages(run)
-            } else {
-                traces.is_empty()
-            };
-            let mut trace = if is_meant {
-                store.trace(&run.key)?
-            } else {
-                Vec::new()
-            };
-            if !protocol.segments.is_empty() {
+            if is_mean && !selection.averages(run) || !is_mean && !traces.is_empty() {
+                continue;
+            }
+            let mut trace = store.trace(&run.key)?;
+            if last.is_some() {
                 // Strains are sums of steps.
                 trace.retain(|(strain, _)| (start - 1e-9..protocol.strain - 1e-9).contains(strain));
                 for (strain, _) in &mut trace {
@@ -174,9 +173,8 @@ pub fn traces(
             .iter()
             .map(|(run, _)| run.discard().map_or(usual, |discard| discard - start));
         all.push(Trace {
-            campaign: campaign.clone(),
             params: (*first.params).clone(),
-            seed: (counted == 0).then_some(first.seed),
+            seed: (!is_mean).then_some(first.seed),
             runs: traces.len(),
             discard: discards.reduce(f64::max),
             points: mean_trace(traces.into_iter().map(|(_, trace)| trace)),
@@ -200,37 +198,42 @@ pub(super) fn mean_trace(traces: impl Iterator<Item = Vec<(f64, f64)>>) -> Vec<(
             values.push(viscosity);
         }
     }
-    let whole = at
-        .into_values()
-        .filter(|(_, values)| values.len() == number);
-    whole
+    let of_all = at.into_values().filter(|of| of.1.len() == number);
+    of_all
         .filter_map(|(strain, values)| Some((strain, Estimate::of(&values)?)))
         .collect()
 }
 
-/// The outline of a figure of reports, or of traces.
+/// The outline of a figure of a report, or of traces.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
 pub fn outline(
-    reports: &[Report],
+    report: &Report,
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Outline, ReportError> {
-    Ok(data::figure_data(reports, traces, drawing)?.outline())
+    Ok(data::figure_data(report, traces, drawing)?.outline())
 }
 
-/// Draws a figure of reports, or of traces, as SVG.
+/// Draws a figure of a report, or of traces, as SVG.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
-pub fn draw(
-    reports: &[Report],
+pub fn draw(report: &Report, traces: &[Trace], drawing: &Drawing) -> Result<String, ReportError> {
+    let outline = outline(report, traces, drawing)?;
+    Ok(layout::draw(&outline, &Origin::of(report)))
+}
+
+/// Draws a figure of a report, or of traces, for a page that names their origin itself.
+pub(super) fn draw_on_page(
+    report: &Report,
     traces: &[Trace],
     drawing: &Drawing,
-) -> Result<Vec<u8>, ReportError> {
-    let outline = outline(reports, traces, drawing)?;
-    Ok(layout::draw(&outline, &Origin::of(reports)))
+) -> Result<String, ReportError> {
+    let outline = outline(report, traces, drawing)?;
+    let origin = Origin::of_lines(&report.campaign, &[]);
+    Ok(layout::draw(&outline, &origin))
 }
 
 /// The error about the figure.

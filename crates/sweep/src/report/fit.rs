@@ -119,7 +119,7 @@ impl FitReport {
             ReportError::Refused("no parameters of the model describe these points: the viscosity must not decrease with the stress".into())
         })?;
         Ok(Self {
-            origin: Origin::of(std::slice::from_ref(&report)),
+            origin: Origin::of(&report),
             campaign: report.campaign,
             data,
             params,
@@ -269,7 +269,7 @@ impl FitReport {
     ///
     /// # Errors
     /// [`ReportError::Argument`] if there are more fractions than a figure holds.
-    pub fn draw(&self) -> Result<Vec<u8>, ReportError> {
+    pub fn draw(&self) -> Result<String, ReportError> {
         let mut fractions: Vec<f64> = self.data.iter().map(|datum| datum.fraction).collect();
         fractions.sort_by(f64::total_cmp);
         fractions.dedup();

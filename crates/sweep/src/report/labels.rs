@@ -1,12 +1,13 @@
 //! Values on axes as text: cells of tables, labels of curves, titles of panels, captions.
 
+use super::figure::scale::power_of_ten;
+use super::points::Report;
 use super::units::{At, Units};
 use crate::data::{Kind, Value};
 use crate::model::axes::{AXES, Axis};
 use crate::store::{Store, StoreError};
 use crate::text::format::{Digits, short};
 use sd_core::Params;
-use std::collections::BTreeMap;
 
 /// Names of start layers, by their numbers on the axis. Without a name a layer keeps its number.
 #[derive(Debug, Clone, Default)]
@@ -18,11 +19,6 @@ impl Starts {
         Ok(Self(store.written()?.starts))
     }
 
-    /// The names of several campaigns together.
-    pub(super) fn together<'s>(all: impl Iterator<Item = &'s Self>) -> Self {
-        Self(all.flat_map(|starts| starts.0.iter().cloned()).collect())
-    }
-
     /// The name of the value of some parameters on an axis, if it is a start layer with a name.
     pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<&str> {
         let Value::Count(start) = axis.value(params) else {
@@ -31,14 +27,6 @@ impl Starts {
         let mut known = self.0.iter().filter(|_| axis.key == "start");
         let found = known.find(|(number, _)| *number == start);
         found.map(|(_, name)| name.as_str())
-    }
-
-    /// Names of the values on an axis, by the values as text.
-    pub(super) fn of_axis(&self, axis: &Axis) -> BTreeMap<String, &str> {
-        let named = self.0.iter().filter(|_| axis.key == "start");
-        named
-            .map(|(number, name)| (number.to_string(), name.as_str()))
-            .collect()
     }
 }
 
@@ -122,16 +110,6 @@ fn on_axis(axis: &Axis, units: Units, params: &Params) -> f64 {
     units.along(axis, At::new(params, rate), axis.number(params))
 }
 
-/// Ten to a power: 10⁻³.
-pub(super) fn power_of_ten(power: &str) -> String {
-    let superscript = |digit: char| match digit.to_digit(10) {
-        Some(digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit as usize).unwrap_or('⁰'),
-        None => '⁻',
-    };
-    let digits: String = power.chars().map(superscript).collect();
-    format!("10{digits}")
-}
-
 /// The values of some parameters on all axes with an effect, for captions.
 pub(super) fn all_named(params: &Params, units: Units, starts: &Starts) -> Vec<String> {
     let alone = || std::iter::once(params);
@@ -187,34 +165,27 @@ impl Shared<'_> {
         self.panels.is_some_and(|panels| panels.key == axis.key)
     }
 
-    /// The labels of some parameters, each with its campaign: without common values, the axis of
-    /// the curves and that of the panels.
-    pub(super) fn labels(self, all: &[(&str, &Params)]) -> Vec<Label> {
-        let params = || all.iter().map(|(_, params)| *params);
-        let differing: Vec<&Axis> = AXES
+    /// The labels of some parameters, without common values, the axis of the curves and that of the
+    /// panels.
+    pub(super) fn labels(self, all: &[&Params]) -> Vec<Label> {
+        let params = || all.iter().copied();
+        let axes = AXES
             .iter()
-            .filter(|axis| !self.is_along(axis) && !self.is_of_panels(axis))
-            .filter(|axis| axis.varies(params()))
-            .collect();
-        let words: Vec<AxisWords<'_>> = differing
-            .iter()
-            .map(|axis| AxisWords::of(axis, self.units, self.starts, params()))
-            .collect();
+            .filter(|axis| !self.is_along(axis) && !self.is_of_panels(axis));
+        let differing: Vec<&'static Axis> = axes.filter(|axis| axis.varies(params())).collect();
+        let words = |axis: &&'static Axis| AxisWords::of(axis, self.units, self.starts, params());
+        let words: Vec<AxisWords<'_>> = differing.iter().map(words).collect();
         let is_imposed = |params: &Params| params.shear_stress.is_some();
         let both = params().any(is_imposed) && !params().all(is_imposed);
-        let several = all.iter().any(|(campaign, _)| *campaign != all[0].0);
         let by_number = match differing.as_slice() {
-            [axis] if axis.is_numeric() && !both && !several => Some(*axis),
+            [axis] if axis.is_numeric() && !both => Some(*axis),
             _ => None,
         };
-        let label = |(campaign, params): &(&str, &Params)| {
-            let mut parts: Vec<String> = Vec::new();
-            parts.extend(several.then(|| (*campaign).to_owned()));
-            for (axis, words) in differing.iter().zip(&words) {
-                if !axis.is_alternative() || axis.means_something(params) {
-                    parts.push(words.named(params));
-                }
-            }
+        let label = |params: &Params| {
+            let named = differing.iter().zip(&words);
+            let named =
+                named.filter(|(axis, _)| !axis.is_alternative() || axis.means_something(params));
+            let mut parts: Vec<String> = named.map(|(_, words)| words.named(params)).collect();
             if both && self.along.is_some() {
                 let how = if is_imposed(params) { "stress" } else { "rate" };
                 parts.push(format!("imposed {how}"));
@@ -224,6 +195,34 @@ impl Shared<'_> {
                 number: by_number.map(|axis| axis.number(params)),
             }
         };
-        all.iter().map(label).collect()
+        params().map(label).collect()
+    }
+}
+
+/// The axes on which parameters differ, other than these, each with its values.
+pub(super) fn differences<'p>(
+    params: &(impl Iterator<Item = &'p Params> + Clone),
+    is_other: impl Fn(&Axis) -> bool,
+) -> Vec<String> {
+    let axes = AXES.iter().filter(|axis| !is_other(axis));
+    let axes = axes.filter(|axis| axis.varies(params.clone()));
+    axes.map(|axis| {
+        let values = params.clone().filter(|params| axis.means_something(params));
+        let values: Vec<String> = axis.distinct(values).iter().map(Value::to_string).collect();
+        format!("{} has {}", axis.key, values.join(", "))
+    })
+    .collect()
+}
+
+impl Report {
+    /// The labels of points with these parameters, without common values.
+    pub(super) fn labels<'p>(&self, params: impl Iterator<Item = &'p Params>) -> Vec<Label> {
+        let shared = Shared {
+            along: None,
+            panels: None,
+            units: self.units,
+            starts: &self.starts,
+        };
+        shared.labels(&params.collect::<Vec<_>>())
     }
 }

@@ -1,25 +1,30 @@
-//! The report as one self-contained page: summary, curves, traces, movies, failures, provenance.
+//! The report as one self-contained page: summary, figures, points, runs in time, movies,
+//! failures, provenance.
 //!
-//! The page loads nothing from the network. All user text is JSON in a script element, with every
-//! `<`, `>` and `&` escaped, and is inserted as text only.
+//! Its figures are those of `sweep report --figure`: a file holds them, and a server draws those
+//! that are asked for. The page loads nothing from the network. All user text is JSON in a script
+//! element, with every `<`, `>` and `&` escaped, and is inserted as text only; figures are images.
 
 use super::error::ReportError;
-use super::figure::palette::{COLOURS, COLOURS_ON_DARK, Colour, HEAT, MARKERS};
-use super::points::{Point, Report};
-use super::selection::Excerpt;
-use super::states::{Flow, flows_of};
-use super::units::Units;
-use crate::data::{DataColumn, Kind, Objects};
+use super::failures::FailureGroup;
+use super::figure::palette::HEAT;
+use super::figure::{Drawing, Kind, Trace, default_axis, draw_on_page};
+use super::points::Report;
+use super::selection::{Excerpt, Selection};
+use super::sheet::{Shape, SheetColumn, view_of};
+use super::table::{Column, point_table};
+use crate::data::write_csv;
 use crate::measure::numbers::{Level, Number, columns};
-use crate::measure::{Estimate, PointRun, ratio};
+use crate::measure::{PointRun, ratio};
 use crate::model::axes::{AXES, Axis};
 use crate::model::spaces::of_either;
 use crate::store::Store;
+use crate::text::format::{duration, significant};
 use crate::trajectory::{Kept, state_number};
+use sd_core::model::Keywords as _;
 use sd_core::simulation::Frame;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 /// The HTML of the page.
 const PAGE: &str = include_str!("page/page.html");
@@ -29,88 +34,28 @@ const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = concat!(
     "'use strict';\n(() => {\n",
     include_str!("page/base.js"),
-    include_str!("page/curves.js"),
-    include_str!("page/views.js"),
     include_str!("page/runs.js"),
-    include_str!("page/table.js"),
-    include_str!("page/save.js"),
     include_str!("page/start.js"),
     "})();\n"
 );
 
-/// Maximum total points of traces, so that a page of thousands of runs still opens.
+/// Size of the figures of a file beyond which it holds no more, so that it still opens.
+const FIGURE_BYTES: usize = 16 << 20;
+/// Maximum total points of traces.
 const TRACE_POINTS: usize = 400_000;
 /// Maximum total frames of movies.
 const MAX_MOVIE_FRAMES: usize = 3000;
 /// Maximum number of movies.
 const MAX_MOVIES: usize = 100;
-/// Maximum number of failures listed.
-const FAILURES: u32 = 200;
-/// Width of a bin of a histogram, in decades.
-const BIN: f64 = 0.04;
-
+/// Maximum number of runs of a point that are drawn in time.
+const RUNS_IN_TIME: usize = 32;
 /// Host of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PageHost {
     /// A file, which holds everything.
     File,
-    /// A server, which the page polls for updates and for movies.
+    /// A server, which the page polls for updates and asks for figures and movies.
     Server,
-}
-
-/// The data for the script.
-#[derive(Serialize)]
-struct Data<'r> {
-    points: Objects<'r>,
-    #[serde(flatten)]
-    others: Value,
-}
-
-/// An axis: `unit` of converted values, their maximum significant `digits`, and `names` of named
-/// values.
-fn axis_data(report: &Report, axis: &'static Axis) -> Value {
-    json!({
-        "key": axis.key, "symbol": axis.symbol(), "label": report.units.label_of(axis), "numeric": axis.is_numeric(),
-        "logarithmic": axis.is_logarithmic(), "unit": report.units.of_axis(axis), "digits": report.words_of(axis).digits.most,
-        "names": report.starts.of_axis(axis),
-    })
-}
-
-/// A quantity that curves can show.
-fn quantity_data(units: Units, number: &Number) -> Value {
-    let (label, word) = (number.label, units.word(number.unit));
-    let label = if word == number.unit {
-        label.to_owned()
-    } else {
-        format!("{label} ({word})")
-    };
-    json!({"key": number.name, "label": label})
-}
-
-/// The points: the columns of the table by name, and the shear stress that a flow curve shows.
-fn point_data(report: &Report) -> Vec<DataColumn> {
-    let mut table = report.whole_table(report.units);
-    let stress = |of: fn(Estimate) -> Option<f64>| {
-        move |point: &Point| {
-            let stress = point
-                .shear_stress()
-                .filter(|stress| stress.mean.is_finite());
-            let factor = report.units.factor("F_crit/a²", point.at())?;
-            Some(crate::data::Value::Number(factor * of(stress?)?))
-        }
-    };
-    for (name, cell) in [
-        ("stress", stress(|s| Some(s.mean))),
-        ("stress_ci95", stress(|s| s.ci95)),
-    ] {
-        table.push(DataColumn::of(
-            name,
-            Kind::Number,
-            "",
-            report.points.iter().map(cell),
-        ));
-    }
-    table
 }
 
 /// The page of a part of a store.
@@ -125,22 +70,10 @@ pub fn page(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
     };
     let page = PAGE
         .replace("@CONNECT@", connect)
-        .replace("@CSS@", &style())
+        .replace("@CSS@", STYLE)
         .replace("@JS@", SCRIPT);
     // Last, in a single pass: user text is never searched for placeholders.
     Ok(page.replacen("@DATA@", &in_script(&data), 1))
-}
-
-/// The style, with the colours of curves.
-fn style() -> String {
-    let list = |colours: &[Colour]| {
-        let each = colours.iter().enumerate();
-        let each = each.map(|(n, colour)| format!("--c{n}: {colour};"));
-        each.collect::<Vec<_>>().join(" ")
-    };
-    STYLE
-        .replace("@LIGHT@", &list(&COLOURS))
-        .replace("@DARK@", &list(&COLOURS_ON_DARK))
 }
 
 /// JSON that cannot end the element it stands in.
@@ -162,10 +95,10 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         selection,
         units,
     } = excerpt;
-    let (report, all, points) = Report::with_runs(store, selection)?;
+    let (report, runs, places) = Report::with_runs(store, selection)?;
     let report = Report { units, ..report };
     // The remaining time is that of the whole campaign.
-    let (work_done, eta_s) = if selection.is_everything() {
+    let (work_done, left) = if selection.is_everything() {
         let work = store.work()?;
         (ratio(work.done, work.total), store.time_left(&work)?)
     } else {
@@ -173,70 +106,257 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
         let ended = c.done + c.jammed + c.failed;
         (ratio(ended as f64, c.total() as f64), None)
     };
-    let factor = units.viscosity_factor();
-    let points_each = (TRACE_POINTS / all.len().max(1)).clamp(12, 240);
-    let mut runs = Vec::with_capacity(all.len());
-    for (run, point) in all.iter().zip(&points) {
-        let mut trace = store.trace(&run.key)?;
-        for (_, viscosity) in &mut trace {
-            *viscosity *= factor;
-        }
-        let discard = run.discard().unwrap_or(report.discard);
-        runs.push(json!({
-            "point": point, "key": run.key, "seed": run.seed, "state": run.state,
-            "doubts": run.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>(),
-            "viscosity": run.number("viscosity").map(|viscosity| factor * viscosity), "wall_time_s": run.number("wall_time_s"), "cpu_time_s": run.number("cpu_time_s"),
-            "discard": discard, "histogram": histogram(&trace, discard), "trace": thinned(&trace, points_each),
-        }));
+    let mut csv = Vec::new();
+    write_csv(&point_table(&report), &mut csv)?;
+    let mut of_point: Vec<Vec<&PointRun>> = vec![Vec::new(); report.points.len()];
+    for (run, place) in runs.iter().zip(&places) {
+        of_point[*place].push(run);
     }
-    let filmed = filmed(store, all.iter().zip(points), host)?;
-    let frames_each = (MAX_MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
-    let mut movies = Map::new();
-    for key in filmed {
-        let film = match host {
-            PageHost::File => movie(store, &key, frames_each)?,
+    let labels = report.labels(report.params());
+    let most = (TRACE_POINTS / runs.len().max(1)).clamp(12, 240);
+    let mut points = Vec::with_capacity(labels.len());
+    for (label, runs) in labels.into_iter().zip(&of_point) {
+        let trace = match host {
+            PageHost::File => in_time(store, &report, runs, most)?.map_or(Value::Null, Value::from),
             PageHost::Server => Value::Bool(true),
         };
-        movies.insert(key, film);
+        let name = Some(label.words).filter(|words| !words.is_empty());
+        points.push(json!({"name": name.unwrap_or("all runs".into()), "trace": trace}));
     }
-    let mut failures = store.failures(FAILURES)?;
-    failures.retain(|failure| selection.has(&failure.params));
-    let others = json!({
+    let provenance = report.provenance.iter();
+    let provenance = provenance.map(|process| json!([process.words(), process.started_at]));
+    let of_axis = |axis: &Axis| (axis.key.to_owned(), Value::from(units.label_of(axis)));
+    let rows = runs.iter().zip(&places).map(|(run, point)| {
+        let number = |name: &str, factor: f64| {
+            let number = run.number(name).map(|number| factor * number);
+            number.map_or("–".into(), |number| significant(number, 4))
+        };
+        let mut state = vec![run.state.name()];
+        state.extend(run.doubts.iter().map(|doubt| doubt.name()));
+        json!({
+            "point": point, "key": run.key, "seed": run.seed,
+            "state": state.join(", "),
+            "viscosity": number("viscosity", units.viscosity_factor()), "time": number("wall_time_s", 1.0),
+        })
+    });
+    let data = json!({
         // Whether a server provides updates.
         "live": host == PageHost::Server,
-        "campaign": report.campaign, "selection": selection.to_string(), "text": store.campaign_text()?,
-        "discard": report.discard, "cases": report.counts, "work_done": work_done.unwrap_or(1.0), "eta_s": eta_s,
-        "axes": AXES.iter().map(|axis| axis_data(&report, axis)).collect::<Vec<_>>(),
-        "quantities": columns(Level::Points).filter(|number| !number.label.is_empty()).map(|number| quantity_data(units, number)).collect::<Vec<_>>(),
-        // State of each point, as in a state diagram.
-        "flows": flows_of(&report.points).iter().map(|flow| flow.map(Flow::name)).collect::<Vec<_>>(),
-        "doubtful": report.doubtful, "with_doubtful": report.with_doubtful,
-        "viscosity_label": units.label("viscosity", "mu"), "viscosity_factor": factor,
-        "stress_label": match units.word("F_crit/a²") {
-            "F_crit/a²" => "shear stress σ*".into(),
-            _ => units.label("shear stress σ*", "F_crit/a²"),
-        },
-        // Movies by key; `true` for one on the server.
-        "runs": runs, "movies": movies, "failures": failures, "provenance": report.provenance,
-        "histogram_bin": BIN,
-        // The map of the page includes the yellow end, since its cells have their own background.
-        "look": {"markers": MARKERS, "heat": HEAT},
+        "campaign": report.campaign, "summary": summary(&report, left), "work_done": work_done.unwrap_or(1.0),
+        "figures": figures(&report, host), "axes": AXES.iter().map(of_axis).collect::<Map<_, _>>(),
+        "columns": shown(&report), "points": points, "csv": String::from_utf8_lossy(&csv),
+        "viscosity_label": units.label("viscosity", "mu"), "runs": rows.collect::<Vec<_>>(),
+        "movies": movies(store, runs.iter().zip(places.iter().copied()), host)?,
+        "failures": report.failures.iter().map(FailureGroup::text).collect::<Vec<_>>(),
+        "provenance": provenance.collect::<Vec<_>>(), "text": store.campaign_text()?, "heat": HEAT,
     });
-    let points = &point_data(&report);
-    let document = Data {
-        points: Objects(points),
-        others,
-    };
-    serde_json::to_string(&document).map_err(|error| ReportError::Output(error.into()))
+    Ok(data.to_string())
 }
 
-/// The runs with movies: on a server all that keep frames; in a file the first of every point
-/// before the second of any, up to a size that still opens.
-fn filmed<'r>(
+/// Number of runs by state, remaining time, and what is averaged.
+fn summary(report: &Report, left: Option<f64>) -> String {
+    let c = &report.counts;
+    let mut words = vec![format!(
+        "{} of {} runs done, {} jammed, {} failed, {} running, {} pending",
+        c.done,
+        c.total(),
+        c.jammed,
+        c.failed,
+        c.running,
+        c.pending
+    )];
+    words.extend(left.map(|left| format!("about {} left", duration(left))));
+    words.push(format!("discarded strain: {}", report.discard));
+    if !report.selection.is_everything() {
+        words.push(format!("only where {}", report.selection));
+    }
+    if report.doubtful > 0 {
+        let how = if report.with_doubtful { "in" } else { "not in" };
+        words.push(format!("{} doubtful, {how} the means", report.doubtful));
+    }
+    words.join("; ")
+}
+
+/// All columns with something in them, as text; the usual ones are those of the table on a
+/// terminal.
+fn shown(report: &Report) -> Vec<Value> {
+    let shape = Shape {
+        wide: true,
+        ..Shape::default()
+    };
+    let usual = report.sheet(shape, None);
+    let axes = AXES.iter().map(|axis| {
+        let column = SheetColumn::of_axis(axis, report, &report.points.iter());
+        (column, axis.key, axis.meaning)
+    });
+    let numbers = columns(Level::Points).map(|number| {
+        let (column, view) = (Column::Number(number), view_of(number.name));
+        let shown = report.view(column, view, shape.format);
+        (shown, number.name, column.meaning())
+    });
+    let trends = Report::trends(report.points.iter());
+    let trends = trends.map(|column| (column, "trend", "how runs change that are not steady"));
+    let all = axes.chain(trends).chain(numbers);
+    let all = all.filter(|of| !of.0.is_empty());
+    all.map(|(column, name, meaning)| {
+        json!({
+            "name": name, "heading": column.heading.replace('\n', " "), "meaning": meaning,
+            "usual": usual.has(&column.name), "cells": column.cells,
+        })
+    })
+    .collect()
+}
+
+/// The figures that the page offers: name, label, and axes, each with the figure along it in a
+/// file, and `true` from a server. Numbers other than the viscosity run along the default axis in a
+/// file.
+fn figures(report: &Report, host: PageHost) -> Vec<Value> {
+    let numbers = columns(Level::Points).filter(|number| {
+        let mut points = report.points.iter();
+        !number.label.is_empty() && points.any(|point| point.number(number.name).is_some())
+    });
+    let numbers = numbers.map(|number| (number.name, number.label));
+    let (main, other): (Vec<_>, Vec<_>) = numbers.partition(|(name, _)| *name == "viscosity");
+    let kinds = [
+        (Kind::Contacts, "contacts"),
+        (Kind::FlowCurve, "flow curve"),
+        (Kind::StateDiagram, "state diagram"),
+    ];
+    let kinds = kinds.map(|(kind, label)| (kind.word(), label));
+    let mut left = FIGURE_BYTES;
+    let mut figures = Vec::new();
+    for (name, label) in main.into_iter().chain(kinds).chain(other) {
+        let Some(drawing) = drawing(name) else {
+            continue;
+        };
+        let usual = default_axis(report, drawing.kind);
+        let is_one = matches!(drawing.kind, Kind::FlowCurve | Kind::StateDiagram)
+            || host == PageHost::File && name != "viscosity";
+        let others = report
+            .varying()
+            .filter(|axis| !is_one && axis.is_numeric() && axis.key != usual.key);
+        let mut along = Vec::new();
+        for axis in [usual].into_iter().chain(others) {
+            let figure = match host {
+                PageHost::Server => Ok(Value::Bool(true)),
+                PageHost::File => draw_of(report, drawing, axis).map(Value::from),
+            };
+            if let Ok(figure) = figure {
+                left = left.saturating_sub(figure.as_str().map_or(0, str::len));
+                along.push(json!([axis.key, figure]));
+            }
+        }
+        if along.is_empty() && name == "viscosity" {
+            // Others have the same curves.
+            break;
+        }
+        if !along.is_empty() && left > 0 {
+            figures.push(json!({"name": name, "label": label, "along": along}));
+        }
+    }
+    figures
+}
+
+/// A figure by its name: that of a number of points, or a kind.
+fn drawing(name: &str) -> Option<Drawing> {
+    let kind = Kind::of_word(name);
+    let number = Number::named(name);
+    (kind.is_some() || number.is_some()).then(|| Drawing {
+        kind: kind.unwrap_or_default(),
+        number,
+        ..Drawing::default()
+    })
+}
+
+/// Draws a figure of a report along an axis, with panels if there are more curves than can be
+/// distinguished.
+fn draw_of(report: &Report, drawing: Drawing, axis: &'static Axis) -> Result<String, ReportError> {
+    // The default axis may have a single value.
+    let usual = default_axis(report, drawing.kind);
+    let along = Some(axis).filter(|axis| axis.key != usual.key);
+    let draw = |panels| {
+        let drawing = Drawing {
+            along,
+            panels,
+            ..drawing
+        };
+        draw_on_page(report, &[], &drawing)
+    };
+    draw(None).or_else(|error| {
+        let panels = report.varying().find_map(|panels| draw(Some(panels)).ok());
+        panels.ok_or(error)
+    })
+}
+
+/// The figure that the page asks for by its name and axis, of the points selected.
+///
+/// # Errors
+/// An I/O or SQLite error; [`ReportError::Argument`] on a figure that cannot be drawn.
+pub fn page_figure(
+    excerpt: Excerpt<'_>,
+    name: &str,
+    along: &str,
+    wanted: &str,
+) -> Result<String, ReportError> {
+    let wanted: Vec<String> = wanted.split_whitespace().map(str::to_owned).collect();
+    let report = Report {
+        units: excerpt.units,
+        ..Report::of(excerpt.store, &Selection::parse(&wanted)?)?
+    };
+    let unknown = || ReportError::argument("figure", format!("there is none of {name:?}"));
+    let drawing = drawing(name).ok_or_else(unknown)?;
+    let axis = Axis::of_key(along).filter(|axis| axis.is_numeric());
+    let axis = axis.unwrap_or_else(|| default_axis(&report, drawing.kind));
+    draw_of(&report, drawing, axis)
+}
+
+/// The runs of the point with this index in time; `None` without samples.
+///
+/// # Errors
+/// An I/O or SQLite error.
+pub fn page_runs(excerpt: Excerpt<'_>, point: usize) -> Result<Option<String>, ReportError> {
+    let (report, runs, places) = Report::with_runs(excerpt.store, excerpt.selection)?;
+    let report = Report {
+        units: excerpt.units,
+        ..report
+    };
+    let runs = runs.iter().zip(places).filter(|(_, place)| *place == point);
+    let runs: Vec<&PointRun> = runs.map(|(run, _)| run).collect();
+    in_time(excerpt.store, &report, &runs, TRACE_POINTS / RUNS_IN_TIME)
+}
+
+/// Draws runs of a point in time, each with at most as many samples.
+fn in_time(
+    store: &Store,
+    report: &Report,
+    runs: &[&PointRun],
+    most: usize,
+) -> Result<Option<String>, ReportError> {
+    let mut traces = Vec::new();
+    for run in runs.iter().take(RUNS_IN_TIME) {
+        let trace = thinned(&store.trace(&run.key)?, most);
+        if !trace.is_empty() {
+            traces.push(Trace::of_run(
+                run,
+                run.discard().unwrap_or(report.discard),
+                trace,
+            ));
+        }
+    }
+    let drawing = Drawing {
+        kind: Kind::Trace,
+        ..Drawing::default()
+    };
+    Ok(draw_on_page(report, &traces, &drawing).ok())
+}
+
+/// The movies by the keys of their runs; from a server `true` for all runs that keep frames, and in
+/// a file the first of every point before the second of any, up to a size that still opens.
+fn movies<'r>(
     store: &Store,
     all: impl Iterator<Item = (&'r PointRun, usize)>,
     host: PageHost,
-) -> Result<Vec<String>, ReportError> {
+) -> Result<Map<String, Value>, ReportError> {
     let mut filmed: Vec<(usize, &PointRun)> = Vec::new();
     let mut number_of: HashMap<usize, usize> = HashMap::new();
     for (run, point) in all {
@@ -250,25 +370,15 @@ fn filmed<'r>(
         filmed.sort_by_key(|(number, _)| *number);
         filmed.truncate(MAX_MOVIES);
     }
-    Ok(filmed.into_iter().map(|(_, run)| run.key.clone()).collect())
-}
-
-/// Histogram of the logarithm of the viscosity in the samples after a strain, from the first
-/// occupied bin.
-fn histogram(trace: &[(f64, f64)], discard: f64) -> Option<Value> {
-    let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
-    for (_, viscosity) in trace.iter().filter(|(strain, viscosity)| {
-        *strain > discard && *viscosity > 0.0 && viscosity.is_finite()
-    }) {
-        #[expect(clippy::cast_possible_truncation, reason = "a few hundred bins")]
-        let bin = (viscosity.log10() / BIN).floor() as i32;
-        *counts.entry(bin).or_insert(0) += 1;
-    }
-    let (first, last) = (*counts.keys().next()?, *counts.keys().next_back()?);
-    let all: Vec<u64> = (first..=last)
-        .map(|bin| counts.get(&bin).copied().unwrap_or(0))
-        .collect();
-    Some(json!({"first": first, "counts": all}))
+    let each = (MAX_MOVIE_FRAMES / filmed.len().max(1)).clamp(20, 120);
+    let film = |(_, run): (usize, &PointRun)| {
+        let film = match host {
+            PageHost::File => movie(store, &run.key, each)?,
+            PageHost::Server => Value::Bool(true),
+        };
+        Ok((run.key.clone(), film))
+    };
+    filmed.into_iter().map(film).collect()
 }
 
 /// The movie of a run with a maximum number of frames.
@@ -368,7 +478,7 @@ fn thinned(trace: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{histogram, in_script, thinned};
+    use super::{in_script, thinned};
 
     #[test]
     fn markup_cannot_end_the_script() {
@@ -376,23 +486,6 @@ mod tests {
         assert!(!text.contains(['<', '>', '&']));
         let back: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(back["name"], "</script><img onerror=1>&amp;");
-    }
-
-    #[test]
-    fn histograms_count_what_is_kept() {
-        let trace = [
-            (0.1, 9.0),
-            (0.3, 10.5),
-            (0.4, 10.6),
-            (0.5, 100.0),
-            (0.6, -1.0),
-        ];
-        let histogram = histogram(&trace, 0.2).unwrap();
-        assert_eq!(histogram["first"], 25);
-        let counts = histogram["counts"].as_array().unwrap();
-        assert_eq!((&counts[0], counts.len()), (&2.into(), 26));
-        assert_eq!(counts[25], 1);
-        assert_eq!(super::histogram(&trace[4..], 0.0), None);
     }
 
     #[test]

@@ -10,11 +10,12 @@ use super::table::{Columns, measure};
 use super::units::{At, Units};
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs, Trend};
-use crate::model::axes::{Axis, identity};
+use crate::model::axes::{AXES, Axis, identity};
 use crate::model::campaign::{AsWritten, SharedPoints};
 use crate::model::case::State;
 use crate::model::precision::Precision;
 use crate::store::{Counts, Provenance, Store};
+use crate::text::format::counted;
 use sd_core::Params;
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
@@ -98,12 +99,11 @@ impl Report {
         store: &Store,
         selection: &Selection,
     ) -> Result<(Self, Vec<PointRun>, Vec<usize>), ReportError> {
-        let runs = store.point_runs()?;
         let written = store.written()?;
-        let runs = selected(runs, &written, selection)?;
+        let runs = selected(store.point_runs()?, &written, selection)?;
         let once = each_once(&runs);
-        let mut failures = store.failures(u32::MAX)?;
         let wanted: HashSet<&str> = once.iter().map(|run| run.key.as_str()).collect();
+        let mut failures = store.failures(u32::MAX)?;
         failures.retain(|failure| wanted.contains(failure.key.as_str()));
         let mut failures = FailureGroup::of(failures);
         failures.truncate(FAILURES_SHOWN);
@@ -115,19 +115,17 @@ impl Report {
         let (computing, processor) = (total("wall_time_s"), total("cpu_time_s"));
         let keys = once.iter().filter(|run| run.number("viscosity").is_some());
         let keys = keys.map(|run| run.key.clone()).collect();
-        let rules: HashMap<_, _> = store
-            .point_states()?
-            .into_iter()
-            .map(|state| (identity(&state.params), (state.rule, state.decision)))
-            .collect();
-        let mut groups: Vec<Vec<&PointRun>> = Vec::new();
-        let mut place_of = HashMap::new();
-        let mut places: Vec<usize> = Vec::with_capacity(runs.len());
-        let mut counts = Counts::default();
         let doubtful = once.iter().filter(|run| run.is_doubtful()).count() as u64;
+        let mut counts = Counts::default();
         for run in &once {
             *counts.of(run.state) += 1;
         }
+        let states = store.point_states()?.into_iter();
+        let rules = states.map(|state| (identity(&state.params), (state.rule, state.decision)));
+        let rules: HashMap<_, _> = rules.collect();
+        let mut groups: Vec<Vec<&PointRun>> = Vec::new();
+        let mut place_of = HashMap::new();
+        let mut places: Vec<usize> = Vec::with_capacity(runs.len());
         for run in &runs {
             // Runs of a point come one after the other.
             let place = match places.last() {
@@ -178,6 +176,27 @@ impl Report {
             starts: Starts(written.starts),
         };
         Ok((report, runs, places))
+    }
+
+    /// The parameters of its points.
+    pub(super) fn params(&self) -> impl Iterator<Item = &Params> + Clone {
+        self.points.iter().map(|point| &point.params)
+    }
+
+    /// The axes on which its points differ.
+    pub(super) fn varying(&self) -> impl Iterator<Item = &'static Axis> {
+        AXES.iter().filter(|axis| axis.varies(self.params()))
+    }
+
+    /// A note on doubtful runs.
+    pub(super) fn note(&self) -> Option<String> {
+        let how = if self.with_doubtful {
+            "averaged too"
+        } else {
+            "left out"
+        };
+        let runs = counted(self.doubtful, "doubtful run");
+        (self.doubtful > 0).then(|| format!("{runs} {how}"))
     }
 
     /// The programs that computed its results, each once.
@@ -303,11 +322,8 @@ impl Point {
     /// themselves overlapped.
     pub(super) fn overlaps_too_much(&self) -> bool {
         let height = self.params.roughness;
-        height > 0.0
-            && !is_rigid(&self.params)
-            && self
-                .number("overlap")
-                .is_some_and(|overlap| overlap > height)
+        let overlap = self.number("overlap").filter(|_| height > 0.0);
+        !is_rigid(&self.params) && overlap.is_some_and(|overlap| overlap > height)
     }
 
     /// The mean over runs in a column, with the half width of its interval from the column beside

@@ -2,19 +2,17 @@
 
 use super::error::ReportError;
 use super::figure::{Curve, CurveKind, Origin, draw_curves, mean_trace};
-use super::labels::Shared;
 use super::points::{Point, Report};
 use super::selection::Selection;
 use super::sheet::{Shape, Sheet, SheetColumn, View};
-use super::table::axis_table;
-use crate::data::{Cell, DataColumn, Kind, Object, Value};
+use super::table::{TableOf, axis_table};
+use crate::data::{Cell, DataColumn, Object, Value};
 use crate::measure::Estimate;
 use crate::measure::segments::{Cycle, RunSegment};
 use crate::model::axes::AXES;
 use crate::model::protocol::PlannedSegment;
 use crate::store::Store;
 use crate::text::format::short;
-use sd_core::Params;
 use serde_json::{Value as Json, json};
 
 /// The segments of the runs of a campaign.
@@ -89,11 +87,8 @@ const OF_CYCLES: [(&str, OfCycle); 4] = [
 
 /// Mean over runs; `None` unless all of them have a finite value.
 fn over_runs(runs: &[RunSegment], of: impl Fn(&RunSegment) -> Option<f64>) -> Option<Estimate> {
-    let values: Option<Vec<f64>> = runs
-        .iter()
-        .map(|run| of(run).filter(|v| v.is_finite()))
-        .collect();
-    Estimate::of(&values?)
+    let values = runs.iter().map(|run| of(run).filter(|v| v.is_finite()));
+    Estimate::of(&values.collect::<Option<Vec<f64>>>()?)
 }
 
 impl PointSegment {
@@ -103,24 +98,16 @@ impl PointSegment {
         let of_cycle = |cycle: usize| {
             OF_CYCLES.map(|(_, of)| over_runs(runs, |run| of(run.cycles.get(cycle)?)))
         };
-        let recovered: Vec<RunSegment> = runs
-            .iter()
-            .filter(|run| recovery(run).is_some())
-            .cloned()
-            .collect();
-        let number = |number: &Number| {
-            let known = match number.0 {
-                "recovery_strain" => &recovered,
-                _ => runs,
-            };
-            over_runs(known, number.4)
+        let recovered = runs.iter().filter(|run| recovery(run).is_some());
+        let recovered: Vec<RunSegment> = recovered.cloned().collect();
+        let is_reversed = runs.iter().any(|run| run.reversal.is_some());
+        let number = |number: &Number| match number.0 {
+            "recovery_strain" => over_runs(&recovered, number.4),
+            _ => over_runs(runs, number.4),
         };
         Self {
             runs: runs.len() as u64,
-            recovered: runs
-                .iter()
-                .any(|run| run.reversal.is_some())
-                .then_some(recovered.len() as u64),
+            recovered: is_reversed.then_some(recovered.len() as u64),
             numbers: NUMBERS.iter().map(number).collect(),
             cycles: (0..cycles).map(of_cycle).collect(),
             trace: mean_trace(runs.iter().map(|run| run.trace.clone())),
@@ -142,25 +129,23 @@ impl SegmentReport {
                 "the campaign has no segments: [[protocol.segment]] in its file defines them, see docs/protocols.md".into(),
             ));
         }
-        let mut of_point: Vec<Vec<Vec<RunSegment>>> =
-            vec![vec![Vec::new(); segments.len()]; report.points.len()];
+        let mut of_segments = vec![Vec::new(); report.points.len() * segments.len()];
         for (run, place) in runs.iter().zip(places) {
             if !selection.averages(run) {
                 continue;
             }
             let samples = store.samples(&run.key)?;
-            for (number, of_segment) in of_point[place].iter_mut().enumerate() {
-                of_segment.extend(RunSegment::of(&run.params, &segments, number, &samples));
+            for number in 0..segments.len() {
+                let of_run = RunSegment::of(&run.params, &segments, number, &samples);
+                of_segments[place * segments.len() + number].extend(of_run);
             }
         }
-        let mut rows = Vec::new();
-        for (place, of_segments) in of_point.iter().enumerate() {
-            for (number, runs) in of_segments.iter().enumerate() {
-                if !runs.is_empty() {
-                    rows.push((place, number, PointSegment::of(runs)));
-                }
-            }
-        }
+        let rows = of_segments.iter().enumerate().filter(|of| !of.1.is_empty());
+        let rows = rows.map(|(place, runs): (usize, &Vec<RunSegment>)| {
+            let (point, number) = (place / segments.len(), place % segments.len());
+            (point, number, PointSegment::of(runs))
+        });
+        let rows: Vec<Row> = rows.collect();
         if rows.is_empty() {
             return Err(ReportError::Refused(
                 "no run of these points is finished without doubtful numbers".into(),
@@ -207,16 +192,18 @@ impl SegmentReport {
         Sheet::of_rows(&self.report, &self.points(), words, of, shape).shaped(shape, width)
     }
 
-    /// Name of the campaign, number of its segments, and number of points with runs.
-    pub fn summary(&self) -> String {
+    /// The points with runs, by index in the report.
+    fn places(&self) -> Vec<usize> {
         let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
         places.dedup();
-        format!(
-            "{}: {} segments at {} points",
-            self.report.campaign,
-            self.segments.len(),
-            places.len()
-        )
+        places
+    }
+
+    /// Name of the campaign, number of its segments, and number of points with runs.
+    pub fn summary(&self) -> String {
+        let (segments, points) = (self.segments.len(), self.places().len());
+        let campaign = &self.report.campaign;
+        format!("{campaign}: {segments} segments at {points} points")
     }
 
     /// The object for programs, a stable interface.
@@ -265,19 +252,13 @@ impl SegmentReport {
 
     /// One row per segment of each point: all axes, the segment, numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table = axis_table(&self.points());
-        let mut add =
-            |name: &str, kind, meaning, of: &dyn Fn(&Row, &PlannedSegment) -> Option<Value>| {
-                let cells = self.rows.iter().map(|row| of(row, &self.segments[row.1]));
-                table.push(DataColumn::of(name.to_owned(), kind, meaning, cells));
-            };
-        let number = |number: Option<f64>| number.map(Value::Number);
-        add(
-            "segment",
-            Kind::Count,
-            "number of the segment, from 1",
-            &|row, _| Some(Value::Count(row.1 as u64 + 1)),
-        );
+        let mut table = TableOf {
+            columns: axis_table(&self.points()),
+            rows: &self.rows,
+        };
+        table.count("segment", "number of the segment, from 1", |row| {
+            Some(row.1 as u64 + 1)
+        });
         // `start` is the name of an axis.
         #[rustfmt::skip]
         let of_segments: [(&str, &str, OfPlanned); 7] = [
@@ -290,39 +271,23 @@ impl SegmentReport {
             ("amplitude", "amplitude of its oscillation", |s| s.imposed.amplitude),
         ];
         for (name, meaning, of) in of_segments {
-            add(name, Kind::Number, meaning, &|_, segment| {
-                number(of(segment))
-            });
+            table.number(name, meaning, |row| of(&self.segments[row.1]));
         }
-        add("runs", Kind::Count, "runs averaged", &|row, _| {
-            Some(Value::Count(row.2.runs))
-        });
+        table.count("runs", "runs averaged", |row| Some(row.2.runs));
         let meaning = "of these, runs that have recovered half of the drop at a reversal";
-        add("recovered", Kind::Count, meaning, &|row, _| {
-            row.2.recovered.map(Value::Count)
-        });
+        table.count("recovered", meaning, |row| row.2.recovered);
         for (k, (name, _, _, meaning, _)) in NUMBERS.into_iter().enumerate() {
-            add(name, Kind::Number, meaning, &|row, _| {
-                number(Some(row.2.numbers[k]?.mean))
-            });
-            let half = "half width of its 95 % Student interval over runs";
-            let name = format!("{name}_ci95");
-            add(&name, Kind::Number, half, &|row, _| {
-                number(row.2.numbers[k]?.ci95)
-            });
+            table.estimate(name, meaning, |row| row.2.numbers[k]);
         }
-        table
+        table.columns
     }
 
     /// Draws η′ and η″ of every point against the amplitude of its oscillations.
     ///
     /// # Errors
     /// [`ReportError::Argument`] without two oscillations, or with more points than a figure holds.
-    pub fn draw(&self) -> Result<Vec<u8>, ReportError> {
-        let amplitudes = self
-            .segments
-            .iter()
-            .filter_map(|segment| segment.imposed.amplitude);
+    pub fn draw(&self) -> Result<String, ReportError> {
+        let amplitudes = self.segments.iter().filter_map(|s| s.imposed.amplitude);
         if amplitudes.count() < 2 {
             return Err(ReportError::argument(
                 "figure",
@@ -330,44 +295,27 @@ impl SegmentReport {
                  --segment NUMBER --figure NAME --kind trace`",
             ));
         }
-        let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
-        places.dedup();
-        let all: Vec<(&str, &Params)> = places
+        let places = self.places();
+        let params = places
             .iter()
-            .map(|place| {
-                (
-                    self.report.campaign.as_str(),
-                    &self.report.points[*place].params,
-                )
-            })
-            .collect();
-        let shared = Shared {
-            along: None,
-            panels: None,
-            units: self.report.units,
-            starts: &self.report.starts,
-        };
+            .map(|place| &self.report.points[*place].params);
+        let labels = self.report.labels(params);
         let mut curves = Vec::new();
-        for (label, place) in shared.labels(&all).iter().zip(&places) {
-            for name in ["eta_prime", "eta_double_prime"] {
-                let mut known = NUMBERS.iter().enumerate();
-                let Some((k, number)) = known.find(|(_, number)| number.0 == name) else {
-                    continue;
-                };
+        for (label, place) in labels.iter().zip(&places) {
+            let drawn = NUMBERS.iter().enumerate();
+            for (k, number) in drawn.filter(|(_, number)| number.0.starts_with("eta_")) {
                 let own = self.rows.iter().filter(|row| row.0 == *place);
-                let mut spots: Vec<(f64, Estimate)> = own
-                    .filter_map(|(_, segment, of)| {
-                        let amplitude = self.segments[*segment].imposed.amplitude?;
-                        Some((amplitude, of.numbers[k]?))
-                    })
-                    .collect();
+                let spot = |(_, segment, of): &Row| {
+                    Some((self.segments[*segment].imposed.amplitude?, of.numbers[k]?))
+                };
+                let mut spots: Vec<(f64, Estimate)> = own.filter_map(spot).collect();
                 spots.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let (label, kind) = (label.with(number.1), CurveKind::Markers);
                 let index = curves.len();
                 curves.push(Curve::of_values(&label, spots.into_iter(), kind, index));
             }
         }
-        let origin = Origin::of(std::slice::from_ref(&self.report));
+        let origin = Origin::of(&self.report);
         draw_curves(curves, ["amplitude γ₀", "η′, η″ (μ)"], [false; 2], &origin)
     }
 }

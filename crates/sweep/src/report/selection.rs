@@ -55,17 +55,15 @@ impl Selection {
             })?;
             let axis = Axis::named(key.trim()).ok_or_else(|| {
                 let known = AXES.iter().map(|axis| axis.key).collect::<Vec<_>>();
-                let meant = nearest(key.trim(), known.iter().copied());
-                let meant = meant.map_or_else(String::new, |axis| format!(" (did you mean {axis}?)"));
+                let meant = meant(key.trim(), known.iter().copied());
                 refused(format!(
                     "{key:?} is not an axis of a campaign{meant}; the axes are {}, also by their symbols",
                     known.join(", ")
                 ))
             })?;
-            let values = values
-                .split(',')
-                .map(|value| RequestedValue::read(axis, value.trim()))
-                .collect::<Result<Vec<_>, _>>()?;
+            let values = values.split(',').map(str::trim);
+            let values = values.map(|value| RequestedValue::read(axis, value));
+            let values = values.collect::<Result<Vec<_>, _>>()?;
             match selection.wanted.iter_mut().find(|w| w.0.key == axis.key) {
                 Some((_, known)) => known.extend(values),
                 None => selection.wanted.push((axis, values)),
@@ -188,6 +186,12 @@ impl fmt::Display for RequestedValue {
             Self::Numbers(low, high) => write!(f, "{low}..{high}"),
         }
     }
+}
+
+/// The name that was probably meant, for a message.
+pub(super) fn meant<'n>(name: &str, known: impl Iterator<Item = &'n str>) -> String {
+    let nearest = nearest(name, known);
+    nearest.map_or_else(String::new, |name| format!(" (did you mean {name}?)"))
 }
 
 /// Reads a range such as `0.01..100`; a single number is both ends.

@@ -1,7 +1,5 @@
-//! Tables for people, on the screen and in LaTeX: views of columns of data.
+//! Tables for people: views of columns of data.
 
-use super::error::ReportError;
-use super::figure::Origin;
 use super::labels::AxisWords;
 use super::points::{Point, Report};
 use super::table::Column;
@@ -9,9 +7,7 @@ use super::text::styled;
 use crate::data::{Cells, DataColumn};
 use crate::model::axes::{AXES, Axis};
 use crate::text::format::{NumberFormat, significant, uncertain};
-use crate::text::visible::visible;
 use comfy_table::CellAlignment;
-use std::io::Write;
 
 /// Default width of the terminal in columns.
 const DEFAULT_WIDTH: usize = 80;
@@ -61,6 +57,12 @@ const OF_POINTS: [View<'_>; 23] = [
     ("inexact_fraction", "inexact\nfriction", 2, 9),
 ];
 
+/// The view of a measured column.
+pub(super) fn view_of(name: &str) -> View<'_> {
+    let known = OF_POINTS.into_iter().find(|view| view.0 == name);
+    known.unwrap_or((name, name, 4, 0))
+}
+
 /// A table.
 #[derive(Debug)]
 pub(crate) struct Sheet {
@@ -76,14 +78,11 @@ pub(crate) struct Sheet {
 /// A column as text.
 #[derive(Debug)]
 pub(crate) struct SheetColumn {
-    name: String,
-    /// Heading on the screen.
-    heading: String,
-    /// Heading in print, with its unit.
-    title: String,
+    pub(super) name: String,
+    pub(super) heading: String,
     rank: u8,
     /// `None` for an empty cell.
-    cells: Vec<Option<String>>,
+    pub(super) cells: Vec<Option<String>>,
     /// Whether it holds words and not numbers.
     is_of_words: bool,
 }
@@ -94,7 +93,6 @@ impl SheetColumn {
         Self {
             name: name.to_owned(),
             heading: name.to_owned(),
-            title: name.to_owned(),
             rank,
             cells,
             is_of_words: true,
@@ -122,7 +120,6 @@ impl SheetColumn {
         let column = Self::of_words(name, rank, (0..data.cells.len()).map(cell).collect());
         Self {
             heading: heading.to_owned(),
-            title: heading.replace('\n', " "),
             is_of_words: column.is_empty() || matches!(data.cells, Cells::Word(_)),
             ..column
         }
@@ -155,18 +152,10 @@ impl SheetColumn {
         column.with_unit(axis.unit, data.unit)
     }
 
-    /// With the unit of its numbers: on the screen only after conversion, in print unless numbers
-    /// are relative.
+    /// With the unit of its numbers after a conversion.
     fn with_unit(mut self, own: &str, shown: &str) -> Self {
-        let unit = match shown {
-            "" | "1" | "mu" | "mu rate" | "a rate" => "",
-            unit => unit,
-        };
-        if !unit.is_empty() {
-            self.title = format!("{} ({unit})", self.title);
-        }
         if shown != own {
-            self.heading = format!("{}\n{unit}", self.heading);
+            self.heading = format!("{}\n{shown}", self.heading);
         }
         self
     }
@@ -184,42 +173,23 @@ impl SheetColumn {
         let lines = cells.chain([self.heading.as_str()]).flat_map(str::lines);
         lines.map(|line| line.chars().count()).max().unwrap_or(0)
     }
-
-    fn latex(&self, row: usize) -> String {
-        let Some(text) = &self.cells[row] else {
-            return "--".into();
-        };
-        if self.is_of_words {
-            return latex_words(text);
-        }
-        if let Some(percent) = text.strip_suffix(" %") {
-            return format!("{percent}\\,\\%");
-        }
-        let text = text.replace(" ± ", " \\pm ");
-        match text.split_once('e') {
-            Some((number, power)) => format!("${number} \\times 10^{{{power}}}$"),
-            None => format!("${}$", text.replace("inf", "\\infty")),
-        }
-    }
 }
 
 impl Report {
     /// The axes that distinguish its points, and the others.
     pub(super) fn axes(&self) -> (Vec<&'static Axis>, Vec<&'static Axis>) {
         // The shear rate is the axis of curves, so it is always a column.
-        AXES.iter().partition(|axis| {
-            axis.is_shear_rate() || axis.varies(self.points.iter().map(|point| &point.params))
-        })
+        AXES.iter()
+            .partition(|axis| axis.is_shear_rate() || axis.varies(self.params()))
     }
 
     /// Format of the values on one of them.
     pub(super) fn words_of(&self, axis: &'static Axis) -> AxisWords<'_> {
-        let params = self.points.iter().map(|point| &point.params);
-        AxisWords::of(axis, self.units, &self.starts, params)
+        AxisWords::of(axis, self.units, &self.starts, self.params())
     }
 
     /// A view of one of its columns.
-    fn view(&self, column: Column, view: View<'_>, format: NumberFormat) -> SheetColumn {
+    pub(super) fn view(&self, column: Column, view: View<'_>, format: NumberFormat) -> SheetColumn {
         let data = self.column(column);
         let interval = column.interval().map(|interval| self.column(interval));
         SheetColumn::of(view, &data, interval.as_ref(), format).with_unit(column.unit(), data.unit)
@@ -240,8 +210,7 @@ impl Report {
         match name {
             "seeds_wanted" | "precision" => self.points.iter().any(|point| point.rule.is_some()),
             "coordination" | "largest_cluster" | "percolating_y" | "core_fraction" => {
-                let mut points = self.points.iter();
-                points.any(|point| point.number(name).is_some())
+                self.points.iter().any(|point| point.number(name).is_some())
             }
             "jammed" => self.counts.jammed > 0,
             "failed" => self.counts.failed > 0,
@@ -268,17 +237,11 @@ impl Report {
             }
             return Sheet::new(fixed, columns).shaped(shape, width);
         };
-        for column in chosen {
-            // On the screen by its name as requested, which is explained below.
+        // By its name as requested, which is explained below.
+        columns.extend(chosen.iter().map(|column| {
             let name = column.name();
-            let shown = self.view(*column, (&name, &name, 4, 0), shape.format);
-            let usual = OF_POINTS.iter().find(|view| view.0 == name);
-            let title = usual.map_or_else(|| column.title(), |view| view.1.replace('\n', " "));
-            columns.push(SheetColumn {
-                title: shown.title.replacen(&*name, &title, 1),
-                ..shown
-            });
-        }
+            self.view(*column, (&name, &name, 4, 0), shape.format)
+        }));
         Sheet::new(fixed, columns)
     }
 }
@@ -372,65 +335,7 @@ impl Sheet {
         let parts: Vec<String> = parts.iter().map(|part| lines(part, self.gap)).collect();
         parts.join("\n\n")
     }
-
-    fn rows(&self) -> usize {
-        self.columns.first().map_or(0, |column| column.cells.len())
-    }
 }
-
-/// Writes the points as a LaTeX `tabular` that needs no package, after comments with its origin,
-/// with the columns of the table on the screen, all default ones if it is wide.
-pub(crate) fn write_latex(
-    report: &Report,
-    shape: Shape,
-    out: &mut dyn Write,
-) -> Result<(), ReportError> {
-    let sheet = report.sheet(shape, None);
-    for line in Origin::of(std::slice::from_ref(report)).text.lines() {
-        writeln!(out, "% {}", visible(line))?;
-    }
-    let columns = &sheet.columns;
-    let forms = columns
-        .iter()
-        .map(|column| if column.is_of_words { 'l' } else { 'r' });
-    let heads: Vec<String> = columns
-        .iter()
-        .map(|column| latex_words(&column.title))
-        .collect();
-    let forms = forms.collect::<String>();
-    writeln!(out, "\\begin{{tabular}}{{{forms}}}\n\\hline")?;
-    writeln!(out, "{} \\\\\n\\hline", heads.join(" & "))?;
-    for row in 0..sheet.rows() {
-        let cells: Vec<String> = columns.iter().map(|column| column.latex(row)).collect();
-        writeln!(out, "{} \\\\", cells.join(" & "))?;
-    }
-    Ok(writeln!(out, "\\hline\n\\end{{tabular}}")?)
-}
-
-/// Text with commands for the characters that LaTeX takes for something else or does not have.
-fn latex_words(text: &str) -> String {
-    let mut words = String::with_capacity(text.len());
-    for sign in text.chars() {
-        match sign {
-            '&' | '%' | '$' | '#' | '_' | '{' | '}' => words.extend(['\\', sign]),
-            '~' => words.push_str("\\textasciitilde{}"),
-            '^' => words.push_str("\\textasciicircum{}"),
-            '\\' => words.push_str("\\textbackslash{}"),
-            '\n' => words.push(' '),
-            _ => words.push(sign),
-        }
-    }
-    let commands = SIGNS.iter();
-    commands.fold(words, |words, (sign, command)| words.replace(sign, command))
-}
-
-/// Commands for characters outside ASCII.
-#[rustfmt::skip]
-const SIGNS: [(&str, &str); 15] = [
-    ("Γ", "$\\Gamma$"), ("ν", "$\\nu$"), ("σ*", "$\\sigma^*$"), ("σ", "$\\sigma$"), ("λ", "$\\lambda$"),
-    ("κ", "$\\kappa$"), ("Δt", "$\\Delta t$"), ("μ", "$\\mu$"), ("η", "$\\eta$"), ("²", "$^2$"),
-    ("₁", "$_1$"), ("₂", "$_2$"), ("≈", "$\\approx$"), ("∞", "$\\infty$"), ("…", "\\dots{}"),
-];
 
 /// Maximum width of a table in columns of a terminal.
 pub(crate) fn room(width: Option<u16>) -> usize {
@@ -457,29 +362,4 @@ fn lines(columns: &[&SheetColumn], gap: usize) -> String {
         }
     }
     table.to_string()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_mathematics_and_signs_commands() {
-        let cell = |text: &str, is_of_words| {
-            let column = SheetColumn::of_words("", 0, vec![Some(text.to_owned())]);
-            SheetColumn {
-                is_of_words,
-                ..column
-            }
-            .latex(0)
-        };
-        assert_eq!(cell("9.86 ± 0.79", false), "$9.86 \\pm 0.79$");
-        assert_eq!(cell("9.86(79)", false), "$9.86(79)$");
-        assert_eq!(cell("1.234(45)e-5", false), "$1.234(45) \\times 10^{-5}$");
-        assert_eq!(cell("inf", false), "$\\infty$");
-        assert_eq!(cell("12 %", false), "12\\,\\%");
-        assert_eq!(cell("Γ_5 % σ*", true), "$\\Gamma$\\_5 \\% $\\sigma^*$");
-        assert_eq!(cell("a$b", true), "a\\$b");
-        assert_eq!(SheetColumn::of_words("", 0, vec![None]).latex(0), "--");
-    }
 }

@@ -45,10 +45,10 @@ pub struct SphereView {
 }
 
 /// A picture and its content.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct SpherePicture {
-    /// The file.
-    pub file: Vec<u8>,
+    /// The file, as SVG.
+    pub file: String,
     /// The key of the run.
     pub key: String,
     /// The strain of the frame.
@@ -74,11 +74,6 @@ pub fn draw_spheres(
     let frames: Vec<_> = frames.iter().map(|kept| (kept.step, &kept.frame)).collect();
     let (layers, suspensions) = by_space(&frames);
     let caption = caption(store, &details)?;
-    let drawn = if layers.is_empty() {
-        drawn(&suspensions, view, caption)?
-    } else {
-        drawn(&layers, view, caption)?
-    };
     let campaign = store.campaign_name()?;
     let mut origin = vec![
         format!("campaign {campaign}"),
@@ -86,31 +81,25 @@ pub fn draw_spheres(
     ];
     let program = details.origin.as_ref().map(Made::program);
     origin.extend(program.map(|program| format!("computed by {program}")));
+    let origin = Origin::of_lines(&campaign, &origin);
+    let (picture, drawn) = if layers.is_empty() {
+        drawn(&suspensions, view, caption)?
+    } else {
+        drawn(&layers, view, caption)?
+    };
     Ok(SpherePicture {
-        file: draw_plane(&drawn.picture, &Origin::of_lines(&campaign, &origin)),
+        file: draw_plane(&picture, &origin),
         key: details.key,
-        strain: drawn.strain,
-        spheres: drawn.spheres,
-        contacts: drawn.contacts,
+        ..drawn
     })
-}
-
-/// A picture and its content.
-struct Drawn {
-    picture: PlanePicture,
-    strain: f64,
-    spheres: usize,
-    contacts: usize,
 }
 
 /// Caption with the run of a picture.
 fn caption(store: &Store, details: &CaseDetails) -> Result<Vec<String>, ReportError> {
-    let case = details.number.map_or_else(
-        || format!("case {}", &details.key[..8]),
-        |number| format!("case {number}"),
-    );
+    let number = details.number.map(|number| number.to_string());
+    let case = number.unwrap_or(details.key[..8].to_owned());
     let starts = Starts::of_store(store)?;
-    let mut caption = vec![store.campaign_name()?, case];
+    let mut caption = vec![store.campaign_name()?, format!("case {case}")];
     caption.extend(all_named(&details.params, Units::default(), &starts));
     caption.push(format!("seed {}", details.seed));
     Ok(caption)
@@ -121,18 +110,15 @@ fn drawn<S: Kept>(
     frames: &[(u64, &Frame<S>)],
     view: SphereView,
     mut caption: Vec<String>,
-) -> Result<Drawn, ReportError> {
+) -> Result<(PlanePicture, SpherePicture), ReportError> {
     let frames: Vec<&Frame<S>> = frames.iter().map(|(_, frame)| *frame).collect();
     let place = nearest(&frames, view.strain)?;
     let frame = frames[place];
     let network =
         Network::try_from(frame).map_err(|error| ReportError::Refused(error.to_string()))?;
     let (colours, key) = coloured(&frames, place, &network, view.colour)?;
-    let centres: Vec<S::Vector> = network
-        .centres
-        .iter()
-        .map(|x| network.cell.wrap(*x))
-        .collect();
+    let centres = network.centres.iter().map(|x| network.cell.wrap(*x));
+    let centres: Vec<S::Vector> = centres.collect();
     let is_deep = S::DIMENSIONS > 2;
     let shown = in_slab::<S>(&centres, view.slab, frame.side)?;
     // Spheres from back to front; in a layer they do not overlap, and lines are above all of them.
@@ -188,18 +174,20 @@ fn drawn<S: Kept>(
         caption.push(format!("z / a from {low} to {high}"));
     }
     let linked = |link: &&Link<S>| shown[link.i] && shown[link.j];
-    Ok(Drawn {
-        picture: PlanePicture {
-            ends: [0.0, frame.side],
-            marks: marks.into_iter().flatten().collect(),
-            key,
-            lines: explained(largest),
-            caption,
-        },
+    let picture = PlanePicture {
+        ends: [0.0, frame.side],
+        marks: marks.into_iter().flatten().collect(),
+        key,
+        lines: explained(largest),
+        caption,
+    };
+    let drawn = SpherePicture {
         strain: frame.strain,
         spheres: shown.iter().filter(|shown| **shown).count(),
         contacts: network.links.iter().filter(linked).count(),
-    })
+        ..SpherePicture::default()
+    };
+    Ok((picture, drawn))
 }
 
 /// The line of a contact on its outline: colours and widths, in a. A line no wider than its outline
@@ -244,25 +232,20 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
     // A run of strain 3 has its last sample a little before.
     let room = (to - from) / last.max(1) as f64 + 1e-3;
     if !(from - room..=to + room).contains(&strain) {
-        let kept = if last == 0 {
-            format!("the only frame is that of strain {}", significant(from, 4))
-        } else {
-            let [from, to] = [from, to].map(|strain| significant(strain, 4));
-            format!(
+        let [from, to] = [from, to].map(|strain| significant(strain, 4));
+        let kept = match last {
+            0 => format!("the only frame is that of strain {from}"),
+            _ => format!(
                 "{} frames are kept, at strains from {from} to {to}",
                 last + 1
-            )
+            ),
         };
-        return Err(ReportError::argument(
-            "strain",
-            format!("{strain} is outside the run: {kept}"),
-        ));
+        let message = format!("{strain} is outside the run: {kept}");
+        return Err(ReportError::argument("strain", message));
     }
     let distance = |place: &usize| (frames[*place].strain - strain).abs();
-    let places = 0..frames.len();
-    Ok(places
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or(last))
+    let nearest = (0..=last).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    Ok(nearest.unwrap_or(last))
 }
 
 /// Spheres with centres in a slab.
@@ -275,6 +258,9 @@ fn in_slab<S: Kept>(
         return Ok(vec![true; centres.len()]);
     };
     let refused = |message| Err(ReportError::argument("slab", message));
+    if !(low < high && low.is_finite() && high.is_finite()) {
+        return refused(format!("{low}..{high} is no range, the lower end first"));
+    }
     if S::DIMENSIONS < 3 {
         return refused("a layer has no depth: slabs are cut from suspensions".to_owned());
     }
@@ -330,10 +316,10 @@ fn coloured<S: Kept>(
             numbered(&spins(from, to), false, "spin along the vorticity (rate)")
         }
         SphereColour::Contacts => {
-            let contacts = contacts(network);
-            let most = contacts.iter().copied().max().unwrap_or(0);
-            let colour = |number: usize| Colour::heat(number as f64 / most.max(1) as f64);
-            let kinds = (0..=most).map(|number| (colour(number), number.to_string()));
+            let contacts = summed(network, |_, _| 1.0);
+            let most = contacts.iter().copied().fold(0.0, f64::max);
+            let colour = |number: f64| Colour::heat(number / most.max(1.0));
+            let kinds = (0..=count(most)).map(|number| (colour(number as f64), number.to_string()));
             let key = Key::Kinds {
                 label: "contacts of a sphere".into(),
                 kinds: kinds.rev().collect(),
@@ -368,23 +354,19 @@ fn numbered(numbers: &[f64], from_zero: bool, label: &str) -> (Vec<Colour>, Key)
 /// p_i = Σ f/(4π a_i²) = −(1/3) trace(Σ S^C)/(4π a_i³/3)      (each contact a_i from the centre)
 /// ```
 fn pressures<S: Kept>(network: &Network<S>) -> Vec<f64> {
-    let mut pressures = vec![0.0; network.spheres()];
-    for link in &network.links {
-        for sphere in [link.i, link.j] {
-            pressures[sphere] += link.normal_force / (4.0 * PI * network.radii[sphere].powi(2));
-        }
-    }
-    pressures
+    let area = |sphere: usize| 4.0 * PI * network.radii[sphere].powi(2);
+    summed(network, |link, sphere| link.normal_force / area(sphere))
 }
 
-/// The contacts of each sphere.
-fn contacts<S: Kept>(network: &Network<S>) -> Vec<usize> {
-    let mut contacts = vec![0; network.spheres()];
+/// A sum over the contacts of each sphere.
+fn summed<S: Kept>(network: &Network<S>, of: impl Fn(&Link<S>, usize) -> f64) -> Vec<f64> {
+    let mut sums = vec![0.0; network.spheres()];
     for link in &network.links {
-        contacts[link.i] += 1;
-        contacts[link.j] += 1;
+        for sphere in [link.i, link.j] {
+            sums[sphere] += of(link, sphere);
+        }
     }
-    contacts
+    sums
 }
 
 /// Rotation of each sphere about the vorticity per strain between two frames, in rates.

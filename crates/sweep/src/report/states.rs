@@ -82,24 +82,18 @@ impl<'p> FlowCurve<'p> {
             slopes[*place] = slope(before, after);
         }
         let mut has_flowed = false;
-        let flow = |(point, slope): (&&Point, f64)| {
-            if point.is_jammed() {
-                return Some(if has_flowed {
-                    Flow::ShearJammed
+        let flow = |(point, slope): (&&Point, f64)| match point.viscosity {
+            _ if point.is_jammed() && has_flowed => Some(Flow::ShearJammed),
+            _ if point.is_jammed() => Some(Flow::Jammed),
+            None => (point.failed > 0).then_some(Flow::Failed),
+            Some(_) => {
+                has_flowed = true;
+                Some(if slope >= 1.0 {
+                    Flow::Discontinuous
                 } else {
-                    Flow::Jammed
-                });
+                    Flow::Continuous
+                })
             }
-            if point.viscosity.is_none() {
-                let failed = point.failed > 0;
-                return failed.then_some(Flow::Failed);
-            }
-            has_flowed = true;
-            Some(if slope >= 1.0 {
-                Flow::Discontinuous
-            } else {
-                Flow::Continuous
-            })
         };
         self.points.iter().zip(slopes).map(flow).collect()
     }
@@ -109,60 +103,42 @@ impl<'p> FlowCurve<'p> {
         let flowing = self.flowing();
         let place = |at: usize| self.points[flowing[at].0].place(axis).ln();
         // A slope between two points is assigned to their middle.
-        let slopes: Vec<(f64, f64)> = (1..flowing.len())
-            .map(|at| {
-                let middle = 0.5 * (place(at - 1) + place(at));
-                (middle, slope(flowing[at - 1], flowing[at]))
-            })
-            .collect();
+        let slopes = (1..flowing.len()).map(|at| {
+            let middle = 0.5 * (place(at - 1) + place(at));
+            (middle, slope(flowing[at - 1], flowing[at]))
+        });
+        let slopes: Vec<(f64, f64)> = slopes.collect();
         let crossing = |pair: &[(f64, f64)]| {
             let [(from, low), (to, high)] = [pair[0], pair[1]];
             (from + (limit - low) / (high - low) * (to - from)).exp()
         };
-        let rises = slopes
-            .windows(2)
+        let mut pairs = slopes.windows(2);
+        let rises = pairs
+            .clone()
             .find(|pair| pair[0].1 < limit && pair[1].1 >= limit);
-        let falls = slopes
-            .windows(2)
-            .rfind(|pair| pair[0].1 >= limit && pair[1].1 < limit);
+        let falls = pairs.rfind(|pair| pair[0].1 >= limit && pair[1].1 < limit);
         [rises.map(crossing), falls.map(crossing)]
     }
 }
 
-/// Groups of indices of points that differ only in the stress or the rate. Points of imposed stress
-/// and of imposed rate are in separate groups.
-pub(super) fn grouped(points: &[&Point]) -> Vec<Vec<usize>> {
+/// Groups of indices of points that differ only on some axes. Points of imposed stress and of
+/// imposed rate are in separate groups.
+pub(super) fn grouped(points: &[&Point], differ: impl Fn(&Axis) -> bool) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut place_of: HashMap<Vec<Tag>, usize> = HashMap::new();
     for (place, point) in points.iter().enumerate() {
-        let of: Vec<Tag> = identity(&point.params)
-            .into_iter()
-            .zip(AXES.iter())
-            .filter(|(_, axis)| !axis.is_of_shear())
-            .map(|(tag, _)| tag)
-            .chain([Tag::Bits(point.params.shear_stress.is_some().into())])
-            .collect();
-        let group = *place_of.entry(of).or_insert_with(|| {
-            groups.push(Vec::new());
-            groups.len() - 1
-        });
+        let tags = identity(&point.params).into_iter().zip(AXES.iter());
+        let of = tags.filter(|(_, axis)| !differ(axis)).map(|(tag, _)| tag);
+        let is_imposed = Tag::Bits(point.params.shear_stress.is_some().into());
+        let group = *place_of
+            .entry(of.chain([is_imposed]).collect())
+            .or_insert_with(|| {
+                groups.push(Vec::new());
+                groups.len() - 1
+            });
         groups[group].push(place);
     }
     groups
-}
-
-/// State of each of some points.
-pub(super) fn flows_of(points: &[Point]) -> Vec<Option<Flow>> {
-    let points: Vec<&Point> = points.iter().collect();
-    let mut flows = vec![None; points.len()];
-    for mut group in grouped(&points) {
-        group.sort_by(|a, b| imposed(points[*a]).total_cmp(&imposed(points[*b])));
-        let curve = FlowCurve::of(group.iter().map(|place| points[*place]).collect());
-        for (place, flow) in group.into_iter().zip(curve.flows()) {
-            flows[place] = flow;
-        }
-    }
-    flows
 }
 
 /// The imposed stress or rate.

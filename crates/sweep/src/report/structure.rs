@@ -4,11 +4,11 @@ use super::error::ReportError;
 use super::figure::{
     Colour, Curve, CurveKind, Key, Mark, Origin, PlanePicture, draw_curves, draw_plane,
 };
-use super::labels::{Shared, all_named};
+use super::labels::all_named;
 use super::points::{Point, Report};
 use super::selection::Selection;
 use super::sheet::{Shape, Sheet, View};
-use super::table::axis_table;
+use super::table::{TableOf, axis_table};
 use crate::data::{DataColumn, Kind, Object, Value};
 use crate::measure::numbers::{Level, Number};
 use crate::measure::{Estimate, PointRun};
@@ -16,12 +16,14 @@ use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::spaces::of_either;
 use crate::store::Store;
-use crate::structure::{Band, NAMED, Network, Reference, RunStructure, Structure, sampled};
+use crate::structure::{NAMED, Network, Reference, RunStructure, Structure, sampled};
 use crate::text::choices::choices;
 use crate::text::format::{count, counted, short};
 use sd_core::Params;
+use sd_core::model::Keywords as _;
 use serde_json::{Value as Json, json};
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 /// Structure of the points of a campaign.
 #[derive(Debug)]
@@ -124,11 +126,7 @@ impl StructureReport {
         for (run, place) in runs.iter().zip(places) {
             let is_meant = match &key {
                 Some(key) => run.key == *key,
-                None => {
-                    run.is_sound()
-                        || run.state == State::Jammed
-                        || (report.with_doubtful && run.is_doubtful())
-                }
+                None => selection.averages(run) || run.state == State::Jammed,
             };
             if !is_meant {
                 continue;
@@ -146,11 +144,9 @@ impl StructureReport {
             }
             of_point[place].extend(known[run.key.as_str()].clone());
         }
-        let points: Vec<(usize, Structure)> = of_point
-            .iter()
-            .enumerate()
-            .filter_map(|(place, runs)| Some((place, Structure::of(runs)?)))
-            .collect();
+        let points = of_point.iter().enumerate();
+        let points = points.filter_map(|(place, runs)| Some((place, Structure::of(runs)?)));
+        let points: Vec<(usize, Structure)> = points.collect();
         if points.is_empty() {
             let whose = match &key {
                 Some(key) => format!("of case {key}"),
@@ -170,17 +166,14 @@ impl StructureReport {
 
     /// The runs that are left out, and the command that computes their frames.
     pub fn note(&self) -> Option<String> {
-        let named = self.left_out.iter().take(NAMED_RUNS);
-        let mut named: Vec<String> = named
-            .map(|(key, from)| match from {
-                Some(strain) => format!("{} (frames from strain {})", &key[..8], short(*strain, 6)),
-                None => format!("{} (no frames)", &key[..8]),
-            })
-            .collect();
         let number = self.left_out.len();
-        if number > named.len() {
-            named.push(format!("{} more", number - named.len()));
-        }
+        let named = self.left_out.iter().take(NAMED_RUNS).map(|(key, from)| {
+            let from = from.map(|strain| format!("frames from strain {}", short(strain, 6)));
+            format!("{} ({})", &key[..8], from.unwrap_or("no frames".into()))
+        });
+        let more = number.saturating_sub(NAMED_RUNS);
+        let more = (more > 0).then(|| format!("{more} more"));
+        let named: Vec<String> = named.chain(more).collect();
         (number > 0).then(|| {
             format!(
                 "{} left out, without frames of the whole averaged strain: {}; `sweep run CAMPAIGN.toml --trajectory` computes them \
@@ -218,60 +211,41 @@ impl StructureReport {
 
     /// One row per point: all axes, then numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table = axis_table(&self.of_points());
-        let runs = self.points.iter().map(|(_, s)| Some(Value::Count(s.runs)));
-        let frames = self
-            .points
-            .iter()
-            .map(|(_, s)| Some(Value::Count(s.frames)));
-        let count = Kind::Count;
-        table.push(DataColumn::of("runs", count, "runs averaged", runs));
-        table.push(DataColumn::of(
-            "frames",
-            count,
-            "their frames together",
-            frames,
-        ));
-        let mut add = |name: String, meaning, of: &dyn Fn(&Structure) -> Option<Band>| {
-            let half = "half width of its 95 % Student interval over runs";
-            let bands: Vec<Option<Band>> = self.points.iter().map(|(_, s)| of(s)).collect();
-            let means = bands.iter().map(|band| Some(Value::Number((*band)?.mean)));
-            let halves = bands.iter().map(|band| Some(Value::Number((*band)?.ci95?)));
-            table.push(DataColumn::of(name.clone(), Kind::Number, meaning, means));
-            table.push(DataColumn::of(
-                format!("{name}_ci95"),
-                Kind::Number,
-                half,
-                halves,
-            ));
+        let mut table = TableOf {
+            columns: axis_table(&self.of_points()),
+            rows: &self.points,
         };
+        table.count("runs", "runs averaged", |(_, s)| Some(s.runs));
+        table.count("frames", "their frames together", |(_, s)| Some(s.frames));
         for (place, scalar) in NAMED.iter().enumerate() {
-            let of = |s: &Structure| s.scalars.get(place).copied().flatten();
-            add(scalar.name.to_owned(), scalar.meaning(), &of);
+            table.estimate(scalar.name, scalar.meaning(), |(_, s)| s.scalars[place]);
         }
-        for (name, row, column) in [("xx", 0, 0), ("xy", 0, 1), ("yy", 1, 1)] {
-            let of = |s: &Structure| s.fabric.get(row)?.get(column).copied().flatten();
-            add(format!("fabric_{name}"), "n n averaged over contacts", &of);
+        for (name, row, column) in [
+            ("fabric_xx", 0, 0),
+            ("fabric_xy", 0, 1),
+            ("fabric_yy", 1, 1),
+        ] {
+            table.estimate(name, "n n averaged over contacts", |(_, s)| {
+                s.fabric[row][column]
+            });
         }
         for (place, name) in ["diffusivity_yy", "diffusivity_zz"].into_iter().enumerate() {
             let number = Number::named(name).and_then(|number| number.meaning(Level::Points));
-            add(name.to_owned(), number.unwrap_or_default(), &|s| {
+            table.estimate(name, number.unwrap_or_default(), |(_, s)| {
                 s.diffusivities[place]
             });
         }
         let meaning = "deviation of the fabric from that of isotropic contacts";
-        add("fabric_deviator".to_owned(), meaning, &|s| {
-            s.fabric_deviator
-        });
-        table
+        table.estimate("fabric_deviator", meaning, |(_, s)| s.fabric_deviator);
+        table.columns
     }
 
     /// The object for programs, a stable interface: a point has the columns of the table and all
     /// curves.
     pub fn json(&self) -> Json {
         let table = self.table();
-        let mean = |band: &Option<Band>| band.map(|band| band.mean);
-        let half = |band: &Option<Band>| band.and_then(|band| band.ci95);
+        let mean = |of: &Option<Estimate>| of.map(|of| of.mean);
+        let half = |of: &Option<Estimate>| of.and_then(|of| of.ci95);
         let points = self.points.iter().enumerate().map(|(row, (_, structure))| {
             let mut object = json!(Object(&table, row));
             for (_, [name, x, y], _, of) in CURVES {
@@ -283,13 +257,9 @@ impl StructureReport {
             }
             let (r, theta, g) = &structure.with_angle;
             object["g_r_theta"] = json!({"r": r, "theta": theta, "g": g});
-            let tensor = |of: &dyn Fn(&Option<Band>) -> Option<f64>| -> Json {
-                let rows = structure.fabric.iter();
-                rows.map(|row| row.iter().map(of).collect::<Json>())
-                    .collect()
-            };
-            object["fabric"] = tensor(&mean);
-            object["fabric_ci95"] = tensor(&half);
+            let rows = || structure.fabric.iter().map(|row| row.iter());
+            object["fabric"] = rows().map(|row| row.map(mean).collect::<Json>()).collect();
+            object["fabric_ci95"] = rows().map(|row| row.map(half).collect::<Json>()).collect();
             object
         });
         json!({ "campaign": self.report.campaign, "points": points.collect::<Vec<_>>() })
@@ -317,34 +287,29 @@ impl StructureReport {
             }
         }
         let axes = self.axes().into_iter();
-        let mut table: Vec<DataColumn> = axes
-            .map(|axis| axis.column(rows.iter().map(|row| row.0)))
-            .collect();
-        let names = rows.iter().map(|row| Some(Value::Word(row.1)));
-        table.push(DataColumn {
-            unit: "",
-            ..DataColumn::of("quantity", Kind::Word, "which curve", names)
+        let mut table = TableOf {
+            columns: axes
+                .map(|axis| axis.column(rows.iter().map(|row| row.0)))
+                .collect(),
+            rows: &rows,
+        };
+        table.add("quantity", Kind::Word, "which curve", |row| {
+            Some(Value::Word(row.1))
         });
-        let about = [
-            (
-                "x",
-                "middle of a bin: r in a, angle in radians, force over its mean, spheres of a cluster, or height in a",
-            ),
-            (
-                "angle",
-                "of g_r_theta: from the flow towards the gradient, in radians",
-            ),
-            ("value", "mean over runs"),
-            (
-                "value_ci95",
-                "half width of its 95 % Student interval over runs",
-            ),
-        ];
-        for (place, (name, meaning)) in about.into_iter().enumerate() {
-            let cells = rows.iter().map(|row| row.2[place].map(Value::Number));
-            table.push(DataColumn::of(name, Kind::Number, meaning, cells));
+        if let Some(words) = table.columns.last_mut() {
+            words.unit = "";
         }
-        table
+        let about = [
+            "middle of a bin: r in a, angle in radians, force over its mean, spheres of a cluster, or height in a",
+            "of g_r_theta: from the flow towards the gradient, in radians",
+            "mean over runs",
+            "half width of its 95 % Student interval over runs",
+        ];
+        let names = ["x", "angle", "value", "value_ci95"];
+        for (place, (name, meaning)) in names.into_iter().zip(about).enumerate() {
+            table.number(name, meaning, |row| row.2[place]);
+        }
+        table.columns
     }
 
     /// Name of the campaign, and numbers of runs, frames and points.
@@ -363,40 +328,33 @@ impl StructureReport {
     ///
     /// # Errors
     /// [`ReportError::Argument`] if there are more points than a figure holds.
-    pub fn draw(&self, kind: StructureKind) -> Result<Vec<u8>, ReportError> {
+    pub fn draw(&self, kind: StructureKind) -> Result<String, ReportError> {
         if kind == StructureKind::PairMap {
             return self.draw_map();
         }
-        let all: Vec<(&str, &Params)> = self
-            .params()
-            .map(|params| (self.report.campaign.as_str(), params))
-            .collect();
-        let shared = Shared {
-            along: None,
-            panels: None,
-            units: self.report.units,
-            starts: &self.report.starts,
-        };
-        let labels = shared.labels(&all);
-        let mut axes = ["", ""];
+        let labels = self.report.labels(self.params());
         let is_of_sizes = kind == StructureKind::ClusterSize;
         let marks = if is_of_sizes {
             CurveKind::Markers
         } else {
             CurveKind::Line
         };
+        let number = kind.index();
+        let (_, _, axes, of) = CURVES[number.saturating_sub(1)];
         let mut curves = Vec::with_capacity(labels.len());
         let points = labels.iter().zip(&self.points).zip(self.params());
         for (index, ((label, (_, structure)), params)) in points.enumerate() {
-            let (names, places) = graph(structure, kind);
-            axes = names;
-            let places = places.into_iter();
+            let curve = match kind {
+                StructureKind::PairDistribution => structure.radial_of_angles(),
+                _ => of(structure).clone(),
+            };
+            let places = curve.x.into_iter().zip(curve.y);
             // No cluster has more spheres than there are.
-            let places = places.filter(|[x, _]| !is_of_sizes || *x <= params.spheres as f64);
-            let places = places.map(|[x, y]| (x, Estimate::bare(y)));
+            let places = places.filter(|(x, _)| !is_of_sizes || *x <= params.spheres as f64);
+            let places = places.filter_map(|(x, y)| Some((x, Estimate::bare(y?.mean))));
             curves.push(Curve::of_values(&label.words, places, marks, index));
         }
-        let origin = Origin::of(std::slice::from_ref(&self.report));
+        let origin = Origin::of(&self.report);
         // Shares by angle differ by their shape, not by their decades.
         let is_linear = matches!(
             kind,
@@ -410,7 +368,7 @@ impl StructureReport {
 
     /// Draws g(r, θ) of a single point around a sphere, symmetrized: a pair has two opposite
     /// angles.
-    fn draw_map(&self) -> Result<Vec<u8>, ReportError> {
+    fn draw_map(&self) -> Result<String, ReportError> {
         let [(place, structure)] = self.points.as_slice() else {
             let keys: Vec<&str> = self.axes().iter().map(|axis| axis.key).collect();
             let message = format!(
@@ -425,15 +383,9 @@ impl StructureReport {
         let mut sorted: Vec<f64> = rows.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let beyond = count(MAP_BEYOND * sorted.len() as f64);
-        let high = sorted
-            .iter()
-            .rev()
-            .nth(beyond)
-            .copied()
-            .unwrap_or(0.0)
-            .max(1.0);
+        let high = sorted.iter().rev().nth(beyond).map_or(1.0, |g| g.max(1.0));
         let edges = edges(distances);
-        let half_turn = 0.5 * std::f64::consts::PI / angles.len() as f64;
+        let half_turn = 0.5 * PI / angles.len() as f64;
         let mut marks = vec![Mark::Sphere {
             centre: [0.0; 2],
             radius: 1.0,
@@ -442,21 +394,14 @@ impl StructureReport {
         }];
         for (ring, row) in edges.windows(2).zip(rows) {
             for (angle, g) in angles.iter().zip(row) {
-                for turn in [0.0, std::f64::consts::PI] {
-                    let at = |r: f64, side: f64| {
+                for turn in [0.0, PI] {
+                    let at = |(end, side): (usize, f64)| {
                         let (sin, cos) = (angle + turn + side * half_turn).sin_cos();
-                        [r * cos, r * sin]
+                        [ring[end] * cos, ring[end] * sin]
                     };
-                    let [near, far] = [ring[0], ring[1]];
+                    let corners = [(0, -1.0), (1, -1.0), (1, 0.0), (1, 1.0), (0, 1.0), (0, 0.0)];
                     marks.push(Mark::Area {
-                        corners: vec![
-                            at(near, -1.0),
-                            at(far, -1.0),
-                            at(far, 0.0),
-                            at(far, 1.0),
-                            at(near, 1.0),
-                            at(near, 0.0),
-                        ],
+                        corners: corners.map(at).to_vec(),
                         colour: Colour::heat(g / high),
                     });
                 }
@@ -480,7 +425,7 @@ impl StructureReport {
             lines: Vec::new(),
             caption,
         };
-        let origin = Origin::of(std::slice::from_ref(report));
+        let origin = Origin::of(report);
         Ok(draw_plane(&picture, &origin))
     }
 }
@@ -536,31 +481,4 @@ fn edges(middles: &[f64]) -> Vec<f64> {
         edges.push(2.0 * middles[middles.len() - 1] - last);
     }
     edges
-}
-
-/// A curve of a figure: the names of both axes, and its places.
-fn graph(structure: &Structure, kind: StructureKind) -> ([&'static str; 2], Vec<[f64; 2]>) {
-    let place = match kind {
-        StructureKind::PairDistribution | StructureKind::PairMap => 0,
-        StructureKind::ContactAngle => 1,
-        StructureKind::ForceAngle => 2,
-        StructureKind::NormalForce => 3,
-        StructureKind::TangentialForce => 4,
-        StructureKind::ClusterSize => 5,
-        StructureKind::VelocityProfile => 6,
-        StructureKind::FractionProfile => 7,
-    };
-    let (_, _, axes, of) = CURVES[place];
-    if place == 0 {
-        let (r, angles, rows) = &structure.with_angle;
-        let mean = |row: &Vec<f64>| row.iter().sum::<f64>() / angles.len() as f64;
-        return (
-            axes,
-            r.iter().zip(rows).map(|(r, row)| [*r, mean(row)]).collect(),
-        );
-    }
-    let curve = of(structure);
-    let places = curve.x.iter().zip(&curve.y);
-    let places = places.filter_map(|(x, band)| Some([*x, band.as_ref()?.mean]));
-    (axes, places.collect())
 }

@@ -3,11 +3,11 @@
 
 use super::error::ReportError;
 use super::points::{Point, Report};
+use super::selection::meant;
 use super::units::Units;
-use crate::campaign::nearest;
 use crate::data::{DataColumn, Kind, Objects, Value, Word};
-use crate::measure::Runs;
 use crate::measure::numbers::{self, Level, Number, OverRuns};
+use crate::measure::{Estimate, Runs};
 use crate::model::axes::{AXES, Axis};
 use crate::text::format::count;
 use serde::Serialize;
@@ -105,17 +105,6 @@ impl Column {
         }
     }
 
-    /// Its name in print.
-    pub(super) fn title(self) -> String {
-        match self {
-            Self::Interval(number) => format!("95 % interval of {}", Self::Number(number).title()),
-            Self::Number(number) if !number.label.is_empty() => {
-                number.label.split(',').next().unwrap_or_default().into()
-            }
-            column => column.name().replace('_', " "),
-        }
-    }
-
     /// The column with the half width of its interval, if there is one.
     pub(super) fn interval(self) -> Option<Self> {
         Self::named(&format!("{}_ci95", self.name()))
@@ -191,32 +180,47 @@ impl Columns {
                 "η" | "eta" => "viscosity",
                 name => name,
             };
-            let is_chosen = chosen.iter().any(|known| known.name() == name);
-            match Column::named(name) {
-                Some(_) if is_chosen => {}
-                Some(column) => chosen.push(column),
-                // Axes are there anyway.
-                None if Axis::named(name).is_some() => {}
-                None => {
-                    let known: Vec<Word> = MEASURED.iter().map(|column| column.name()).collect();
-                    let meant = nearest(name, known.iter().map(|name| &**name));
-                    let meant =
-                        meant.map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
-                    let numbers = MEASURED
-                        .iter()
-                        .filter(|column| matches!(column, Column::Number(_)));
-                    let names: Vec<Word> = numbers.map(|column| column.name()).collect();
-                    return Err(ReportError::argument(
-                        "columns",
-                        format!(
-                            "no column is called {name:?}{meant}; besides the axes there are {}, and NAME_ci95 of each mean",
-                            names.join(", ")
-                        ),
-                    ));
+            let is_axis = Column::named(name).is_none() && Axis::named(name).is_some();
+            // Axes are there anyway.
+            if !is_axis {
+                let column = known("columns", name)?;
+                if chosen.iter().all(|known| known.name() != name) {
+                    chosen.push(column);
                 }
             }
         }
         Ok(Self(Some(chosen)))
+    }
+}
+
+/// The measured column of this name, for an option.
+fn known(option: &'static str, name: &str) -> Result<Column, ReportError> {
+    Column::named(name).ok_or_else(|| {
+        let known: Vec<Word> = MEASURED.iter().map(|column| column.name()).collect();
+        let meant = meant(name, known.iter().map(|name| &**name));
+        let numbers = MEASURED.iter().filter(|column| matches!(column, Column::Number(_)));
+        let names: Vec<Word> = numbers.map(|column| column.name()).collect();
+        ReportError::argument(
+            option,
+            format!(
+                "no column is called {name:?}{meant}; besides the axes there are {}, and NAME_ci95 of each mean",
+                names.join(", ")
+            ),
+        )
+    })
+}
+
+/// The number of points of this name, for a figure.
+///
+/// # Errors
+/// [`ReportError::Argument`] on a name that none has.
+pub fn number(name: &str) -> Result<&'static Number, ReportError> {
+    match known("quantity", &name.replace('-', "_"))? {
+        Column::Axis(_) | Column::Interval(_) => Err(ReportError::argument(
+            "quantity",
+            format!("{name} is drawn as the interval of its number: name that"),
+        )),
+        Column::Number(number) => Ok(number),
     }
 }
 
@@ -229,6 +233,58 @@ pub(super) fn axis_table<'p>(
     columns
         .map(|column| column.data(points.clone(), units))
         .collect()
+}
+
+/// A table that is made column by column, each with a cell for every row.
+pub(super) struct TableOf<'r, R> {
+    pub(super) columns: Vec<DataColumn>,
+    pub(super) rows: &'r [R],
+}
+
+impl<R> TableOf<'_, R> {
+    /// Adds a column.
+    pub(super) fn add(
+        &mut self,
+        name: impl Into<Word>,
+        kind: Kind,
+        meaning: &'static str,
+        of: impl Fn(&R) -> Option<Value>,
+    ) {
+        let column = DataColumn::of(name, kind, meaning, self.rows.iter().map(of));
+        self.columns.push(column);
+    }
+
+    pub(super) fn count(
+        &mut self,
+        name: &'static str,
+        meaning: &'static str,
+        of: impl Fn(&R) -> Option<u64>,
+    ) {
+        self.add(name, Kind::Count, meaning, |row| of(row).map(Value::Count));
+    }
+
+    pub(super) fn number(
+        &mut self,
+        name: impl Into<Word>,
+        meaning: &'static str,
+        of: impl Fn(&R) -> Option<f64>,
+    ) {
+        self.add(name, Kind::Number, meaning, |row| {
+            of(row).map(Value::Number)
+        });
+    }
+
+    /// Adds a column of means over runs, and one of half the widths of their intervals.
+    pub(super) fn estimate(
+        &mut self,
+        name: &'static str,
+        meaning: &'static str,
+        of: impl Fn(&R) -> Option<Estimate>,
+    ) {
+        let half = "half width of its 95 % Student interval over runs";
+        self.number(name, meaning, |row| Some(of(row)?.mean));
+        self.number(format!("{name}_ci95"), half, |row| of(row)?.ci95);
+    }
 }
 
 /// The points as a table, with the columns that were chosen or all, in the units of the report.

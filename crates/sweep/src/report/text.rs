@@ -261,14 +261,10 @@ fn list<'p>(
         }
     }
     let shown = notes.iter().take(NOTES);
-    let shown =
-        shown.map(|(what, points)| note(report, points[0], columns, points.len() - 1, what));
+    let shown = shown.map(|(what, of)| note(report, of[0], columns, of.len() - 1, what));
     let mut lines: Vec<String> = shown.collect();
-    let more: usize = notes
-        .iter()
-        .skip(NOTES)
-        .map(|(_, points)| points.len())
-        .sum();
+    let more = notes.iter().skip(NOTES).map(|(_, points)| points.len());
+    let more = more.sum::<usize>();
     if more > 0 {
         lines.push(format!("and {more} more such points"));
     }

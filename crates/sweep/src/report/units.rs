@@ -64,18 +64,10 @@ impl At {
 pub(super) const RATE: &str = "Γ";
 
 /// Decimal prefixes.
+#[rustfmt::skip]
 const PREFIXES: [(&str, f64); 11] = [
-    ("f", 1e-15),
-    ("p", 1e-12),
-    ("n", 1e-9),
-    ("u", 1e-6),
-    ("µ", 1e-6),
-    ("μ", 1e-6),
-    ("m", 1e-3),
-    ("c", 1e-2),
-    ("k", 1e3),
-    ("M", 1e6),
-    ("G", 1e9),
+    ("f", 1e-15), ("p", 1e-12), ("n", 1e-9), ("u", 1e-6), ("µ", 1e-6), ("μ", 1e-6),
+    ("m", 1e-3), ("c", 1e-2), ("k", 1e3), ("M", 1e6), ("G", 1e9),
 ];
 
 /// Arguments: name, unit, example.
@@ -94,26 +86,22 @@ impl Units {
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         let mut values: [Option<f64>; 3] = [None; 3];
         for part in text.split(',') {
-            let known = || {
-                KEYS.map(|(key, _, example)| format!("{key}={example}"))
-                    .join(",")
+            let (key, value) = part.split_once('=').unwrap_or((part, ""));
+            let key = key.trim().to_lowercase();
+            let Some(place) = KEYS.iter().position(|(name, ..)| *name == key) else {
+                let known = KEYS.map(|(key, _, example)| format!("{key}={example}"));
+                let known = known.join(",");
+                return Err(refused(format!("{part:?} is no KEY=VALUE of {known}")));
             };
-            let (key, value) = part
-                .split_once('=')
-                .ok_or_else(|| refused(format!("{part:?} is not KEY=VALUE; write {}", known())))?;
-            let place = KEYS
-                .iter()
-                .position(|(name, ..)| *name == key.trim().to_lowercase())
-                .ok_or_else(|| refused(format!("{key:?} is none of {}", known())))?;
-            if values[place].is_some() {
-                return Err(refused(format!("{} is given twice", KEYS[place].0)));
-            }
             let (name, unit, example) = KEYS[place];
-            values[place] = Some(quantity(value.trim(), unit).ok_or_else(|| {
+            let value = quantity(value.trim(), unit).ok_or_else(|| {
                 refused(format!(
-                    "{name} = {value:?} is not a positive number with a unit of {unit}; write it as {name}={example}"
+                    "{part:?} is not a positive number with a unit of {unit}; write it as {name}={example}"
                 ))
-            })?);
+            })?;
+            if values[place].replace(value).is_some() {
+                return Err(refused(format!("{name} is given twice")));
+            }
         }
         let [Some(radius), Some(viscosity), critical_load] = values else {
             return Err(refused(
@@ -327,7 +315,7 @@ mod tests {
             ("a=1uN,mu=1mPas", "a=1um"),
             ("a=0um,mu=1mPas", "positive"),
             ("a=1um,a=2um", "twice"),
-            ("a", "KEY=VALUE"),
+            ("b", "KEY=VALUE"),
         ] {
             let error = Units::parse(text).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");

@@ -211,6 +211,7 @@ impl Progress {
     pub(super) fn draw(&self) {
         for worker in &self.workers {
             let Some((_, case)) = &*lock(&worker.case) else {
+                worker.bar.tick();
                 continue;
             };
             let (steps, viscosity) = worker.now();

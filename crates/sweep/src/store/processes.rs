@@ -165,6 +165,13 @@ impl Provenance {
     pub fn program(&self) -> String {
         program(&self.version, self.physics_version, &self.build)
     }
+
+    /// Description of the process: its program, host, threads and results.
+    pub(crate) fn words(&self) -> String {
+        let (program, host) = (self.program(), &self.host);
+        let (threads, results) = (self.threads, self.results);
+        format!("{program} on {host}, {threads} threads, {results} results")
+    }
 }
 
 /// Description of a program.

@@ -127,26 +127,8 @@ fn add(sums: &mut [f64], more: &[f64]) {
 pub(crate) struct Curve {
     /// Centres of the bins, or for cluster sizes their lower ends.
     pub x: Vec<f64>,
-    /// Mean over runs, and half its 95 % interval; `None` where no run has a value.
-    pub y: Vec<Option<Band>>,
-}
-
-/// A mean over runs, and half its 95 % interval, which needs two runs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Band {
-    /// The mean.
-    pub mean: f64,
-    /// Half the interval.
-    pub ci95: Option<f64>,
-}
-
-impl Band {
-    fn of(values: &[f64]) -> Option<Self> {
-        Estimate::of(values).map(|estimate| Self {
-            mean: estimate.mean,
-            ci95: estimate.ci95,
-        })
-    }
+    /// Mean over runs; `None` where no run has a value.
+    pub y: Vec<Option<Estimate>>,
 }
 
 /// Structure of a point, averaged over its runs.
@@ -157,7 +139,7 @@ pub(crate) struct Structure {
     /// Total number of their frames.
     pub frames: u64,
     /// The numbers of [`NAMED`], in that order; `None` where undefined.
-    pub scalars: Vec<Option<Band>>,
+    pub scalars: Vec<Option<Estimate>>,
     /// g(r), r in a.
     pub radial: Curve,
     /// Distances of g(r, θ), in a, its angles, and its means over runs, a row for each distance.
@@ -167,9 +149,9 @@ pub(crate) struct Structure {
     /// Fraction of the normal forces in each of these bins.
     pub force_angle: Curve,
     /// n n averaged over contacts; `None` without contacts.
-    pub fabric: Vec<Vec<Option<Band>>>,
+    pub fabric: Vec<Vec<Option<Estimate>>>,
     /// Deviation of that from isotropic contacts.
-    pub fabric_deviator: Option<Band>,
+    pub fabric_deviator: Option<Estimate>,
     /// Probability density of normal forces over their mean.
     pub normal_force: Curve,
     /// Probability density of friction forces over their mean.
@@ -183,7 +165,7 @@ pub(crate) struct Structure {
     /// empty for a layer.
     pub profile_z: [Curve; 2],
     /// Diffusivities D_yy and D_zz, in a²·rate.
-    pub diffusivities: [Option<Band>; 2],
+    pub diffusivities: [Option<Estimate>; 2],
 }
 
 impl Structure {
@@ -221,18 +203,18 @@ impl Structure {
             .unwrap_or(0);
         let diffusivities = [0, 1].map(|axis| {
             let each = runs.iter().filter_map(|run| run.diffusivities[axis]);
-            Band::of(&each.collect::<Vec<_>>())
+            Estimate::of(&each.collect::<Vec<_>>())
         });
         let scalars = (0..NAMED.len()).map(|place| {
             let of_run = |run: &&RunStructure| {
                 let (sum, number) = run.scalars[place];
                 (number > 0).then(|| sum / number as f64)
             };
-            Band::of(&runs.iter().filter_map(of_run).collect::<Vec<_>>())
+            Estimate::of(&runs.iter().filter_map(of_run).collect::<Vec<_>>())
         });
         let fabric = (0..dimensions).map(|a| {
             let each = |b: usize| fabrics.iter().map(|f| f[a][b]).collect::<Vec<_>>();
-            (0..dimensions).map(|b| Band::of(&each(b))).collect()
+            (0..dimensions).map(|b| Estimate::of(&each(b))).collect()
         });
         let deviators: Vec<f64> = fabrics.iter().map(|f| deviator(f, dimensions)).collect();
         Some(Self {
@@ -261,7 +243,7 @@ impl Structure {
                 y: shares(|run| &run.contacts.forces_by_angle, 1.0),
             },
             fabric: fabric.collect(),
-            fabric_deviator: Band::of(&deviators),
+            fabric_deviator: Estimate::of(&deviators),
             normal_force: Curve {
                 x: forces.middles(),
                 y: shares(|run| &run.contacts.normal, width),
@@ -280,9 +262,22 @@ impl Structure {
         })
     }
 
+    /// g(r) from g(r, θ), which has wider bins.
+    pub(crate) fn radial_of_angles(&self) -> Curve {
+        let (r, angles, rows) = &self.with_angle;
+        let mean = |row: &Vec<f64>| row.iter().sum::<f64>() / angles.len() as f64;
+        Curve {
+            x: r.clone(),
+            y: rows
+                .iter()
+                .map(|row| Some(Estimate::bare(mean(row))))
+                .collect(),
+        }
+    }
+
     /// A number by its name in [`NAMED`].
     #[cfg(test)]
-    pub(crate) fn scalar(&self, name: &str) -> Option<Band> {
+    pub(crate) fn scalar(&self, name: &str) -> Option<Estimate> {
         let place = NAMED.iter().position(|scalar| scalar.name == name)?;
         self.scalars[place]
     }
@@ -306,9 +301,9 @@ fn scaled(sums: &[f64], factor: f64) -> Vec<f64> {
 }
 
 /// The means over runs bin by bin; runs without values are left out.
-fn bands(runs: &[Option<Vec<f64>>]) -> Vec<Option<Band>> {
+fn bands(runs: &[Option<Vec<f64>>]) -> Vec<Option<Estimate>> {
     let runs: Vec<&Vec<f64>> = runs.iter().flatten().collect();
     let number = runs.first().map_or(0, |run| run.len());
     let each = |bin: usize| runs.iter().map(|run| run[bin]).collect::<Vec<_>>();
-    (0..number).map(|bin| Band::of(&each(bin))).collect()
+    (0..number).map(|bin| Estimate::of(&each(bin))).collect()
 }

@@ -260,7 +260,7 @@ pub fn bytes(number: f64) -> String {
     clippy::cast_sign_loss,
     reason = "saturates"
 )]
-pub(crate) fn count(value: f64) -> usize {
+pub fn count(value: f64) -> usize {
     value.round() as usize
 }
 

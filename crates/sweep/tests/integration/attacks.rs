@@ -366,7 +366,7 @@ fn control_sequences_are_made_visible() {
     for arguments in [
         &["status", "results/small.sqlite"][..],
         &["report", "results/small.sqlite"],
-        &["report", "results/small.sqlite", "--latex", "-"],
+        &["report", "results/small.sqlite", "--csv", "-"],
         &["show", "results/small.sqlite", "1"],
         &["status", &evil],
         &["status", &format!("none{EVIL}.sqlite")],
@@ -460,10 +460,9 @@ fn no_output_replaces_a_store_a_campaign_or_the_log_of_a_store() {
     for arguments in [
         &["report", file, "--csv", file][..],
         &["report", file, "--parquet", file],
-        &["report", file, "--latex", file],
         &["report", file, "--page", file],
         &["report", file, "--csv", "link.csv"],
-        &["report", file, "--latex", "hard.md"],
+        &["report", file, "--csv", "hard.md"],
         &["report", file, "--csv", "results/small.sqlite-wal"],
         &["report", "small.toml", "--csv", "small.toml"],
         &["report", "small.toml", "--csv", "campaign.csv"],

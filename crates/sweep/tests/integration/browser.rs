@@ -4,7 +4,6 @@
 mod chromium;
 mod keyboard;
 mod live;
-mod maps;
 mod views;
 
 use crate::harness::{Computed, sweep};

@@ -195,7 +195,7 @@ fn imposed_stress_has_its_rate_in_tables_samples_and_figures() {
     for figure in [
         ["flow.svg", "--kind", "flow-curve"],
         ["eta.svg", "--along", "shear_stress"],
-        ["pressure.svg", "--kind", "particle-pressure"],
+        ["pressure.svg", "--quantity", "particle_pressure"],
     ] {
         let [file, option, value] = figure;
         sweep(

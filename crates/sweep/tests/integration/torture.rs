@@ -265,10 +265,8 @@ fn outputs_are_whole(kills: usize) {
         "t.parquet",
         "--page",
         "t.html",
-        "--latex",
-        "t.tex",
     ];
-    let names = ["t.svg", "t.csv", "t.parquet", "t.html", "t.tex"];
+    let names = ["t.svg", "t.csv", "t.parquet", "t.html"];
     sweep(at, &write);
     let whole = names.map(|name| std::fs::read(at.join(name)).unwrap());
     for _ in 0..kills {

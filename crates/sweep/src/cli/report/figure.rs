@@ -2,13 +2,10 @@
 
 use crate::cli::Output;
 use crate::cli::output_file::{check_picture, save};
-use crate::cli::place::StoreArguments;
-use crate::cli::words::{axis_among, choice, choice_beside};
+use crate::cli::words::{axis_among, choice_beside};
 use crate::error::Error;
 use crate::model::axes::Axis;
-use crate::report::{
-    Columns, Drawing, Kind, Quantity, Report, Selection, StructureKind, Units, draw, traces,
-};
+use crate::report::{Drawing, Kind, Report, StructureKind, draw, number, traces};
 use crate::store::Store;
 use std::path::{Path, PathBuf};
 
@@ -20,11 +17,11 @@ pub(crate) struct FigureArguments {
     #[arg(long, value_name = "FILE")]
     pub(super) figure: Option<PathBuf>,
     /// Kind of the figure
-    #[arg(long, value_parser = choice_beside::<Kind, StructureKind>("structure"), default_value = "viscosity", requires = "figure")]
+    #[arg(long, value_parser = choice_beside::<Kind, StructureKind>("structure"), default_value = "curve", requires = "figure")]
     kind: Kind,
-    /// Viscosity of the figure [default: viscosity]
-    #[arg(long, value_parser = choice::<Quantity>(), requires = "figure", hide_short_help = true)]
-    quantity: Option<Quantity>,
+    /// Number of the curve: any column of points [default: viscosity]
+    #[arg(long, value_name = "NAME", requires = "figure")]
+    quantity: Option<String>,
     /// Horizontal axis, by its key in the campaign file or its symbol [default: the shear rate
     /// where it varies; for contacts the friction]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
@@ -63,8 +60,8 @@ impl FigureArguments {
         for (argument, is_wrong, message) in [
             (
                 "--quantity",
-                self.quantity.is_some() && kind != Kind::Viscosity,
-                "it selects a viscosity, so only --kind viscosity has it",
+                self.quantity.is_some() && kind != Kind::Curve,
+                "it names a column of points, so only --kind curve has it",
             ),
             (
                 "--x",
@@ -97,7 +94,7 @@ impl FigureArguments {
             cases: &self.case,
             drawing: Drawing {
                 kind,
-                quantity: self.quantity.unwrap_or_default(),
+                number: self.quantity.as_deref().map(number).transpose()?,
                 along: self.along,
                 x: self.x,
                 y: self.y,
@@ -107,37 +104,18 @@ impl FigureArguments {
     }
 }
 
-/// Several stores in one figure; the first is open already.
-pub(super) struct Sources<'a> {
-    pub(super) first: (&'a Store, &'a Report),
-    pub(super) more: &'a [PathBuf],
-    pub(super) selection: &'a Selection,
-    pub(super) units: Units,
-}
-
 /// Draws a figure into its file.
 pub(super) fn write(
     request: &FigureRequest<'_>,
-    sources: &Sources<'_>,
+    store: &Store,
+    report: &Report,
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
     let drawing = &request.drawing;
-    let in_time = |store: &Store| match drawing.kind {
-        Kind::Trace => traces(store, sources.selection, request.cases),
-        _ => Ok(Vec::new()),
+    let traces = match drawing.kind {
+        Kind::Trace => traces(store, &report.selection, request.cases)?,
+        _ => Vec::new(),
     };
-    let (store, report) = sources.first;
-    let mut reports = vec![report.clone()];
-    let mut runs = in_time(store)?;
-    for path in sources.more {
-        let place = StoreArguments::of(path.clone());
-        let store = place.open(output)?;
-        reports.push(Report {
-            units: sources.units,
-            columns: Columns::default(),
-            ..Report::of(&store, sources.selection)?
-        });
-        runs.extend(in_time(&store)?);
-    }
-    save(request.path, &draw(&reports, &runs, drawing)?, output)
+    let figure = draw(report, &traces, drawing)?;
+    save(request.path, figure.as_bytes(), output)
 }

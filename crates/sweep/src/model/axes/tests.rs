@@ -232,8 +232,8 @@ hydrodynamics = "ball-melrose"
         };
         let page: serde_json::Value =
             serde_json::from_str(&data(excerpt, PageHost::File).unwrap()).unwrap();
-        assert_eq!(page["axes"][0]["key"], "small_fraction");
-        assert_eq!(page["points"][1]["small_fraction"], 0.75);
+        assert_eq!(page["columns"][0]["name"], "small_fraction");
+        assert_eq!(page["columns"][0]["cells"][1], "0.75");
     }
 }
 

@@ -1,19 +1,18 @@
-//! The curves of a figure: the points of reports, or runs in time.
+//! The curves of a figure: the points of a report, or runs in time.
 
 use super::outline::{Curve, CurveKind, Figure, Panel};
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
-use super::{Drawing, Kind, Quantity, Trace, diagram, refused};
-use crate::data::Tag;
+use super::{Drawing, Kind, Trace, diagram, refused};
+use crate::measure::numbers::Number;
 use crate::measure::{Estimate, Trend};
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::error::ReportError;
-use crate::report::labels::{AxisWords, Label, Shared, Starts};
+use crate::report::labels::{AxisWords, Label, Shared};
 use crate::report::points::{Point, Report};
-use crate::report::table::Column;
+use crate::report::states::grouped;
 use crate::report::units::{At, Units};
-use crate::text::format::counted;
 use sd_core::Params;
 use std::cmp::Ordering;
 use std::f64::consts::PI;
@@ -26,43 +25,43 @@ fn plotted(estimate: Estimate) -> Plotted {
     [estimate.mean, half, half]
 }
 
-/// A quantity of every point.
+/// A quantity of every point: label of its axis, column and unit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
-    /// Label of its axis.
     label: &'static str,
-    /// Its column.
     name: &'static str,
     unit: &'static str,
 }
 
-/// The data of a figure of reports, or of traces.
+/// The data of a figure of a report, or of traces.
 ///
 /// # Errors
 /// [`ReportError::Argument`] if there is nothing to draw, or too much.
 pub(super) fn figure_data(
-    reports: &[Report],
+    report: &Report,
     traces: &[Trace],
     drawing: &Drawing,
 ) -> Result<Figure, ReportError> {
-    let diagram = match drawing.kind {
-        Kind::StateDiagram => Some(diagram::axes(reports, drawing)?),
+    let kind = drawing.kind;
+    let diagram = match kind {
+        Kind::StateDiagram => Some(diagram::axes(report, drawing)?),
         _ => None,
     };
     let along = diagram.map_or(drawing.along, |[x, _]| Some(x));
-    let source = FigureSource::of(reports, drawing, along)?;
+    let source = FigureSource::of(report, drawing, along)?;
     let measured = Measured::of(drawing);
     source.check_units(measured)?;
-    let mut data = match (drawing.kind, diagram) {
+    let mut data = match (kind, diagram) {
         (_, Some([_, y])) => source.diagram(y)?,
         (Kind::Contacts, None) => source.contacts(),
         (Kind::Trace, None) => source.in_time(traces),
         _ => source.of_points(measured),
     };
-    if matches!(drawing.kind, Kind::Trace | Kind::Viscosity)
-        && !(drawing.kind == Kind::Viscosity && source.along.is_fraction())
-    {
-        source.add_dilute(&mut data, traces);
+    let is_viscosity = kind == Kind::Curve && measured.name.starts_with("viscosity");
+    if kind == Kind::Trace {
+        source.add_dilute(&mut data, traces.iter().map(|trace| &trace.params));
+    } else if is_viscosity && !source.along.is_fraction() {
+        source.add_dilute(&mut data, report.params());
     }
     let has_result = |curve: &Curve| curve.points.iter().any(|point| !point.1.is_nan());
     if !data.curves.iter().any(has_result) {
@@ -73,12 +72,12 @@ pub(super) fn figure_data(
     }
     data.curves.retain(|curve| !curve.points.is_empty());
     // In a state diagram each state has a fixed colour, even if others are absent.
-    if drawing.kind != Kind::StateDiagram {
-        data.arrange(drawing.kind)?;
+    if kind != Kind::StateDiagram {
+        data.arrange(kind)?;
     }
     let trends = trends(&data);
     data.curves.extend(trends);
-    data.note = source.doubtful();
+    data.note = (kind != Kind::Trace).then(|| report.note()).flatten();
     Ok(data)
 }
 
@@ -92,20 +91,19 @@ impl Figure {
                 known.push((curve.label.clone(), curve.number));
             }
         }
-        let is_ordered = known.len() > CURVES && known.iter().all(|(_, number)| number.is_some());
+        let number = known.len();
+        let is_ordered = number > CURVES && known.iter().all(|(_, number)| number.is_some());
         let most = if is_ordered { ORDERED_CURVES } else { CURVES };
-        if known.len() > most {
-            let (more, how) = if kind == Kind::Trace {
-                (" or more", "runs (where, case)")
-            } else {
-                (
+        if number > most {
+            let (more, how) = match kind {
+                Kind::Trace => (" or more", "runs (where, case)"),
+                _ => (
                     "",
                     "points (where), the axis they run along (along), or an axis with a panel for each value (panels)",
-                )
+                ),
             };
             return Err(refused(format!(
-                "{}{more} curves are more than the {most} that can be distinguished: choose {how}",
-                known.len()
+                "{number}{more} curves are more than the {most} that can be distinguished: choose {how}"
             )));
         }
         if is_ordered {
@@ -125,25 +123,20 @@ impl Figure {
 impl Measured {
     /// The quantity of a figure.
     fn of(drawing: &Drawing) -> Self {
-        let (label, name) = match (drawing.kind, drawing.quantity) {
-            (Kind::NormalStress, _) => ("normal stress difference N₁", "normal_stress_difference"),
-            (Kind::SecondNormalStress, _) => ("normal stress difference N₂", "n2"),
-            (Kind::ParticlePressure, _) => ("particle pressure Π", "particle_pressure"),
-            (Kind::FlowCurve, _) => ("shear stress σ*", "shear_stress"),
-            (Kind::ApproachVelocity, _) => ("mean approach velocity", "mean_approach_velocity"),
-            (Kind::Contacts, _) => ("pairs per sphere", "contacts_per_sphere"),
-            (_, Quantity::ViscosityStresslet) => ("stresslet viscosity", "viscosity_stresslet"),
-            (_, Quantity::ViscosityMedian) => ("median viscosity", "viscosity_median"),
-            (_, Quantity::Viscosity) => ("relative viscosity η", "viscosity"),
+        let usual = || Number::named("viscosity");
+        let number = match drawing.kind {
+            Kind::FlowCurve | Kind::Contacts => None,
+            _ => drawing.number.or_else(usual),
         };
-        Self {
-            label,
-            name,
-            unit: match Column::named(name) {
-                Some(column) => column.unit(),
-                None => Axis::of_key(name).map_or("", |axis| axis.unit),
-            },
-        }
+        let (label, name, unit) = match number {
+            Some(number) if number.label.is_empty() => (number.name, number.name, number.unit),
+            Some(number) => (number.label, number.name, number.unit),
+            None if drawing.kind == Kind::Contacts => {
+                ("pairs per sphere", "contacts_per_sphere", "1")
+            }
+            None => ("shear stress σ*", "shear_stress", "F_crit/a²"),
+        };
+        Self { label, name, unit }
     }
 
     /// Its value at a point.
@@ -162,110 +155,93 @@ impl Measured {
     }
 }
 
-/// Reports, and the axes along which their points are drawn.
+/// A report, and the axes along which its points are drawn.
 pub(super) struct FigureSource<'r> {
     kind: Kind,
-    reports: &'r [Report],
+    report: &'r Report,
     pub(super) along: &'static Axis,
     pub(super) panels: Option<&'static Axis>,
-    /// Parameters of each panel, in the order of their values; a single empty entry without panels.
-    pub(super) panel_params: Vec<Option<&'r Params>>,
+    /// Parameters of each panel, in the order of their values; empty without panels.
+    panel_params: Vec<&'r Params>,
     log: Option<LogAxis>,
     pub(super) units: Units,
-    starts: Starts,
 }
 
 impl<'r> FigureSource<'r> {
     fn of(
-        reports: &'r [Report],
+        report: &'r Report,
         drawing: &Drawing,
         asked: Option<&'static Axis>,
     ) -> Result<Self, ReportError> {
-        let points = || reports.iter().flat_map(|report| &report.points);
-        let params = || points().map(|point| &point.params);
-        let along = asked.unwrap_or_else(|| default_axis(reports, drawing.kind));
+        let (points, units) = (&report.points, report.units);
+        let along = asked.unwrap_or_else(|| default_axis(report, drawing.kind));
+        let refused = |option, message: String| Err(ReportError::argument(option, message));
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
-            return Err(ReportError::argument(
-                "along",
-                "a flow curve is stress against rate: its axis is shear_rate",
-            ));
+            let message = "a flow curve is stress against rate: its axis is shear_rate";
+            return refused("along", message.into());
         }
-        let names = |is_meant: fn(&Axis) -> bool| {
-            let varying = AXES
-                .iter()
-                .filter(|axis| is_meant(axis) && axis.varies(params()));
-            let names: Vec<&str> = varying.map(|axis| axis.key).collect();
-            match names.as_slice() {
-                [] => "no axis has several values here".to_owned(),
-                names => format!("axes with several values are {}", names.join(", ")),
+        let varying = |is_meant: fn(&Axis) -> bool| {
+            let axes = report.varying().filter(|axis| is_meant(axis));
+            match axes.map(|axis| axis.key).collect::<Vec<_>>() {
+                none if none.is_empty() => "no axis has several values here".to_owned(),
+                keys => format!("axes with several values are {}", keys.join(", ")),
             }
         };
-        // A measured rate varies without being an axis of the campaign.
-        let [low, high] = extent(points().map(|point| point.place(along)));
-        let is_in_time = drawing.kind == Kind::Trace;
-        // It reports itself how many points it needs.
-        let is_diagram = drawing.kind == Kind::StateDiagram;
-        let has_one = points().next().is_some() && low >= high;
-        if asked.is_some() && !is_in_time && !is_diagram && has_one {
-            return Err(ReportError::argument(
-                "along",
-                format!(
-                    "all points have the same {}, so there is no curve along it; {}",
-                    along.key,
-                    names(Axis::is_numeric)
-                ),
-            ));
+        // A measured rate varies without being an axis of the campaign. A state diagram reports
+        // itself how many points it needs.
+        let [low, high] = extent(points.iter().map(|point| point.place(along)));
+        let is_of_points = !matches!(drawing.kind, Kind::Trace | Kind::StateDiagram);
+        if asked.is_some() && is_of_points && !points.is_empty() && low >= high {
+            let (key, others) = (along.key, varying(Axis::is_numeric));
+            let message =
+                format!("all points have the same {key}, so there is no curve along it; {others}");
+            return refused("along", message);
         }
-        let mut panel_params: Vec<Option<&Params>> = vec![None];
+        let mut panel_params: Vec<&Params> = Vec::new();
         if let Some(axis) = drawing.panels {
-            let refused = |message| Err(ReportError::argument("panels", message));
-            if axis.key == along.key && !is_in_time {
-                let key = axis.key;
-                return refused(format!("the curves run along {key}: name another axis"));
+            let key = axis.key;
+            if key == along.key && drawing.kind != Kind::Trace {
+                let message = format!("the curves run along {key}: name another axis");
+                return refused("panels", message);
             }
-            let mut values: Vec<&Params> = params().collect();
-            values.sort_by(|a, b| axis.value(a).order(&axis.value(b)));
-            values.dedup_by(|a, b| axis.value(a) == axis.value(b));
-            if values.len() < 2 {
-                let (key, names) = (axis.key, names(|_| true));
-                return refused(format!("all points have the same {key}; {names}"));
+            panel_params = report.params().collect();
+            panel_params.sort_by(|a, b| axis.value(a).order(&axis.value(b)));
+            panel_params.dedup_by(|a, b| axis.value(a) == axis.value(b));
+            if panel_params.len() < 2 {
+                let others = varying(|_| true);
+                return refused(
+                    "panels",
+                    format!("all points have the same {key}; {others}"),
+                );
             }
-            panel_params = values.into_iter().map(Some).collect();
         }
-        let units = reports
-            .first()
-            .map(|report| report.units)
-            .unwrap_or_default();
+        let log = along.is_logarithmic().then(|| {
+            let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
+            let values = points
+                .iter()
+                .map(|p| units.along(along, p.at(), p.place(along)));
+            // Layers that carry their stress at rest are drawn at a rate of 0.
+            let resting = points.iter().filter(rests).map(|_| 0.0);
+            LogAxis::of(&values.chain(resting).collect::<Vec<_>>())
+        });
         Ok(Self {
-            reports,
             kind: drawing.kind,
+            report,
             along,
-            units,
-            starts: Starts::together(reports.iter().map(|report| &report.starts)),
             panels: drawing.panels,
             panel_params,
-            log: along.is_logarithmic().then(|| {
-                let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
-                let values: Vec<f64> = points()
-                    .map(|p| units.along(along, p.at(), p.place(along)))
-                    // Layers that carry their stress at rest are drawn at a rate of 0.
-                    .chain(points().filter(rests).map(|_| 0.0))
-                    .collect();
-                LogAxis::of(&values)
-            }),
+            log,
+            units,
         })
     }
 
     /// Checks that the requested units apply and change something.
-    pub(super) fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
+    fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
         let Measured { label, unit, .. } = measured;
         self.units.reach(label, unit)?;
-        let params = || self.points().map(|point| &point.params);
-        let is_converted = |axis: &&Axis| self.units.of_axis(axis).is_some();
-        let mut varying = AXES.iter().filter(|axis| axis.varies(params()));
-        let changes = self.units.word(unit) != unit
-            || is_converted(&self.along)
-            || varying.any(|axis| is_converted(&axis));
+        let mut axes = self.report.varying().chain([self.along]);
+        let changes =
+            self.units.word(unit) != unit || axes.any(|axis| self.units.of_axis(axis).is_some());
         if self.units.are_requested() && !changes {
             return Err(ReportError::argument(
                 "units",
@@ -279,11 +255,11 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Whether nothing is drawn because no value has a physical scale.
-    pub(super) fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
-        if self
-            .points()
-            .any(|point| measured.read(point).is_some() && !self.has_scale(measured.unit, point))
-        {
+    fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
+        let mut points = self.report.points.iter();
+        let is_lost =
+            |point: &Point| measured.read(point).is_some() && !self.has_scale(measured.unit, point);
+        if points.any(is_lost) {
             return Err(Units::without_scale());
         }
         Ok(())
@@ -296,43 +272,35 @@ impl<'r> FigureSource<'r> {
         self.units.factor(unit, point.at()).is_some() && has_place
     }
 
-    pub(super) fn points(&self) -> impl Iterator<Item = &'r Point> {
-        self.reports.iter().flat_map(|report| &report.points)
+    /// The points of each panel.
+    pub(super) fn points_by_panel(&self) -> Vec<Vec<&'r Point>> {
+        let mut panels = vec![Vec::new(); self.panel_params.len().max(1)];
+        for point in &self.report.points {
+            panels[self.panel(&point.params)].push(point);
+        }
+        panels
     }
 
-    /// The points as curves along the axis, one for each combination of values of the others, those
-    /// of the first report first.
-    fn curves(&self) -> Vec<(Label, Vec<&'r Point>)> {
-        let shared = Shared {
-            along: Some(self.along),
+    /// The common settings of curves along an axis.
+    fn shared(&self, along: Option<&'static Axis>) -> Shared<'_> {
+        Shared {
+            along,
             panels: self.panels,
             units: self.units,
-            starts: &self.starts,
-        };
-        let mut groups: Vec<(Vec<Tag>, &str, Vec<&Point>)> = Vec::new();
-        for (place, report) in self.reports.iter().enumerate() {
-            for point in &report.points {
-                let tags = identity(&point.params).into_iter().zip(AXES.iter());
-                let others = tags.filter(|(_, axis)| !shared.is_along(axis));
-                // Points of imposed stress and of imposed rate make curves of their own, as do
-                // those of several stores.
-                let is_imposed = Tag::Bits(point.params.shear_stress.is_some().into());
-                let others = others.map(|(tag, _)| tag);
-                let others: Vec<Tag> = others
-                    .chain([is_imposed, Tag::Bits(place as u64)])
-                    .collect();
-                match groups.iter_mut().find(|group| group.0 == others) {
-                    Some(group) => group.2.push(point),
-                    None => groups.push((others, &report.campaign, vec![point])),
-                }
-            }
+            starts: &self.report.starts,
         }
-        let first = groups
-            .iter()
-            .map(|(_, campaign, points)| (*campaign, &points[0].params));
+    }
+
+    /// The points as curves along the axis, one for each combination of values of the others.
+    fn curves(&self) -> Vec<(Label, Vec<&'r Point>)> {
+        let (along, points) = (self.along, &self.report.points);
+        let shared = self.shared(Some(along));
+        let all: Vec<&Point> = points.iter().collect();
+        let groups = grouped(&all, |axis| shared.is_along(axis));
+        let first = groups.iter().map(|group| &points[group[0]].params);
         let labels = shared.labels(&first.collect::<Vec<_>>());
-        let along = self.along;
-        let sorted = groups.into_iter().map(|(_, _, mut points)| {
+        let sorted = groups.into_iter().map(|group| {
+            let mut points: Vec<&Point> = group.into_iter().map(|place| &points[place]).collect();
             points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
             if along.is_of_shear() {
                 // Along a curve that folds back, the imposed quantity increases.
@@ -354,34 +322,31 @@ impl<'r> FigureSource<'r> {
     }
 
     /// The panel of some parameters.
-    pub(super) fn panel(&self, params: &Params) -> usize {
-        let same = |field: Option<&Params>| match (self.panels, field) {
-            (Some(axis), Some(field)) => axis.value(field) == axis.value(params),
-            _ => true,
-        };
-        self.panel_params
-            .iter()
-            .copied()
-            .position(same)
-            .unwrap_or(0)
+    fn panel(&self, params: &Params) -> usize {
+        let mut fields = self.panel_params.iter();
+        let place = self
+            .panels
+            .and_then(|axis| fields.position(|field| axis.value(field) == axis.value(params)));
+        place.unwrap_or(0)
     }
 
     /// The figure of curves along the axis.
     pub(super) fn figure_of(&self, curves: Vec<Curve>, y: String) -> Figure {
-        let values = || self.panel_params.iter().flatten().copied();
-        let words = self
-            .panels
-            .map(|axis| AxisWords::of(axis, self.units, &self.starts, values()));
-        let panel = |params: Option<&Params>| Panel {
-            title: match (&words, params) {
-                (Some(words), Some(params)) => words.named(params),
-                _ => String::new(),
-            },
+        let titles: Vec<String> = match self.panels {
+            None => vec![String::new()],
+            Some(axis) => {
+                let values = self.panel_params.iter().copied();
+                let words = AxisWords::of(axis, self.units, &self.report.starts, values.clone());
+                values.map(|params| words.named(params)).collect()
+            }
+        };
+        let panel = |title| Panel {
+            title,
             ..Panel::default()
         };
         Figure {
             curves,
-            panels: self.panel_params.iter().copied().map(panel).collect(),
+            panels: titles.into_iter().map(panel).collect(),
             x: self.units.label_of(self.along),
             y,
             log: self.log,
@@ -430,9 +395,8 @@ impl<'r> FigureSource<'r> {
             // One error has one bar: that of a viscosity is drawn along the vertical axis.
             if value.is_some() && down == 0.0 && up == 0.0 {
                 let ends = self.rates(point);
-                curve
-                    .across
-                    .extend(ends.map(|[from, to]| [from, to, number]));
+                let across = ends.map(|[from, to]| [from, to, number]);
+                curve.across.extend(across);
             }
         }
         curve
@@ -442,9 +406,8 @@ impl<'r> FigureSource<'r> {
     fn rates(&self, point: &Point) -> Option<[f64; 2]> {
         let along = self.along;
         let (_, stress) = point.params.last_shear();
-        let (stress, eta) = stress
-            .filter(|_| along.is_shear_rate())
-            .zip(point.viscosity)?;
+        let stress = stress.filter(|_| along.is_shear_rate())?;
+        let eta = point.viscosity?;
         let half = eta.ci95?;
         Some([half, -half].map(|reach| {
             // An interval that reaches a viscosity of 0 has no upper end.
@@ -454,33 +417,31 @@ impl<'r> FigureSource<'r> {
     }
 
     /// One line per curve of one quantity.
-    pub(super) fn of_points(&self, measured: Measured) -> Figure {
+    fn of_points(&self, measured: Measured) -> Figure {
         let Measured { label, unit, .. } = measured;
         let value = |point: &Point| {
             let factor = self.units.factor(unit, point.at())?;
             Some(measured.read(point)?.map(|part| factor * part))
         };
+        // A result without a value here, such as a stress at an infinite rate, is left out and not
+        // marked as missing.
+        let is_shown = |point: &&Point| match measured.read(point) {
+            Some([number, ..]) => number.is_finite() && self.has_scale(unit, point),
+            None => true,
+        };
         let curves = self.curves().into_iter().filter_map(|(label, mut points)| {
-            // A result without a value here, such as a stress at an infinite rate, is left out and
-            // not marked as missing.
-            let is_shown = |point: &Point| match measured.read(point) {
-                Some([number, ..]) => number.is_finite() && self.has_scale(unit, point),
-                None => true,
-            };
             points.retain(|point| is_shown(point));
             (!points.is_empty()).then(|| self.line(&points, label, &value))
         });
         let curves: Vec<Curve> = curves.collect();
         // A plateau that nothing reaches is left out.
         let log = self.log.map(|log| {
-            let has = |is_there: &dyn Fn(f64) -> bool| {
-                let mut points = curves.iter().flat_map(|curve| &curve.points);
-                points.any(|point| is_there(point.0))
-            };
-            let rests = self.along.is_shear_rate() && self.points().any(jammed_at_imposed_stress);
+            let points = || curves.iter().flat_map(|curve| &curve.points);
+            let mut all = self.report.points.iter();
+            let rests = self.along.is_shear_rate() && all.any(jammed_at_imposed_stress);
             LogAxis {
-                zero: log.zero && (has(&|x| x < log.low) || rests),
-                infinite: log.infinite && has(&|x| x > log.high),
+                zero: log.zero && (points().any(|point| point.0 < log.low) || rests),
+                infinite: log.infinite && points().any(|point| point.0 > log.high),
                 ..log
             }
         });
@@ -491,17 +452,13 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Four curves for each combination of values.
-    pub(super) fn contacts(&self) -> Figure {
+    fn contacts(&self) -> Figure {
         let counts = |point: &Point| {
             let contacts = point.number("contacts_per_sphere")?;
             let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
             let rolling = point.number("rolling_fraction").unwrap_or(0.0);
-            Some([
-                contacts,
-                activated,
-                activated * rolling,
-                activated * (1.0 - rolling),
-            ])
+            let of_kinds = [activated * rolling, activated * (1.0 - rolling)];
+            Some([contacts, activated, of_kinds[0], of_kinds[1]])
         };
         let names = ["in contact", "activated", "rolling", "slipping"];
         let mut curves = Vec::new();
@@ -520,43 +477,27 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Runs in time, or means over them.
-    pub(super) fn in_time(&self, traces: &[Trace]) -> Figure {
-        let labelled: Vec<(&str, &Params)> = traces
-            .iter()
-            .map(|trace| (trace.campaign.as_str(), &trace.params))
-            .collect();
-        let shared = Shared {
-            along: None,
-            panels: self.panels,
-            units: self.units,
-            starts: &self.starts,
-        };
-        let labels = shared.labels(&labelled);
+    fn in_time(&self, traces: &[Trace]) -> Figure {
+        let params: Vec<&Params> = traces.iter().map(|trace| &trace.params).collect();
+        let labels = self.shared(None).labels(&params);
+        let factor = self.units.viscosity_factor();
         let curves = traces.iter().zip(labels).map(|(trace, mut label)| {
-            let same = |other: &&Trace| {
-                other.campaign == trace.campaign
-                    && identity(&other.params) == identity(&trace.params)
-            };
+            let same = |other: &&Trace| identity(&other.params) == identity(&trace.params);
             if let Some(seed) = trace.seed {
                 label.words = label.with(&format!("seed {seed}"));
                 if traces.iter().filter(same).count() > 1 {
                     label.number = None;
                 }
             }
-            let factor = self.units.viscosity_factor();
             let points = trace.points.iter().map(|(x, estimate)| {
                 let [number, down, up] = plotted(*estimate).map(|part| factor * part);
                 (*x, number, down, up)
             });
+            let panel = self.panel(&trace.params);
             Curve {
                 discard: trace.discard,
                 runs: trace.runs,
-                ..Curve::new(
-                    label,
-                    points.collect(),
-                    CurveKind::Line,
-                    self.panel(&trace.params),
-                )
+                ..Curve::new(label, points.collect(), CurveKind::Line, panel)
             }
         });
         let label = self.units.label("relative viscosity η", "mu");
@@ -568,39 +509,18 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Adds the dilute limit of every fraction to its panel.
-    pub(super) fn add_dilute(&self, data: &mut Figure, traces: &[Trace]) {
-        let params: Vec<&Params> = if self.kind == Kind::Trace {
-            traces.iter().map(|trace| &trace.params).collect()
-        } else {
-            self.points().map(|point| &point.params).collect()
-        };
+    fn add_dilute<'p>(&self, data: &mut Figure, params: impl Iterator<Item = &'p Params>) {
         let factor = self.units.viscosity_factor();
         for params in params {
             let (limit, formula) = dilute_viscosity(params);
             let value = factor * limit;
             let panel = &mut data.panels[self.panel(params)];
-            if !panel
-                .dashed
-                .iter()
-                .any(|h| (h - value).abs() < 1e-9 * value)
-            {
+            let is_it = |known: &f64| (known - value).abs() < 1e-9 * value;
+            if !panel.dashed.iter().any(is_it) {
                 panel.dashed.push(value);
                 panel.dashed_label = Some(formula);
             }
         }
-    }
-
-    /// A note on doubtful runs.
-    fn doubtful(&self) -> Option<String> {
-        let number: u64 = self.reports.iter().map(|report| report.doubtful).sum();
-        (number > 0 && self.kind != Kind::Trace).then(|| {
-            let what = if self.reports.iter().any(|report| report.with_doubtful) {
-                "averaged too"
-            } else {
-                "left out"
-            };
-            format!("{} {what}", counted(number, "doubtful run"))
-        })
     }
 
     /// Where the jammed runs of a point are marked: in a flow curve at the imposed stress and a
@@ -647,11 +567,12 @@ fn trends(data: &Figure) -> Vec<Curve> {
 }
 
 /// Default axis of a figure: the first that varies.
-fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
+pub(in crate::report) fn default_axis(report: &Report, kind: Kind) -> &'static Axis {
+    let of_key = |key| Axis::of_key(key).unwrap_or(&AXES[0]);
     let first = match kind {
         Kind::Contacts => "friction",
         // Stress against rate, whether stress or rate is imposed.
-        Kind::FlowCurve => return Axis::of_key("shear_rate").unwrap_or(&AXES[0]),
+        Kind::FlowCurve => return of_key("shear_rate"),
         _ => "shear_rate",
     };
     let keys = [
@@ -663,12 +584,9 @@ fn default_axis(reports: &[Report], kind: Kind) -> &'static Axis {
         "friction",
     ];
     let numeric = AXES.iter().filter(|axis| axis.is_numeric());
-    let mut axes = keys.into_iter().filter_map(Axis::of_key).chain(numeric);
-    let points = || reports.iter().flat_map(|report| &report.points);
-    let varies = |axis: &&Axis| axis.varies(points().map(|point| &point.params));
-    axes.find(varies)
-        .or(Axis::of_key(first))
-        .unwrap_or(&AXES[0])
+    let mut axes = keys.map(of_key).into_iter().chain(numeric);
+    let varies = |axis: &&Axis| axis.varies(report.params());
+    axes.find(varies).unwrap_or(of_key(first))
 }
 
 /// Whether runs of it ended jammed under an imposed stress.

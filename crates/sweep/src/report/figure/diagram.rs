@@ -2,13 +2,13 @@
 
 use super::data::FigureSource;
 use super::outline::{Curve, CurveKind, Figure};
-use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;
-use crate::report::labels::Label;
+use crate::report::labels::{Label, differences};
 use crate::report::points::{Point, Report};
 use crate::report::states::{Flow, FlowCurve, grouped};
+use sd_core::Params;
 
 /// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
 const LIMITS: [(f64, &str); 2] = [(0.5, "d ln η/d ln σ = 0.5"), (1.0, "d ln η/d ln σ = 1")];
@@ -21,25 +21,23 @@ const MIN_POINTS: usize = 3;
 ///
 /// # Errors
 /// [`ReportError::Argument`] on unsuitable axes.
-pub(super) fn axes(
-    reports: &[Report],
-    drawing: &Drawing,
-) -> Result<[&'static Axis; 2], ReportError> {
+pub(super) fn axes(report: &Report, drawing: &Drawing) -> Result<[&'static Axis; 2], ReportError> {
     let of_key = |key| Axis::of_key(key).unwrap_or(&AXES[0]);
-    let mut points = reports.iter().flat_map(|report| &report.points);
-    let is_imposed = points.any(|point| point.params.shear_stress.is_some());
-    let usual = if is_imposed {
-        "shear_stress"
+    let is_imposed = |params: &Params| params.shear_stress.is_some();
+    let y = drawing
+        .y
+        .unwrap_or(of_key(if report.params().any(is_imposed) {
+            "shear_stress"
+        } else {
+            "shear_rate"
+        }));
+    let first = report.params().next();
+    let is_layer = first.is_none_or(|params| params.volume_fraction.is_none());
+    let x = drawing.x.unwrap_or(of_key(if is_layer {
+        "area_fraction"
     } else {
-        "shear_rate"
-    };
-    let y = drawing.y.unwrap_or(of_key(usual));
-    let mut points = reports.iter().flat_map(|report| &report.points);
-    let usual = match points.next().map(|point| &point.params) {
-        Some(params) if params.volume_fraction.is_some() => "volume_fraction",
-        _ => "area_fraction",
-    };
-    let x = drawing.x.unwrap_or(of_key(usual));
+        "volume_fraction"
+    }));
     if !y.is_of_shear() {
         return Err(ReportError::argument(
             "y",
@@ -66,18 +64,13 @@ impl FigureSource<'_> {
         let mut drawn = Vec::new();
         let mut enough = false;
         let (mut most_columns, mut most_points) = (0, 0);
-        for panel in 0..self.panel_params.len() {
-            let points: Vec<&Point> = self
-                .points()
-                .filter(|point| self.panel(&point.params) == panel)
-                .collect();
+        for (panel, points) in self.points_by_panel().into_iter().enumerate() {
             self.check_others(&points)?;
             let curves = flow_curves(&points, x);
-            let sizes: Vec<usize> = curves.iter().map(|curve| curve.points().len()).collect();
-            most_columns = most_columns.max(sizes.len());
-            most_points = most_points.max(sizes.iter().copied().max().unwrap_or(0));
-            let long = sizes.iter().filter(|size| **size >= MIN_POINTS).count();
-            enough |= long >= MIN_COLUMNS;
+            let sizes = || curves.iter().map(|curve| curve.points().len());
+            most_columns = most_columns.max(curves.len());
+            most_points = most_points.max(sizes().max().unwrap_or(0));
+            enough |= sizes().filter(|size| *size >= MIN_POINTS).count() >= MIN_COLUMNS;
             drawn.extend(self.markers(&curves, y, panel));
             drawn.extend(self.limits(&curves, y, panel));
         }
@@ -96,18 +89,11 @@ impl FigureSource<'_> {
 
     /// Refuses points that differ on another axis.
     fn check_others(&self, points: &[&Point]) -> Result<(), ReportError> {
-        let params = || points.iter().map(|point| &point.params);
-        let is_drawn = |axis: &Axis| axis.key == self.along.key || axis.is_of_shear();
-        let is_of_panels = |axis: &Axis| self.panels.is_some_and(|panels| panels.key == axis.key);
-        let others = AXES
-            .iter()
-            .filter(|axis| !is_drawn(axis) && !is_of_panels(axis) && axis.varies(params()));
-        let mut named = Vec::new();
-        for axis in others {
-            let values = axis.distinct(params().filter(|p| axis.means_something(p)));
-            let values: Vec<String> = values.iter().map(Value::to_string).collect();
-            named.push(format!("{} has {}", axis.key, values.join(", ")));
-        }
+        let params = points.iter().map(|point| &point.params);
+        let drawn = [Some(self.along), self.panels];
+        let named = differences(&params, |axis| {
+            axis.is_of_shear() || drawn.iter().flatten().any(|drawn| drawn.key == axis.key)
+        });
         if named.is_empty() {
             return Ok(());
         }
@@ -127,25 +113,29 @@ impl FigureSource<'_> {
                 Flow::Failed => CurveKind::Crosses,
                 _ => CurveKind::Points,
             };
+            let points = curves
+                .iter()
+                .flat_map(|curve| curve.points().iter().zip(curve.flows()));
+            let own = points.filter(|(_, state)| *state == Some(*flow));
+            let spots = own.map(|(point, _)| {
+                let height = self.units.along(y, point.at(), point.place(y));
+                (point, self.place(self.value(point)), height)
+            });
+            let spots: Vec<_> = spots.filter(|of| of.2 > 0.0 && of.2.is_finite()).collect();
+            let trend = |(point, x, height): &(&&Point, f64, f64)| {
+                Some((point.trend.as_ref()?.0, [*x, *height]))
+            };
+            let trends = spots.iter().filter_map(trend).collect();
+            let spots = spots
+                .into_iter()
+                .map(|(_, x, height)| (x, height, 0.0, 0.0));
             Curve {
                 index,
-                ..Curve::new(Label::from(flow.name()), Vec::new(), kind, panel)
+                trends,
+                ..Curve::new(Label::from(flow.name()), spots.collect(), kind, panel)
             }
         };
-        let mut states: Vec<Curve> = Flow::ALL.iter().enumerate().map(of_state).collect();
-        for curve in curves {
-            for (point, flow) in curve.points().iter().zip(curve.flows()) {
-                let height = self.height(point, y);
-                let place = Flow::ALL.iter().position(|known| Some(*known) == flow);
-                if let Some(place) = place.filter(|_| height > 0.0 && height.is_finite()) {
-                    let x = self.place(self.value(point));
-                    states[place].points.push((x, height, 0.0, 0.0));
-                    let trend = point.trend.as_ref().map(|(trend, _)| (*trend, [x, height]));
-                    states[place].trends.extend(trend);
-                }
-            }
-        }
-        states
+        Flow::ALL.iter().enumerate().map(of_state).collect()
     }
 
     /// The lines at which slopes pass the limits: rising ones and falling ones, each interrupted
@@ -174,16 +164,11 @@ impl FigureSource<'_> {
         }
         lines
     }
-
-    /// Position of a point along the vertical axis, in the units requested.
-    fn height(&self, point: &Point, y: &Axis) -> f64 {
-        self.units.along(y, point.at(), point.place(y))
-    }
 }
 
 /// The points of each value of an axis as flow curves, in the order of the values.
 fn flow_curves<'p>(points: &[&'p Point], x: &Axis) -> Vec<FlowCurve<'p>> {
-    let mut columns: Vec<Vec<&'p Point>> = grouped(points)
+    let mut columns: Vec<Vec<&'p Point>> = grouped(points, Axis::is_of_shear)
         .into_iter()
         .map(|group| group.into_iter().map(|place| points[place]).collect())
         .collect();

@@ -20,7 +20,7 @@ pub fn draw_graphs(
     graphs: &[Graph<'_>],
     axes: [&str; 2],
     title: &str,
-) -> Result<Vec<u8>, ReportError> {
+) -> Result<String, ReportError> {
     let curve = |(index, (label, points)): (usize, &Graph<'_>)| {
         let points = points.iter().map(|[x, y]| (*x, Estimate::bare(*y)));
         Curve::of_values(label, points, CurveKind::Line, index)
@@ -39,7 +39,7 @@ pub(in crate::report) fn draw_curves(
     [x, y]: [&str; 2],
     [is_logarithmic, is_linear]: [bool; 2],
     origin: &Origin,
-) -> Result<Vec<u8>, ReportError> {
+) -> Result<String, ReportError> {
     let number = curves.iter().map(|curve| curve.index + 1).max();
     let number = number.unwrap_or(0);
     if number > ORDERED_CURVES {
@@ -83,7 +83,6 @@ mod tests {
         let curve = Curve::of_values("", points, CurveKind::Line, 0);
         let origin = Origin::of_lines("a path", &[]);
         let svg = draw_curves(vec![curve], ["r", "g"], [false, is_linear], &origin).unwrap();
-        let svg = String::from_utf8(svg).unwrap();
         ["0", "0.00", "0.001"].map(|label| svg.matches(&format!(">{label}<")).count())
     }
 

@@ -25,7 +25,7 @@ const SAMPLE: f64 = 2.2;
 const ROW: f64 = 1.35;
 
 /// A figure as a file.
-pub(super) fn draw(outline: &Outline, origin: &Origin) -> Vec<u8> {
+pub(super) fn draw(outline: &Outline, origin: &Origin) -> String {
     let layout = Layout::of(outline, outline.width);
     let mut svg = SvgWriter::default();
     for (number, panel) in outline.panels.iter().enumerate() {

@@ -10,7 +10,7 @@ const KEY: usize = 16;
 pub(in crate::report) struct Origin {
     /// One line.
     pub(super) title: String,
-    /// All lines: campaigns, the programs that computed them, runs by their keys.
+    /// All lines: the campaign, the programs that computed it, runs by their keys.
     pub(in crate::report) text: String,
 }
 
@@ -18,21 +18,17 @@ pub(in crate::report) struct Origin {
 pub(super) const PROGRAM: &str = concat!("sweep ", env!("CARGO_PKG_VERSION"));
 
 impl Origin {
-    /// The origin of a figure of reports.
-    pub(in crate::report) fn of(reports: &[Report]) -> Self {
-        let names: Vec<&str> = reports.iter().map(|r| r.campaign.as_str()).collect();
-        let mut lines = Vec::new();
-        for report in reports {
-            lines.push(format!("campaign {}", report.campaign));
-            if !report.selection.is_everything() {
-                lines.push(format!("only where {}", report.selection));
-            }
-            let programs = report.programs().into_iter();
-            lines.extend(programs.map(|program| format!("computed by {program}")));
-            let keys = report.keys.iter().map(|key| key.get(..KEY).unwrap_or(key));
-            lines.push(format!("keys {}", keys.collect::<Vec<_>>().join(" ")));
+    /// The origin of a figure of a report.
+    pub(in crate::report) fn of(report: &Report) -> Self {
+        let mut lines = vec![format!("campaign {}", report.campaign)];
+        if !report.selection.is_everything() {
+            lines.push(format!("only where {}", report.selection));
         }
-        Self::of_lines(&names.join(", "), &lines)
+        let programs = report.programs().into_iter();
+        lines.extend(programs.map(|program| format!("computed by {program}")));
+        let keys = report.keys.iter().map(|key| key.get(..KEY).unwrap_or(key));
+        lines.push(format!("keys {}", keys.collect::<Vec<_>>().join(" ")));
+        Self::of_lines(&report.campaign, &lines)
     }
 
     /// An origin with a title and these lines.

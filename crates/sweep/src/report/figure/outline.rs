@@ -196,40 +196,31 @@ impl Figure {
             curve.discard = curve.discard.filter(|d| shaded.is_none() && *d > 0.0);
         }
         let size = Outline::of_panels(Vec::new()).tick_size;
-        let labelled = self
-            .panels
-            .iter()
-            .position(|panel| !panel.dashed.is_empty());
+        let is_dashed = |panel: &Panel| !panel.dashed.is_empty();
+        let labelled = self.panels.iter().position(is_dashed);
         let formula = labelled.and_then(|place| self.panels[place].dashed_label);
         let has = |is_there: fn(&Curve) -> bool| self.curves.iter().any(is_there);
+        let jams = has(|curve| !curve.jammed.is_empty()).then_some("runs jammed");
+        let missing = has(|curve| !curve.missing.is_empty()).then_some("no result");
+        let ends = has(|curve| curve.discard.is_some()).then_some("end of the strain discarded");
         let notes = [
-            (formula.is_some(), formula.unwrap_or_default(), None),
-            (
-                has(|c| !c.jammed.is_empty()),
-                "runs jammed",
-                Some(Marker::Cross),
-            ),
-            (
-                has(|c| !c.missing.is_empty()),
-                "no result",
-                Some(Marker::Cross),
-            ),
-            (
-                has(|c| c.discard.is_some()),
-                "end of the strain discarded",
-                Some(Marker::Bar),
-            ),
+            (formula, None),
+            (jams, Some(Marker::Cross)),
+            (missing, Some(Marker::Cross)),
+            (ends, Some(Marker::Bar)),
         ];
-        let notes = notes.into_iter().filter(|note| note.0);
-        let notes = notes.map(|(_, label, marker)| Curve {
-            label: label.into(),
-            colour: Colour::GREY,
-            marker,
-            marker_size: 0.25 * size,
-            width: if marker.is_some() { 0.8 } else { 0.4 },
-            dashes: marker.is_none().then_some([4.5, 3.0]),
-            ..Curve::default()
-        });
+        let note = |(label, marker): (Option<&str>, Option<Marker>)| {
+            Some(Curve {
+                label: label?.into(),
+                colour: Colour::GREY,
+                marker,
+                marker_size: 0.25 * size,
+                width: if marker.is_some() { 0.8 } else { 0.4 },
+                dashes: marker.is_none().then_some([4.5, 3.0]),
+                ..Curve::default()
+            })
+        };
+        let notes = notes.into_iter().filter_map(note);
         let notes = self.band_note(size).into_iter().chain(notes).collect();
         for (place, panel) in self.panels.iter_mut().enumerate() {
             panel.dashed_label = panel.dashed_label.filter(|_| labelled == Some(place));
@@ -249,11 +240,8 @@ impl Figure {
     fn band_note(&self, size: f64) -> Option<Curve> {
         let mut banded = self.curves.iter().filter(|curve| curve.has_band);
         let first = banded.next()?.runs;
-        let number = if banded.all(|curve| curve.runs == first) {
-            format!("{first} ")
-        } else {
-            String::new()
-        };
+        let number = Some(format!("{first} ")).filter(|_| banded.all(|curve| curve.runs == first));
+        let number = number.unwrap_or_default();
         Some(Curve {
             label: format!("mean of {number}runs, 95 % interval"),
             colour: Colour::PALE,
@@ -271,20 +259,15 @@ impl Figure {
     /// The vertical axis of all panels.
     fn vertical(&self) -> Scale {
         let label = self.y.clone();
-        let limits = || {
-            self.panels
-                .iter()
-                .flat_map(|panel| panel.dashed.iter().copied())
-        };
+        let limits = || self.panels.iter().flat_map(|panel| panel.dashed.clone());
         let jammed = || {
             let all = self.curves.iter().flat_map(|curve| &curve.jammed);
             all.map(|[_, height]| *height)
                 .filter(|height| height.is_finite())
         };
         let [low, high] = extent(self.points().map(|point| point.1).chain(jammed()));
-        let ends = self
-            .points()
-            .flat_map(|(_, y, down, up)| [y - down, y + up]);
+        let points = self.points();
+        let ends = points.flat_map(|(_, y, down, up)| [y - down, y + up]);
         let [down, up] = extent(ends.chain(limits()).chain(jammed()));
         // All positive, and more than a decade.
         if !self.is_linear && low > 0.0 && high > 10.0 * low {
@@ -317,11 +300,8 @@ impl Figure {
         if is_near_zero && curves.all(|curve| curve.kind == CurveKind::Line) {
             return Scale::linear(label, 0.0, high);
         }
-        let span = if high > low {
-            high - low
-        } else {
-            high.abs().max(1.0)
-        };
+        let span = Some(high - low).filter(|span| *span > 0.0);
+        let span = span.unwrap_or(high.abs().max(1.0));
         Scale::linear(label, low - 0.05 * span, high + 0.05 * span)
     }
 }
@@ -409,11 +389,7 @@ impl Curve {
         };
         let is_mark = matches!(self.kind, CurveKind::Trend(_));
         self.marker_size = if is_mark { 1.8 } else { 1.0 } * MARKER_SIZE;
-        self.width = if is_line || is_mark {
-            0.7 * LINE_WIDTH
-        } else {
-            LINE_WIDTH
-        };
+        self.width = if is_line || is_mark { 0.7 } else { 1.0 } * LINE_WIDTH;
         self.dashes = DASHES[self.index % DASHES.len()].filter(|_| is_line);
     }
 }

@@ -12,52 +12,24 @@ pub(super) const CURVES: usize = 8;
 pub(super) const ORDERED_CURVES: usize = 32;
 
 /// Colours of curves, the first for the first.
+#[rustfmt::skip]
 pub(in crate::report) const COLOURS: [Colour; CURVES] = [
-    Colour(0x0072b2),
-    Colour(0xd55e00),
-    Colour(0x000000),
-    Colour(0x00b4b4),
-    Colour(0x961e0f),
-    Colour(0xa55aff),
-    Colour(0xe1a578),
-    Colour(0x0000e1),
-];
-
-/// Colours of curves on a dark background.
-pub(in crate::report) const COLOURS_ON_DARK: [Colour; CURVES] = [
-    Colour(0x4aa8e0),
-    Colour(0xf0803c),
-    Colour(0xf2f2f2),
-    Colour(0x00c8b8),
-    Colour(0xe0685c),
-    Colour(0xc49cff),
-    Colour(0xe1c08a),
-    Colour(0x7a86ff),
+    Colour(0x0072b2), Colour(0xd55e00), Colour(0x000000), Colour(0x00b4b4), Colour(0x961e0f),
+    Colour(0xa55aff), Colour(0xe1a578), Colour(0x0000e1),
 ];
 
 /// Markers of curves.
-pub(in crate::report) const MARKERS: [Marker; CURVES] = [
-    Marker::Circle,
-    Marker::HollowSquare,
-    Marker::Triangle,
-    Marker::HollowDiamond,
-    Marker::TriangleDown,
-    Marker::HollowCircle,
-    Marker::Square,
-    Marker::HollowTriangle,
+#[rustfmt::skip]
+pub(super) const MARKERS: [Marker; CURVES] = [
+    Marker::Circle, Marker::HollowSquare, Marker::Triangle, Marker::HollowDiamond,
+    Marker::TriangleDown, Marker::HollowCircle, Marker::Square, Marker::HollowTriangle,
 ];
 
 /// Nodes of a map of increasing lightness, evenly spaced. Its yellow end is left out on white.
+#[rustfmt::skip]
 pub(in crate::report) const HEAT: [Colour; 9] = [
-    Colour(0x440154),
-    Colour(0x46327e),
-    Colour(0x365c8d),
-    Colour(0x277f8e),
-    Colour(0x1fa187),
-    Colour(0x35b779),
-    Colour(0x4ac16d),
-    Colour(0x6ccd5a),
-    Colour(0xfde725),
+    Colour(0x440154), Colour(0x46327e), Colour(0x365c8d), Colour(0x277f8e), Colour(0x1fa187),
+    Colour(0x35b779), Colour(0x4ac16d), Colour(0x6ccd5a), Colour(0xfde725),
 ];
 
 /// A colour, 0xRRGGBB.

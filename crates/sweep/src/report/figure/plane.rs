@@ -80,7 +80,7 @@ pub(in crate::report) struct PlanePicture {
 }
 
 /// A picture as a file.
-pub(in crate::report) fn draw_plane(picture: &PlanePicture, origin: &Origin) -> Vec<u8> {
+pub(in crate::report) fn draw_plane(picture: &PlanePicture, origin: &Origin) -> String {
     let [low, high] = picture.ends;
     let axis = |label: &str| Scale::linear(label.to_owned(), low, high);
     let outline = Outline::of_panels(vec![Panel {
@@ -117,10 +117,8 @@ pub(in crate::report) fn draw_plane(picture: &PlanePicture, origin: &Origin) -> 
         }
         let middle = y + 0.5 * ROW * size;
         // The widest sample has the standard length, its round ends included.
-        let widest = strokes
-            .iter()
-            .map(|(_, width)| 0.5 * width * per_a)
-            .fold(0.0, f64::max);
+        let widths = strokes.iter().map(|(_, width)| 0.5 * width * per_a);
+        let widest = widths.fold(0.0, f64::max);
         let ends = [[x + widest, middle], [x + SAMPLE * size - widest, middle]];
         for (colour, width) in strokes {
             let stroke = Stroke {
@@ -195,13 +193,12 @@ impl PanelView<'_> {
                 }
                 for number in 0..SHADES {
                     let part = number as f64 / (SHADES - 1) as f64;
-                    let colour = if part < 0.5 {
-                        colour.mixed(Colour::INK, 0.4 * (1.0 - 2.0 * part))
-                    } else {
-                        colour.mixed(Colour::WHITE, 0.45 * (2.0 * part - 1.0))
+                    let (other, most) = match part {
+                        ..0.5 => (Colour::INK, 0.4),
+                        _ => (Colour::WHITE, 0.45),
                     };
-                    let shift = 0.42 * part * radius;
-                    let radius = (1.0 - 0.88 * part) * radius;
+                    let colour = colour.mixed(other, most * (2.0 * part - 1.0).abs());
+                    let (shift, radius) = (0.42 * part * radius, (1.0 - 0.88 * part) * radius);
                     let rim = rim.filter(|_| number == 0);
                     svg.disc([x - shift, y - shift], radius, colour, rim);
                 }
@@ -216,20 +213,15 @@ fn scale([low, high]: [f64; 2]) -> Scale {
 }
 
 impl Key {
-    /// The labels beside its colours.
-    fn words(&self) -> Vec<String> {
-        match self {
-            Self::Numbers { ends, .. } => {
-                let ticks = scale(*ends).ticks.into_iter();
-                ticks.map(|(_, words)| words).collect()
-            }
-            Self::Kinds { kinds, .. } => kinds.iter().map(|(_, words)| words.clone()).collect(),
-        }
-    }
-
     /// The width of its labels.
     fn widest(&self, size: f64) -> f64 {
-        let [_, widest] = extent(self.words().iter().map(|words| font::width(words, size)));
+        let width = |words: &String| font::width(words, size);
+        let [_, widest] = match self {
+            Self::Numbers { ends, .. } => {
+                extent(scale(*ends).ticks.iter().map(|(_, words)| width(words)))
+            }
+            Self::Kinds { kinds, .. } => extent(kinds.iter().map(|(_, words)| width(words))),
+        };
         widest.max(0.0)
     }
 

@@ -291,19 +291,11 @@ pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
 
 /// Ten to a power: 10⁻³.
 pub(in crate::report) fn power_of_ten(power: &str) -> String {
-    let digits: String = power
-        .chars()
-        .map(|digit| match digit {
-            '-' => '⁻',
-            '1' => '¹',
-            '2' => '²',
-            '3' => '³',
-            digit => digit
-                .to_digit(10)
-                .and_then(|value| char::from_u32(0x2070 + value))
-                .unwrap_or(digit),
-        })
-        .collect();
+    let superscript = |digit: char| match digit.to_digit(10) {
+        Some(digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit as usize).unwrap_or('⁰'),
+        None => '⁻',
+    };
+    let digits: String = power.chars().map(superscript).collect();
     format!("10{digits}")
 }
 

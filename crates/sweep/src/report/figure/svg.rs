@@ -233,7 +233,7 @@ impl SvgWriter {
     }
 
     /// The file of a page of this size: in millimetres, with a view box in points and its origin.
-    pub(super) fn file(self, [width, height]: [f64; 2], origin: &Origin) -> Vec<u8> {
+    pub(super) fn file(self, [width, height]: [f64; 2], origin: &Origin) -> String {
         let [w, h] = [width, height].map(rounded);
         let [mm_wide, mm_high] = [width, height].map(|points| points / PER_MM);
         format!(
@@ -247,7 +247,6 @@ impl SvgWriter {
             origin = escaped(&origin.text),
             body = self.body,
         )
-        .into_bytes()
     }
 }
 
@@ -291,7 +290,6 @@ mod tests {
             false,
         );
         let whole = svg.file([10.0, 20.0], &Origin::of_lines("<t>", &[]));
-        let whole = String::from_utf8(whole).unwrap();
         let line = ">F<tspan dy=\"1.6\" font-size=\"7.2\">crit</tspan><tspan dy=\"-1.6\">/a² &lt; 1 &amp; &lt;b&gt;</tspan></text>";
         assert!(
             whole.contains(line) && whole.contains("<title>&lt;t&gt;"),

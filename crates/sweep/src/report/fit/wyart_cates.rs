@@ -45,6 +45,13 @@ pub(crate) struct Datum {
     pub runs: Vec<f64>,
 }
 
+impl Datum {
+    /// Mean of its runs.
+    pub(crate) fn mean(&self) -> f64 {
+        mean(&self.runs)
+    }
+}
+
 /// A fit.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fit {
@@ -72,23 +79,19 @@ impl Fit {
 /// Fits the model, with intervals by a number of bootstrap replicates. `None` if no parameters
 /// describe the points.
 pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
-    let errors = errors(data);
-    let heights: Vec<f64> = data.iter().map(|datum| mean(&datum.runs).ln()).collect();
     let problem = Problem {
         data,
-        heights,
-        errors,
+        heights: data.iter().map(|datum| datum.mean().ln()).collect(),
+        errors: errors(data),
     };
     let best = problem.solve()?;
     let mut found: Vec<Inner> = Vec::with_capacity(replicates);
     let freedom: usize = data.iter().map(|datum| datum.runs.len() - 1).sum();
     if freedom > 0 {
         for replicate in 0..replicates {
-            let heights = resampled(data, replicate as u64);
             let problem = Problem {
-                data,
-                heights,
-                errors: problem.errors.clone(),
+                heights: resampled(data, replicate as u64),
+                ..problem.clone()
             };
             found.extend(problem.descend(best).map(|(inner, _)| inner));
         }
@@ -107,20 +110,15 @@ pub(crate) fn fit(data: &[Datum], replicates: usize) -> Option<Fit> {
             })
         })
     });
-    let fitted = data
-        .iter()
-        .map(|datum| logarithm(&best, datum.fraction, datum.stress).unwrap_or(f64::NAN));
+    let residual = |(datum, own): (&Datum, &f64)| {
+        own - logarithm(&best, datum.fraction, datum.stress).unwrap_or(f64::NAN)
+    };
     let values: [f64; PARAMETERS] = std::array::from_fn(|k| outer(k, best[k]));
     Some(Fit {
         undetermined: problem.undetermined(&best, &values, intervals.as_ref()),
         values,
         intervals,
-        residuals: problem
-            .heights
-            .iter()
-            .zip(fitted)
-            .map(|(own, fit)| own - fit)
-            .collect(),
+        residuals: data.iter().zip(&problem.heights).map(residual).collect(),
         replicates: found.len(),
     })
 }
@@ -142,19 +140,12 @@ fn logarithm(inner: &Inner, fraction: f64, stress: f64) -> Option<f64> {
 fn errors(data: &[Datum]) -> Vec<f64> {
     let (mut squares, mut freedom) = (0.0, 0.0);
     for datum in data {
-        let mean = mean(&datum.runs);
-        squares += datum
-            .runs
-            .iter()
-            .map(|run| (run / mean - 1.0).powi(2))
-            .sum::<f64>();
+        let mean = datum.mean();
+        let deviations = datum.runs.iter().map(|run| (run / mean - 1.0).powi(2));
+        squares += deviations.sum::<f64>();
         freedom += datum.runs.len() as f64 - 1.0;
     }
-    let variance = if freedom > 0.0 {
-        squares / freedom
-    } else {
-        0.0
-    };
+    let variance = squares / f64::max(freedom, 1.0);
     let error = |datum: &Datum| (variance / datum.runs.len() as f64 + FLOOR * FLOOR).sqrt();
     data.iter().map(error).collect()
 }
@@ -179,7 +170,7 @@ fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
     data.iter()
         .map(|datum| {
             let n = datum.runs.len();
-            let own = mean(&datum.runs);
+            let own = datum.mean();
             if n < 2 {
                 return own.ln();
             }
@@ -192,6 +183,7 @@ fn resampled(data: &[Datum], replicate: u64) -> Vec<f64> {
 }
 
 /// The data of the fit.
+#[derive(Clone)]
 struct Problem<'d> {
     data: &'d [Datum],
     /// ln η of each point.
@@ -202,11 +194,9 @@ struct Problem<'d> {
 impl Problem<'_> {
     /// The best parameters from many starts.
     fn solve(&self) -> Option<Inner> {
-        let mut starts: Vec<(f64, Inner)> = self
-            .starts()
-            .into_iter()
-            .filter_map(|start| Some((self.cost(&start)?, start)))
-            .collect();
+        let starts = self.starts().into_iter();
+        let starts = starts.filter_map(|start| Some((self.cost(&start)?, start)));
+        let mut starts: Vec<(f64, Inner)> = starts.collect();
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         let ends = starts.iter().take(FOLLOWED);
         let ends = ends.filter_map(|(_, start)| self.descend(*start));
@@ -217,29 +207,19 @@ impl Problem<'_> {
     /// Initial parameters: c_0 and c_m above all fractions by different amounts, σ_c within the
     /// stresses.
     fn starts(&self) -> Vec<Inner> {
-        let densest = self
-            .data
-            .iter()
-            .map(|datum| datum.fraction)
-            .fold(0.0, f64::max);
+        let fractions = self.data.iter().map(|datum| datum.fraction);
+        let densest = fractions.fold(0.0, f64::max);
         let mut stresses: Vec<f64> = self.data.iter().map(|datum| datum.stress).collect();
         stresses.retain(|stress| *stress > 0.0 && stress.is_finite());
         stresses.sort_by(f64::total_cmp);
         let mut starts = Vec::new();
-        for above in [0.01, 0.03, 0.06, 0.12, 0.25] {
-            for below in [-0.02, 0.005, 0.02, 0.06, 0.12] {
-                for quarter in 1..4 {
-                    let Some(stress) = stresses.get(stresses.len() * quarter / 4) else {
-                        continue;
-                    };
+        let quarters = (1..4).filter_map(|quarter| stresses.get(stresses.len() * quarter / 4));
+        let stresses: Vec<f64> = quarters.copied().collect();
+        for above in [0.01, 0.03, 0.06, 0.12, 0.25].map(|above| densest + above) {
+            for below in [-0.02, 0.005, 0.02, 0.06, 0.12].map(|below| above - below) {
+                for stress in &stresses {
                     for beta in [0.6_f64, 1.2] {
-                        let mut start = Inner::from([
-                            densest + above,
-                            densest + above - below,
-                            stress.ln(),
-                            beta.ln(),
-                            0.0,
-                        ]);
+                        let mut start = Inner::from([above, below, stress.ln(), beta.ln(), 0.0]);
                         // The prefactor follows from the others.
                         if let Some(residuals) = self.residuals(&start) {
                             let off = residuals.iter().zip(&self.errors).map(|(r, e)| r * e);
@@ -323,16 +303,10 @@ impl Problem<'_> {
         values: &[f64; PARAMETERS],
         intervals: Option<&[[f64; 2]; PARAMETERS]>,
     ) -> Vec<&'static str> {
-        let covariance = self
-            .normal(inner)
-            .and_then(|(normal, _)| normal.try_inverse());
-        let is_vague = |k: &usize| {
-            let k = *k;
-            let most = if k < 2 {
-                VAGUE_FRACTION
-            } else {
-                VAGUE_LOGARITHM
-            };
+        let normal = self.normal(inner);
+        let covariance = normal.and_then(|(normal, _)| normal.try_inverse());
+        let is_vague = |&k: &usize| {
+            let most = [VAGUE_FRACTION, VAGUE_LOGARITHM][usize::from(k > 1)];
             let variance = covariance.map_or(f64::INFINITY, |matrix| matrix[(k, k)]);
             let is_known = (0.0..most * most).contains(&variance);
             // The bootstrap sees more than the curvature at the best parameters.
@@ -354,11 +328,8 @@ impl Problem<'_> {
             let mut moved = *inner;
             moved[place] += step;
             let there = self.residuals(&moved)?;
-            let slopes = there
-                .iter()
-                .zip(residuals)
-                .map(|(there, here)| (there - here) / step);
-            Some(slopes.collect())
+            let pairs = there.iter().zip(residuals);
+            Some(pairs.map(|(there, here)| (there - here) / step).collect())
         })
     }
 }

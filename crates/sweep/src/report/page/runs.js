@@ -1,46 +1,30 @@
 /* The runs of a point: traces and movies. */
-let cursor_place = null;
-
 function choose(index, quietly) {
   chosen = index;
   const point = data.points[index];
   $('runs').hidden = false;
-  $('point').textContent = name_of(point, varying().length ? varying() : [fraction(), 'shear_rate']);
-  const runs = data.runs.filter(run => run.point === index);
-  const traced = runs.filter(run => run.trace.length > 1);
-  const svg = $('trace');
-  cursor_place = null;
-  traced_table = { head: ['key', 'seed', 'strain', data.viscosity_label], rows: traced.flatMap(run => run.trace.map(p => [run.key, run.seed, ...p])) };
-  if (traced.length) {
-    const maps = in_time(svg, traced.map((run, n) => ({ trace: run.trace, colour: colour(n, traced.length) })), narrow() ? 260 : 280, Math.max(...traced.map(run => run.discard ?? 0)));
-    cursor_place = { ...maps, line: draw('line', { class: 'cursor', y1: maps.top, y2: maps.bottom }) };
-    cursor_place.line.style.display = 'none';
-    svg.append(cursor_place.line);
-  } else nothing(svg, 'no samples yet');
-  svg.setAttribute('aria-label', `viscosity against strain of ${traced.length} ${traced.length === 1 ? 'run' : 'runs'} at ${$('point').textContent}`);
-  numbers('trace-numbers', traced_table);
-  const table = make('table');
-  const head = make('tr');
-  for (const name of ['', 'seed', data.viscosity_label, 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
+  $('point').textContent = point.name;
+  show('trace', point.trace, 'runs.svg?point=' + index, 'viscosity against strain, ' + point.name);
+  const runs = data.runs.filter(run => run.point === index), table = make('table'), head = make('tr');
+  for (const name of ['seed', data.viscosity_label, 'state', 'movie', 'time / s', 'key']) head.append(make('th', { scope: 'col' }, name));
   table.append(head);
   for (const run of runs) {
-    const row = make('tr'), place = traced.indexOf(run), first = make('td');
-    if (place >= 0) first.append(swatch(place, colour(place, traced.length), true));
-    const cell = make('td');
+    const row = make('tr'), cell = make('td');
     if (data.movies[run.key]) {
       const button = make('button', { type: 'button', 'aria-label': `play the movie of seed ${run.seed}` }, 'play');
       button.onclick = async () => { if (await watch(run)) play(); $('movie').scrollIntoView({ block: 'nearest' }); };
       cell.append(button);
     } else cell.textContent = '–';
-    row.append(first, make('td', {}, run.seed), make('td', {}, show(run.viscosity)), make('td', {}, run.state + (run.doubts.length ? `, ${run.doubts.join(', ')}` : '')), cell, make('td', {}, show(run.wall_time_s)), make('td', { class: 'name' }, run.key.slice(0, 10)));
+    row.append(make('td', {}, run.seed), make('td', {}, run.viscosity), make('td', {}, run.state), cell, make('td', {}, run.time), make('td', { class: 'name' }, run.key.slice(0, 10)));
     table.append(row);
   }
   $('run-list').replaceChildren(table);
-  if (quietly) { cursor(); return; }
+  for (const button of document.querySelectorAll('#points button')) button.setAttribute('aria-pressed', button.dataset.index === String(index));
+  /* Beside the runs the table is narrower. */
+  cue();
+  if (quietly) return;
   const first = runs.find(run => data.movies[run.key]);
   if (first) watch(first); else { stop(); movie = asked = null; $('movie').hidden = true; }
-  plot();
-  document.querySelector(`#plot [data-index="${index}"]`)?.focus({ preventScroll: true });
   $('runs').scrollIntoView({ block: 'nearest' });
 }
 
@@ -69,14 +53,6 @@ async function watch(run) {
   $('scrub').max = movie.frames.length - 1;
   picture();
   return true;
-}
-/* The cursor of the trace marks the strain of the frame. */
-function cursor() {
-  if (!cursor_place) return;
-  const strain = movie?.frames[at]?.strain, line = cursor_place.line;
-  line.style.display = strain === undefined ? 'none' : '';
-  if (strain === undefined) return;
-  line.setAttribute('x1', cursor_place.X(strain)); line.setAttribute('x2', cursor_place.X(strain));
 }
 /* The quantity that spheres are coloured by, for each sphere. */
 function measure(kind, n, radius) {
@@ -123,7 +99,7 @@ function picture() {
     }
   };
   const kind = $('paint').value, numbers = kind ? measure(kind, n, radius) : null, [low, high] = kind ? ends_of(kind, n, radius) : [0, 1];
-  $('meaning').textContent = kind ? `${MEASURES[kind]}: ${show(+low.toPrecision(2))} (dark) to ${show(+high.toPrecision(2))} (light)` : '';
+  $('meaning').textContent = kind ? `${MEASURES[kind]}: ${+low.toPrecision(2)} (dark) to ${+high.toPrecision(2)} (light)` : '';
   const paper = ink('--paper'), soft = ink('--soft');
   pen.lineWidth = .06;
   /* A suspension is viewed along the vorticity: the nearest spheres are drawn last. */
@@ -137,7 +113,7 @@ function picture() {
       pen.beginPath(); pen.moveTo(px + .35 * a * Math.cos(angle), py + .35 * a * Math.sin(angle)); pen.lineTo(px + .85 * a * Math.cos(angle), py + .85 * a * Math.sin(angle)); pen.stroke();
     });
   }
-  const colours = [soft, ink('--c0'), ink('--c1')];
+  const colours = [soft, ink('--rolling'), ink('--slipping')];
   pen.lineCap = 'round';
   for (const [i, j, state, nx, ny, force] of f.contacts) {
     const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), r = radius(i) + radius(j);
@@ -149,8 +125,4 @@ function picture() {
   const of_state = number => f.contacts.filter(contact => contact[2] === number).length;
   canvas.setAttribute('aria-label', `the ${f.z ? 'suspension, viewed along the vorticity,' : 'layer'} at a strain of ${f.strain.toFixed(2)}: ${n} spheres and ${f.contacts.length} contacts, of which ${of_state(0)} frictionless, ${of_state(1)} rolling, ${of_state(2)} slipping`);
   $('strain').textContent = `${f.strain.toFixed(2)}, ${f.contacts.length} contacts`;
-  cursor();
 }
-$('play').onclick = () => timer ? stop() : play();
-$('scrub').oninput = () => { stop(); at = +$('scrub').value; picture(); };
-$('paint').onchange = picture;

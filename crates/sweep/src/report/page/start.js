@@ -1,63 +1,61 @@
-/* Controls, and updates from a server. */
-const VIEWS = { curve: plot_curves, flow: plot_curves, contacts: plot_curves, histogram: plot_histogram, map: plot_map, versus: plot_versus };
-/* The views that have each control. */
-const HAS = { quantity: ['curve', 'map'], along: ['curve', 'contacts'], log: ['curve', 'flow', 'contacts'], bands: ['curve', 'flow'], 'map-x': ['map'], 'map-y': ['map'], 'run-a': ['versus'], 'run-b': ['versus'] };
-
-function plot() {
-  const view = $('view').value, focused = document.activeElement?.dataset?.index;
-  for (const [id, views] of Object.entries(HAS)) $(id).closest('label').hidden = !views.includes(view);
-  $('filters').hidden = view === 'versus';
-  $('tip').hidden = true;
-  $('remark').textContent = '';
-  $('note').textContent = '';
-  shown_table = { head: [], rows: [] };
-  VIEWS[view](view);
-  numbers('plot-numbers', shown_table);
-  if (focused !== undefined) $('plot').querySelector(`[data-index="${CSS.escape(focused)}"]`)?.focus();
-}
-function controls() {
-  const keep = (select, options, preferred) => {
-    const before = select.value;
-    select.replaceChildren(...options.map(([value, name]) => make('option', { value }, name)));
-    select.value = options.some(o => o[0] === before) ? before : options.some(o => o[0] === preferred) ? preferred : options[0]?.[0];
-  };
-  keep($('quantity'), Object.entries(QUANTITIES), 'viscosity');
-  const axes = varying(), numeric = axes.filter(a => AXIS[a].numeric), name = a => [a, AXIS[a].symbol];
-  /* The imposed rate or stress, if it varies. */
-  const shear = ['shear_rate', 'shear_stress'].find(a => axes.includes(a));
-  keep($('along'), (numeric.length ? numeric : ['shear_rate']).map(name), shear);
-  keep($('map-x'), axes.map(name), shear ?? axes[0]);
-  keep($('map-y'), axes.map(name), axes.find(a => a !== $('map-x').value));
-  const runs = data.runs.map(run => [run.key, run_name(run)]);
-  keep($('run-a'), runs, runs[0]?.[0]);
-  keep($('run-b'), runs, runs[1]?.[0]);
-  filters();
-}
-function filters() {
-  const view = $('view').value, used = view === 'map' ? [$('map-x').value, $('map-y').value] : view === 'histogram' ? [] : [along_of(view)];
-  $('filters').replaceChildren(...varying().filter(a => !used.includes(a)).map(axis => {
-    const label = make('label', {}, heading_of(axis) + ' '), select = make('select', { 'data-axis': axis });
-    select.append(make('option', { value: '' }, 'all'), ...values(axis).map(v => make('option', { value: String(v) }, value_of(axis, v))));
-    select.value = chosenFilters[axis] ?? '';
-    select.onchange = () => { chosenFilters[axis] = select.value; plot(); };
-    label.append(select);
+/* The table of points, texts, controls, and updates from a server. */
+let picked = null;
+function table() {
+  const is_shown = column => picked ? picked.has(column.name) : column.usual;
+  const columns = data.columns.filter(is_shown), head = make('tr');
+  head.append(make('th', { scope: 'col' }, 'runs of'), ...columns.map(column => make('th', { scope: 'col' }, column.heading)));
+  $('points').replaceChildren(head, ...data.points.map((point, index) => {
+    const row = make('tr'), cell = make('td'), button = make('button', { type: 'button', 'data-index': index, 'aria-pressed': index === chosen, 'aria-label': 'show the runs of ' + point.name }, 'show');
+    button.onclick = () => choose(index);
+    cell.append(button);
+    row.append(cell, ...columns.map(column => make('td', {}, column.cells[index] ?? '–')));
+    return row;
+  }));
+  if ($('columns').childElementCount !== data.columns.length) $('columns').replaceChildren(...data.columns.map(column => {
+    const label = make('label', column.meaning ? { title: column.meaning } : {}), box = make('input', { type: 'checkbox', 'data-column': column.name });
+    box.checked = is_shown(column);
+    box.onchange = () => {
+      picked ??= new Set(data.columns.filter(column => column.usual).map(column => column.name));
+      box.checked ? picked.add(column.name) : picked.delete(column.name);
+      table();
+    };
+    label.append(box, ' ' + column.heading);
     return label;
   }));
+  cue();
 }
-/* An axis that is plotted has no filter. */
-const reset = () => { for (const key in chosenFilters) delete chosenFilters[key]; filters(); plot(); };
-for (const id of ['quantity', 'log', 'bands', 'run-a', 'run-b']) $(id).onchange = plot;
-for (const id of ['view', 'along', 'map-x', 'map-y']) $(id).onchange = reset;
-const redraw = () => { plot(); if (chosen !== null) choose(chosen, true); picture(); cue(); };
-window.matchMedia('(max-width: 40rem)').addEventListener('change', redraw);
-dark.addEventListener('change', redraw);
-const spread = data.points.map(p => p.viscosity).filter(v => v > 0);
-$('log').checked = spread.length > 1 && Math.max(...spread) > 10 * Math.min(...spread);
-words(); controls(); plot();
-/* On a wide screen the runs of a point are shown from the start, beside the curves. */
+/* Shows whether there are more columns to the right. */
+function cue() {
+  const box = $('points-box'), more = box.scrollWidth - box.clientWidth - box.scrollLeft > 2;
+  box.classList.toggle('more', more);
+  $('cue').hidden = box.scrollWidth - box.clientWidth <= 2;
+}
+function words() {
+  document.title = `${data.campaign} · sweep`;
+  for (const id of ['campaign', 'summary', 'text']) $(id).textContent = data[id];
+  $('progress').value = data.work_done;
+  options($('figure'), data.figures.map(figure => [figure.name, figure.label]));
+  table();
+  $('failures-section').hidden = !data.failures.length;
+  $('failures').replaceChildren(...data.failures.map(line => make('li', {}, line)));
+  const date = time => new Date(time).toISOString().slice(0, 16).replace('T', ' ');
+  $('provenance').replaceChildren(...data.provenance.map(([program, started]) => make('li', {}, `${program}, started ${date(started)} UTC`)));
+  $('save-points').href = 'data:text/csv;charset=utf-8,' + encodeURIComponent(data.csv);
+  $('save-points').download = `${data.campaign}-points.csv`;
+}
+$('points-box').addEventListener('scroll', cue);
+window.addEventListener('resize', cue);
+for (const id of ['figure', 'along', 'where']) $(id).onchange = plot;
+$('where').closest('label').hidden = !live;
+$('play').onclick = () => timer ? stop() : play();
+$('scrub').oninput = () => { stop(); at = +$('scrub').value; picture(); };
+$('paint').onchange = picture;
+dark.addEventListener('change', picture);
+words(); plot();
+/* On a wide screen the runs of a point are shown from the start, beside the figure. */
 if (window.matchMedia('(min-width: 80rem)').matches) {
-  const first = data.runs.find(run => data.movies[run.key]) ?? data.runs.find(run => run.trace.length > 1);
-  if (first) { choose(first.point, true); if (data.movies[first.key]) watch(first); plot(); }
+  const first = data.runs.find(run => data.movies[run.key]) ?? data.runs[0];
+  if (first) { choose(first.point, true); if (data.movies[first.key]) watch(first); }
 }
 
 if (live) {
@@ -65,12 +63,16 @@ if (live) {
     try {
       const answer = await fetch('data.json', { cache: 'no-store' });
       if (!answer.ok) throw new Error(String(answer.status));
-      const structure = JSON.stringify(data.points.map(p => AXES.map(a => p[a])));
+      const before = data;
       data = await answer.json();
-      if (structure !== JSON.stringify(data.points.map(p => AXES.map(a => p[a])))) { chosen = null; controls(); }
-      words();
-      if (!document.activeElement?.closest?.('#legend, #filters')) plot();
-      if (chosen !== null) choose(chosen, true);
+      /* Until something changes, the figures are those that are shown. */
+      if (JSON.stringify(before) !== JSON.stringify(data)) {
+        const focused = document.activeElement?.dataset?.index;
+        if (before.points.map(point => point.name).join() !== data.points.map(point => point.name).join()) chosen = null;
+        words(); plot();
+        if (chosen !== null) choose(chosen, true);
+        if (focused !== undefined) $('points').querySelector(`[data-index="${CSS.escape(focused)}"]`)?.focus();
+      }
     } catch {
       $('summary').textContent = 'The server does not respond. This is the last state received.';
     }

@@ -19,6 +19,8 @@ fn suspension(z: f64) -> Frame<Bulk> {
     frame
 }
 
+type Drawn = (PlanePicture, SpherePicture);
+
 fn of<S: Kept>(frame: &Frame<S>, view: SphereView) -> Result<Drawn, ReportError> {
     drawn(&[(1, frame)], view, Vec::new())
 }
@@ -31,7 +33,7 @@ fn spheres(drawn: &Drawn) -> Vec<([f64; 2], Colour)> {
     };
     let within = |(centre, _): &([f64; 2], Colour)| centre.iter().all(|x| (0.0..8.0).contains(x));
     drawn
-        .picture
+        .0
         .marks
         .iter()
         .filter_map(sphere)
@@ -98,9 +100,9 @@ fn lines_are_as_wide_as_forces_are_large_and_reach_from_centre_to_centre() {
         ..first
     });
     let drawn = of(&frame, SphereView::default()).unwrap();
-    assert_eq!((drawn.spheres, drawn.contacts), (3, 2));
+    assert_eq!((drawn.1.spheres, drawn.1.contacts), (3, 2));
     let lines: Vec<([[f64; 2]; 2], f64)> = drawn
-        .picture
+        .0
         .marks
         .iter()
         .filter_map(|mark| match mark {
@@ -136,7 +138,7 @@ fn what_is_nearer_hides_what_is_behind_and_slabs_leave_the_rest_out() {
         ..SphereView::default()
     };
     let half = of(&suspension(7.5), slab("0..4")).unwrap();
-    assert_eq!((half.spheres, half.contacts), (1, 0));
+    assert_eq!((half.1.spheres, half.1.contacts), (1, 0));
     assert_eq!(spheres(&half)[0].0, [3.5, 2.0]);
     let refused = |error: Option<ReportError>| error.unwrap().to_string();
     let error = refused(of(&suspension(7.5), slab("2..4")).err());
@@ -153,7 +155,7 @@ fn spheres_at_the_border_are_seen_on_both_sides_of_the_sheared_cell() {
     let shown = |wanted: [f64; 2]| {
         let is_there =
             |mark: &Mark| matches!(mark, Mark::Sphere { centre, .. } if *centre == wanted);
-        drawn.picture.marks.iter().any(is_there)
+        drawn.0.marks.iter().any(is_there)
     };
     // The image above is shifted by the offset of −2.
     for centre in [[0.5, 0.25], [8.5, 0.25], [6.5, 8.25]] {
@@ -176,14 +178,10 @@ fn images_across_the_sheared_faces_have_the_depth_of_the_cross_shear() {
             ..SphereView::default()
         };
         let drawn = of(&frame, view).unwrap();
-        let centres = drawn
-            .picture
-            .marks
-            .into_iter()
-            .filter_map(|mark| match mark {
-                Mark::Sphere { centre, .. } => Some(centre),
-                _ => None,
-            });
+        let centres = drawn.0.marks.into_iter().filter_map(|mark| match mark {
+            Mark::Sphere { centre, .. } => Some(centre),
+            _ => None,
+        });
         centres.collect::<Vec<_>>()
     };
     assert_eq!(shown("1..3"), [[4.0, 0.25]]);
@@ -207,7 +205,7 @@ fn clusters_have_colours_of_their_own_and_contacts_are_counted() {
             .into_iter()
             .map(|(_, colour)| colour)
             .collect();
-        let Key::Kinds { kinds, .. } = drawn.picture.key else {
+        let Key::Kinds { kinds, .. } = drawn.0.key else {
             panic!("no kinds");
         };
         (found, kinds)

@@ -2,8 +2,6 @@
 //! every request it makes.
 
 use crate::harness::PATIENCE;
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -227,20 +225,6 @@ impl Page<'_> {
         self.call("Input.dispatchKeyEvent", &event);
         event["type"] = "keyUp".into();
         self.call("Input.dispatchKeyEvent", &event);
-    }
-
-    /// The window as it is seen: its pixels as red, green and blue.
-    pub(crate) fn pixels(&mut self) -> Vec<[u8; 3]> {
-        let shot = self.call("Page.captureScreenshot", &json!({"format": "png"}));
-        let bytes = STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut pixels).unwrap();
-        let each = info.color_type.samples();
-        let dots = pixels[..info.buffer_size()].chunks_exact(each);
-        dots.map(|dot| [dot[0], dot[1], dot[2]]).collect()
     }
 
     /// The addresses it requested, without data URIs.

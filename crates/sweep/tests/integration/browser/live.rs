@@ -2,8 +2,8 @@
 
 use super::COMPUTED;
 use super::chromium::{Browser, DEFAULT};
-use super::views::look_at_everything;
-use crate::harness::{Served, command, ended, json, send, spoil};
+use super::views::{look_at_everything, seen_by};
+use crate::harness::{Served, command, ended, json, send, spoil, sweep};
 use rustix::process::Signal;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -66,25 +66,43 @@ fn server_reads_only_and_answers_to_this_machine_only() {
         status(&ask(&server, "GET", "/movie/x", &server.address)),
         "404"
     );
+    let figure = ask(
+        &server,
+        "GET",
+        "/figure.svg?name=n2&along=friction",
+        &server.address,
+    );
+    assert!(figure.contains("image/svg+xml") && figure.contains("N₂"));
+    let refused = ask(
+        &server,
+        "GET",
+        "/figure.svg?name=n2&where=frction%3D1",
+        &server.address,
+    );
+    assert_eq!(status(&refused), "400");
+    assert!(refused.contains("did you mean friction?"), "{refused}");
     send(&server.child, Signal::TERM);
     assert_eq!(ended(&mut server.child).code(), Some(0));
 }
 
 #[test]
-fn every_view_of_the_live_page_is_drawn_and_asks_its_own_server_only() {
-    let test = "every_view_of_the_live_page_is_drawn_and_asks_its_own_server_only";
+fn everything_on_the_live_page_comes_from_its_own_server() {
+    let test = "everything_on_the_live_page_comes_from_its_own_server";
     let Some(mut browser) = Browser::start(test) else {
         return;
     };
     let folder = COMPUTED.folder();
     let at = folder.path();
     let report = json(at, &["report", "s.sqlite"]);
+    sweep(at, &["report", "s.sqlite", "--figure", "f.svg"]);
+    let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
     let server = serve(at);
     let address = format!("http://{}/", server.address);
-    look_at_everything(&mut browser, &address, &report, &|asked| {
+    look_at_everything(&mut browser, &address, &report, &figure, &|asked| {
         let path = asked.strip_prefix(&address);
         path.is_some_and(|path| {
-            path.is_empty() || path == "data.json" || path.starts_with("movie/")
+            let known = ["movie/", "figure.svg?", "runs.svg?"];
+            path.is_empty() || path == "data.json" || known.iter().any(|of| path.starts_with(of))
         })
     });
 }
@@ -116,4 +134,19 @@ fn the_live_page_follows_its_store() {
             .starts_with("11 of 12 runs done, 1 jammed"),
         "{said}"
     );
+}
+
+#[test]
+fn the_live_page_shows_the_points_asked_for() {
+    let Some(mut browser) = Browser::start("the_live_page_shows_the_points_asked_for") else {
+        return;
+    };
+    let folder = COMPUTED.folder();
+    let server = serve(folder.path());
+    let mut page = browser.open(&format!("http://{}/", server.address), DEFAULT);
+    let user = "await pick('where', 'ν=0.3'); seen.one = words(); await pick('where', 'frction=1'); seen.problem = $('plot-problem').textContent;";
+    let seen = seen_by(&mut page, user);
+    assert!(!seen["one"].to_string().contains("ν = 0.1"), "{seen}");
+    let problem = seen["problem"].as_str().unwrap();
+    assert!(problem.contains("did you mean friction?"), "{problem}");
 }

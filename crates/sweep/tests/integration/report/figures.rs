@@ -122,8 +122,8 @@ fn a_kind_of_the_other_command_is_pointed_to() {
         ),
         (
             "structure",
-            "viscosity",
-            "sweep report --figure FILE.svg --kind viscosity",
+            "flow_curve",
+            "sweep report --figure FILE.svg --kind flow-curve",
         ),
     ] {
         let arguments = [command, "s.sqlite", "--figure", "f.svg", "--kind", kind];
@@ -204,26 +204,6 @@ fn the_dilute_limit_is_named_in_the_legend_and_not_over_data() {
         };
         assert!(height("dilute 1 + 5c/3") > height(axis), "{more:?}");
     }
-}
-
-#[test]
-fn several_stores_share_a_figure() {
-    let folder = PAPER.folder();
-    let at = folder.path();
-    let other = PAPER_CAMPAIGN
-        .replace("\"paper\"", "\"other\"")
-        .replace("seeds = 2", "seeds = [7]");
-    std::fs::write(at.join("o.toml"), other).unwrap();
-    sweep(at, &["run", "o.toml", "--store", "o.sqlite", "-q"]);
-    let both = ["report", "s.sqlite", "o.sqlite"];
-    sweep(at, &[&both[..], &["--figure", "f.svg"], &ONE].concat());
-    let svg = std::fs::read_to_string(at.join("f.svg")).unwrap();
-    for word in ["paper", "other"] {
-        assert!(words(&svg).contains(&word), "{:?}", words(&svg));
-        assert!(svg.contains(&format!("campaign {word}")));
-    }
-    let error = refused(at, &both);
-    assert!(error.contains("--figure"), "{error}");
 }
 
 #[test]

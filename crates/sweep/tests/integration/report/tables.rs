@@ -30,14 +30,6 @@ fn the_table_fits_eighty_columns_and_splits_no_number() {
     assert!(width(&wide) > 80 && wide.iter().any(|line| line.contains("unconverged")));
     let si = lines(&["--format", "si"]);
     assert!(rows(&si) == 0 && si.iter().any(|line| line.contains(')')));
-    let latex = sweep(
-        at,
-        &["report", "s.sqlite", "--latex", "-", "--format", "si"],
-    );
-    assert_eq!(latex.matches("\\\\\n").count(), 21);
-    assert!(latex.contains("$\\Gamma$") && latex.contains("$\\infty$"));
-    let latex = sweep(at, &["report", "s.sqlite", "--latex", "-"]);
-    assert_eq!(latex.matches(" \\pm ").count() % 20, 0);
 }
 
 #[test]
@@ -86,9 +78,7 @@ fn json_is_printed_beside_files_and_never_with_them_on_standard_output() {
         assert_eq!(both, alone, "{file:?}");
         assert!(at.join(file[1]).exists());
     }
-    for argument in ["--csv", "--latex"] {
-        refused(at, &["report", "s.sqlite", "--json", argument, "-"]);
-    }
+    refused(at, &["report", "s.sqlite", "--json", "--csv", "-"]);
 }
 
 #[test]
@@ -153,7 +143,7 @@ fn view_of_runs_is_for_any_client() {
 }
 
 #[test]
-fn columns_have_names_in_print_and_axes_few_digits() {
+fn columns_are_explained_and_axes_have_few_digits() {
     let folder = SMALL.folder();
     let at = folder.path();
     let report = |more: &[&str]| sweep(at, &[&["report", "s.sqlite"], more].concat());
@@ -166,17 +156,6 @@ fn columns_have_names_in_print_and_axes_few_digits() {
         "--columns",
         "viscosity,n1,n1_ci95,minimum_gap,rolling_fraction",
     ];
-    let latex = report(&[&chosen[..], &["--latex", "-"]].concat());
-    let heads = latex
-        .lines()
-        .find(|line| line.contains("viscosity"))
-        .unwrap();
-    assert_eq!(
-        heads,
-        "$\\nu$ & $\\Gamma$ & viscosity & first normal stress difference N$_1$ & \
-         95 \\% interval of first normal stress difference N$_1$ & smallest gap (a) & rolling \\\\"
-    );
-    // On the screen columns keep the requested names.
     assert!(report(&chosen).contains("n1: first normal stress difference N₁"));
     spoil(
         at,

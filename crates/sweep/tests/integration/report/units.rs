@@ -161,7 +161,7 @@ fn figures_have_them_on_both_axes_and_in_their_words() {
     ];
     has(&asked(&by_rate), "Γ = 26.53 1/s");
     // Plateaus have a result but no stress in pascal: they are left out and not marked as missing.
-    let svg = asked(&[&ONE[..], &["--kind", "normal-stress"]].concat());
+    let svg = asked(&[&ONE[..], &["--quantity", "normal_stress_difference"]].concat());
     has(&svg, "normal stress difference N₁ (Pa)");
     for word in ["no result", "∞"] {
         assert!(!words(&svg).contains(&word), "{word}: {:?}", words(&svg));
@@ -179,18 +179,16 @@ fn what_cannot_be_converted_is_refused() {
     };
     let error = refused(at, &["report", "s.sqlite", "--units", "a=2um"]);
     assert!(error.contains("mu"), "{error}");
-    for kind in ["normal-stress", "flow-curve", "approach-velocity"] {
-        let error = asked(&["--units", "a=2um,mu=1mPas", "--kind", kind]);
+    for asked_for in [
+        ["--quantity", "n1"],
+        ["--kind", "flow-curve"],
+        ["--quantity", "mean_approach_velocity"],
+    ] {
+        let error = asked(&[&["--units", "a=2um,mu=1mPas"], &asked_for[..]].concat());
         assert!(error.contains("add f_crit"), "{error}");
     }
     let plateau = [&["--where", "shear_rate=inf"], &UNITS[..]].concat();
-    let error = asked(
-        &[
-            &plateau[..],
-            &["--kind", "normal-stress", "--along", "friction"],
-        ]
-        .concat(),
-    );
+    let error = asked(&[&plateau[..], &["--quantity", "n1", "--along", "friction"]].concat());
     assert!(error.contains("plateaus"), "{error}");
     let error = asked(&[&plateau[..], &["--kind", "contacts", "--along", "friction"]].concat());
     assert!(error.contains("pairs per sphere"), "{error}");
