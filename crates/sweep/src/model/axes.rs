@@ -169,9 +169,11 @@ impl Axis {
         (self.has_meaning)(params)
     }
 
-    /// Whether its value varies among these parameters, where it has a meaning.
+    /// Whether its value varies among these parameters, where it has a meaning. One size or two are
+    /// values beside the distributions of sizes.
     pub fn varies<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
-        let mut params = params.filter(|p| self.means_something(p));
+        let is_sizes = self.key == "sizes";
+        let mut params = params.filter(|p| is_sizes || self.means_something(p));
         let first = params.next().map(|p| self.value(p));
         params.any(|p| Some(self.value(p)) != first)
     }

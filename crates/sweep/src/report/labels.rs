@@ -172,7 +172,11 @@ impl Shared<'_> {
         let axes = AXES
             .iter()
             .filter(|axis| !self.is_along(axis) && !self.is_of_panels(axis));
-        let differing: Vec<&'static Axis> = axes.filter(|axis| axis.varies(params())).collect();
+        let mut differing: Vec<&'static Axis> = axes.filter(|axis| axis.varies(params())).collect();
+        // The words of the sizes have the ratio.
+        if differing.iter().any(|axis| axis.key == "sizes") {
+            differing.retain(|axis| axis.key != "size_ratio");
+        }
         let words = |axis: &&'static Axis| AxisWords::of(axis, self.units, self.starts, params());
         let words: Vec<AxisWords<'_>> = differing.iter().map(words).collect();
         let is_imposed = |params: &Params| params.shear_stress.is_some();
@@ -224,5 +228,40 @@ impl Report {
             starts: &self.starts,
         };
         shared.labels(&params.collect::<Vec<_>>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::params;
+
+    #[test]
+    fn sizes_are_told_apart_whether_they_are_two_or_a_distribution() {
+        let with = |size_ratio, sizes: Option<&str>| Params {
+            size_ratio,
+            sizes: sizes.map(|sizes| sizes.parse().unwrap()),
+            ..params()
+        };
+        let all = [
+            with(1.0, None),
+            with(1.4, None),
+            with(1.0, Some("lognormal 0.2")),
+        ];
+        let sizes = Axis::of_key("sizes").unwrap();
+        assert!(sizes.varies(all.iter()));
+        assert!(!sizes.varies(all[..2].iter()));
+        let shared = Shared {
+            along: None,
+            panels: None,
+            units: Units::default(),
+            starts: &Starts::default(),
+        };
+        let words = |all: &[Params]| -> Vec<String> {
+            let labels = shared.labels(&all.iter().collect::<Vec<_>>());
+            labels.into_iter().map(|label| label.words).collect()
+        };
+        assert_eq!(words(&all), ["equal", "1 : 1.4", "lognormal 0.2"]);
+        assert_eq!(words(&all[..2]), ["size ratio = 1", "size ratio = 1.4"]);
     }
 }
