@@ -119,30 +119,30 @@ pub(crate) type AnyProblem = InSpace<InstantProblem<Layer>, InstantProblem<Bulk>
 /// # Errors
 /// What is wrong with it, and where.
 pub(crate) fn read(bytes: &[u8]) -> Result<AnyProblem, InputError> {
-    // Input that cannot be read here is refused below.
-    let first = serde_json::from_slice::<FirstCentre>(bytes);
-    Ok(if first.is_ok_and(|first| first.is_suspended()) {
-        InSpace::Suspension(read_in(bytes)?)
-    } else {
-        InSpace::Layer(read_in(bytes)?)
-    })
+    match serde_json::from_slice::<FirstCentre>(bytes) {
+        Ok(first) if first.is_suspended() => Ok(InSpace::Suspension(read_in(bytes)?)),
+        // What is no JSON says nothing about the space.
+        Err(error) if !error.is_data() => Err(malformed(&error)),
+        _ => Ok(InSpace::Layer(read_in(bytes)?)),
+    }
+}
+
+/// The message of serde ends with the position, which is reported separately.
+fn malformed(error: &serde_json::Error) -> InputError {
+    let text = error.to_string();
+    let message = text
+        .rsplit_once(" at line ")
+        .map_or(text.as_str(), |(message, _)| message);
+    InputError::Json {
+        line: error.line(),
+        column: error.column(),
+        message: message.chars().take(400).collect(),
+    }
 }
 
 /// Reads the input of one space.
 fn read_in<S: Written>(bytes: &[u8]) -> Result<InstantProblem<S>, InputError> {
-    let input: Input<S> = serde_json::from_slice(bytes).map_err(|error| {
-        // The message of serde ends with the position, which is reported separately.
-        let text = error.to_string();
-        let message = text
-            .rsplit_once(" at line ")
-            .map_or(text.as_str(), |(message, _)| message);
-        InputError::Json {
-            line: error.line(),
-            column: error.column(),
-            message: message.chars().take(400).collect(),
-        }
-    })?;
-    configuration(input)
+    configuration(serde_json::from_slice(bytes).map_err(|error| malformed(&error))?)
 }
 
 /// The configuration and the contact problem of an input.

@@ -97,7 +97,7 @@ pub(crate) fn check_net_force<S: Fluid>(
         let along = || forces.iter().skip(k).step_by(each);
         let net: f64 = along().sum();
         let magnitude: f64 = along().map(|force| force.abs()).sum();
-        if net.abs() > ROUNDING * magnitude {
+        if net.abs() > ROUNDING * magnitude || !net.is_finite() {
             return Err(Error::NetForce {
                 direction: ['x', 'y', 'z'][k],
                 net,

@@ -79,18 +79,29 @@ fn forces_that_are_not_finite_or_move_a_layer_without_end_are_refused() {
         (
             "[[1e400, 0], [0, 0]]",
             "ball-melrose",
-            "1:66: number out of range",
+            "1:77: number out of range",
         ),
         (
             "[[1, 2], [1, -2]]",
             "stokesian-dynamics",
             "forces must sum to 0 along x in a periodic layer under full Stokesian Dynamics, got 2e0",
         ),
+        (
+            "[[1e308, 0], [1e308, 0]]",
+            "stokesian-dynamics",
+            "forces must sum to 0 along x in a periodic layer under full Stokesian Dynamics, got inf",
+        ),
     ] {
         let error = solve_under(forces, hydrodynamics).unwrap_err().to_string();
         assert!(error.contains(said), "{error}");
     }
     solve_under("[[1, 2], [1, -2]]", "ball-melrose").unwrap();
+    // No number of JSON: its place is said, not that a layer has no third coordinate.
+    let text = r#"{"centres": [[0, 0, 0], [4, 0, 0]], "forces": [[NaN, 0, 0], [0, 0, 0]]}"#;
+    let Err(error) = read(text.as_bytes()) else {
+        panic!("NaN was read")
+    };
+    assert_eq!(error.to_string(), "1:49: expected value");
 }
 
 #[test]
