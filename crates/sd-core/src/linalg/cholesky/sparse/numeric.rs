@@ -7,7 +7,7 @@
 //!
 //! Supernodes have few spheres, so most time is spent in hundreds of small products. Their
 //! destinations are determined once for a pattern; faer factors the blocks of columns. The factor
-//! has the same bits as faer's own supernodal factorization, which is slower.
+//! has the same bits as faer's own supernodal factorization; [`super`] compares their times.
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
