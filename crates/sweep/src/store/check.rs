@@ -15,8 +15,7 @@ use std::path::Path;
 /// second.
 const CHEAP: u64 = 64 << 20;
 /// Selects the size of a file in bytes, from its header.
-pub(super) const SIZE: &str =
-    "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
+const SIZE: &str = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
 /// Tables with a digest in each row.
 const SEALED: [Sealed; 4] = [
     entered::SEALED,

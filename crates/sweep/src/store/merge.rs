@@ -6,7 +6,6 @@
 
 mod case;
 
-use super::check::SIZE;
 use super::entered::Entered;
 use super::statements::Statements;
 use super::{Store, StoreError, files, rules};
@@ -14,6 +13,8 @@ use case::Merging;
 use serde::Serialize;
 use std::collections::HashMap;
 use std::fmt;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Outcome of a merge.
@@ -158,12 +159,20 @@ impl Store {
         Ok(())
     }
 
-    /// Says how much of the file is there, if its end is missing: `SQLite` reads the rest of the
-    /// last page as zeros. The contents of all others are checked by their digests.
+    /// Says how much of the file is there, if its end is missing by its header. `SQLite` does not
+    /// always tell; other damage is found by digests.
     fn missing_end(&self) -> Option<String> {
-        let there = std::fs::metadata(&self.path).ok()?.len();
-        let whole = self.number(SIZE, []).unwrap_or(there);
-        let is_cut = whole != there && !files::has_log(&self.path);
+        let mut header = [0; 32];
+        let mut file = File::open(&self.path).ok()?;
+        file.read_exact(&mut header).ok()?;
+        let page = match u16::from_be_bytes([header[16], header[17]]) {
+            1 => 1 << 16,
+            size => u64::from(size),
+        };
+        let pages = [header[28], header[29], header[30], header[31]];
+        let whole = page * u64::from(u32::from_be_bytes(pages));
+        let there = file.metadata().ok()?.len();
+        let is_cut = there < whole && !files::has_log(&self.path);
         is_cut.then(|| format!("half-written: {there} bytes of {whole}"))
     }
 

@@ -542,9 +542,12 @@ impl Store {
         limit: u32,
     ) -> Result<Vec<FailureLine>, StoreError> {
         self.read(check(&self.connection, "c.state = 'failed'", &[]))?;
+        // An index may be damaged, which no digest shows.
         let query = format!(
-            "SELECT c.key, c.seed, p.params, {columns} FROM cases c JOIN points p ON p.id = c.point
-             JOIN failures f ON f.id = (SELECT max(id) FROM failures WHERE case_id = c.id)
+            "SELECT c.key, c.seed, p.params, {columns}
+             FROM (SELECT case_id, max(id) AS id FROM failures NOT INDEXED GROUP BY case_id) l
+             JOIN failures f ON f.id = l.id JOIN cases c ON c.id = l.case_id
+             JOIN points p ON p.id = c.point
              WHERE c.state = 'failed' AND c.key IS coalesce(?2, c.key) AND (?2 IS NOT NULL OR c.counts)
              ORDER BY c.position LIMIT ?1"
         );
