@@ -135,10 +135,15 @@ impl CaseKey {
     /// Of a case with these parameters as JSON. The names and their order are part of the key:
     /// never change them.
     pub(crate) fn of_text(params: &str, seed: u64, sample_stride: u64) -> Self {
+        Self::of_physics(PHYSICS_VERSION, params, seed, sample_stride)
+    }
+
+    /// [`CaseKey::of_text`] by a version of the physics.
+    pub(crate) fn of_physics(version: u32, params: &str, seed: u64, sample_stride: u64) -> Self {
         let mut text = String::with_capacity(params.len() + 96);
         let _ = write!(
             text,
-            r#"{{"physics":{PHYSICS_VERSION},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
+            r#"{{"physics":{version},"params":{params},"seed":{seed},"sample_stride":{sample_stride}}}"#
         );
         let mut key = [0; 16];
         key.copy_from_slice(&blake3::hash(text.as_bytes()).as_bytes()[..16]);

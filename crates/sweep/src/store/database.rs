@@ -6,6 +6,7 @@ use super::files::{FileIdentity, OpenedFiles, address, has_log, log_of, refuse_o
 use super::processes::{ActiveProcess, Registered, TaskName};
 use super::schema::{self, Lack};
 use super::statements::Statements;
+use crate::model::case::{CaseKey, PHYSICS_VERSION};
 use crate::system::disk::is_full;
 use crate::system::lock;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior};
@@ -84,6 +85,13 @@ impl Store {
             ))
             .map_err(failed)?;
         connection.set_prepared_statement_cache_capacity(64);
+        if let Some(found) = earlier_physics(&connection) {
+            return Err(StoreError::Physics {
+                path: file,
+                found,
+                known: PHYSICS_VERSION,
+            });
+        }
         Ok(Self {
             connection,
             path: path.to_owned(),
@@ -412,4 +420,17 @@ fn needs_snapshot_or_copy(error: &StoreError) -> bool {
         ),
         _ => false,
     }
+}
+
+/// The version of the physics that named the first case of a store, if it is an earlier one.
+/// Damage is found later.
+fn earlier_physics(connection: &Connection) -> Option<u32> {
+    let first = "SELECT c.key, p.params, c.seed, c.sample_stride FROM cases c JOIN points p ON p.id = c.point
+                 ORDER BY c.id LIMIT 1";
+    let case = connection.query_row(first, [], |row| {
+        Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
+    });
+    let (key, params, seed, stride): (String, String, u64, u64) = case.ok()?;
+    (1..PHYSICS_VERSION)
+        .find(|version| CaseKey::of_physics(*version, &params, seed, stride).to_string() == key)
 }

@@ -47,6 +47,16 @@ pub enum StoreError {
         found: i32,
         known: i32,
     },
+    #[error("the runs of {} are of physics {found}, but this program has physics {known}", path.display())]
+    #[diagnostic(help(
+        "nothing was changed in it; read it with the version of sweep that made it, and move it away or name another place with \
+         --store FILE: `sweep run` computes its runs again"
+    ))]
+    Physics {
+        path: PathBuf,
+        found: u32,
+        known: u32,
+    },
     #[error("{} has {column}, which this program does not know: a later version of sweep wrote it", path.display())]
     #[diagnostic(help(
         "nothing was changed in it; use that version, or choose another place with --store FILE"

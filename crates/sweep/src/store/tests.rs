@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::campaign::Campaign;
-use crate::model::case::State;
+use crate::model::case::{CaseKey, PHYSICS_VERSION, State};
 use crate::test_support::{counters, frame, sample, snapshot};
 use rusqlite::{TransactionBehavior, params};
 use std::path::Path;
@@ -349,6 +349,30 @@ fn store_of_another_campaign_schema_or_program_is_not_touched() {
     assert_eq!(std::fs::read(&path).unwrap(), before);
 
     let connection = rusqlite::Connection::open(&path).unwrap();
+    let (params, seed, stride): (String, u64, u64) = connection
+        .query_row(
+            "SELECT p.params, c.seed, c.sample_stride FROM cases c JOIN points p ON p.id = c.point ORDER BY c.id",
+            [],
+            |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+        )
+        .unwrap();
+    let keys = [PHYSICS_VERSION - 1, PHYSICS_VERSION]
+        .map(|version| CaseKey::of_physics(version, &params, seed, stride).to_string());
+    let rename = "UPDATE cases SET key = ?2 WHERE key = ?1";
+    assert_eq!(connection.execute(rename, [&keys[1], &keys[0]]), Ok(1));
+    let before = std::fs::read(&path).unwrap();
+    for refused in [Store::open(&path), Store::open_read_only(&path)] {
+        let error = refused.unwrap_err();
+        assert!(matches!(error, StoreError::Physics { .. }), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains(&format!("physics {}", PHYSICS_VERSION - 1)),
+            "{error}"
+        );
+    }
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+    assert_eq!(connection.execute(rename, [&keys[0], &keys[1]]), Ok(1));
     connection.pragma_update(None, "user_version", 99).unwrap();
     drop(connection);
     let before = std::fs::read(&path).unwrap();
