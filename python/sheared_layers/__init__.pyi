@@ -197,7 +197,7 @@ class Campaign:
         store: _File | None = None,
         *,
         workers: int | None = None,
-        progress: bool | Callable[[float, str], object] | None = True,
+        progress: bool | Callable[[float, str], object] | None = None,
         retry_failed: bool = False,
         trajectory: bool = False,
         time_limit: float | str | None = None,
