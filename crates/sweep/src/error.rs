@@ -138,6 +138,8 @@ impl Error {
                 | Physics::Refused(_)
                 | Physics::Missing { .. }
                 | Physics::Length { .. }
+                | Physics::OfSphere { .. }
+                | Physics::NetForce { .. }
                 | Physics::NoSpheres
                 | Physics::Overlap { .. }
                 | Physics::CellTooSmall { .. }
@@ -206,6 +208,17 @@ mod tests {
         let unknown = StoreError::NoFrames { key: "3f9a".into() };
         let refused = Error::from(ReportError::from(unknown));
         assert_eq!(refused.exit_code(), exit::BAD_INPUT);
+    }
+
+    #[test]
+    fn bad_numbers_of_a_sphere_are_bad_input() {
+        let refused = sd_core::Error::OfSphere {
+            field: "radii",
+            sphere: 0,
+            value: -1.0,
+            allowed: "positive and finite",
+        };
+        assert_eq!(Error::from(refused).exit_code(), exit::BAD_INPUT);
     }
 
     #[test]
