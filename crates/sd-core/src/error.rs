@@ -88,7 +88,7 @@ pub enum Error {
     },
     /// A lattice in which a sphere could interact with two images of one neighbour.
     #[error(
-        "the shortest vector of the lattice is {shortest:.4}, less than {needed:.4}, twice the range of pairs: use more spheres or a larger lattice"
+        "the shortest vector of the `lattice` is {shortest:.4}, less than {needed:.4}, twice the range of pairs: use more spheres or a larger lattice"
     )]
     LatticeTooShort {
         /// Length of the lattice's shortest vector, in a.

@@ -60,7 +60,7 @@ fn lattices_are_read_and_bad_ones_refused() {
     assert!(
         error
             .to_string()
-            .contains("shortest vector of the lattice is 1.1180, less than 8.0000"),
+            .contains("shortest vector of the `lattice` is 1.1180, less than 8.0000"),
         "{error}"
     );
 }

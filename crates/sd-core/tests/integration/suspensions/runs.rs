@@ -43,7 +43,7 @@ fn parameters_of_the_other_space_are_refused() {
     assert!(refused(&|p| p.volume_fraction = Some(0.7)).contains("volume_fraction"));
     assert!(refused(&|p| p.area_fraction = 0.5).contains("area_fraction"));
     assert!(refused(&|p| p.contact = ContactScheme::Procedure).contains("protocol of layers"));
-    assert!(refused(&|p| p.spheres = 30).contains("wide along"));
+    assert!(refused(&|p| p.spheres = 8).contains("wide along"));
     let layer = Params {
         area_fraction: 0.5,
         volume_fraction: None,
