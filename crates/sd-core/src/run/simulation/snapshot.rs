@@ -183,7 +183,7 @@ impl Snapshot {
     /// let tables = NearFields::default();
     /// let mut first = Simulation::<Layer>::new(&params, 1, &tables)?;
     /// first.step()?;
-    /// let start = Some(Box::new(first.snapshot().layer(&params)));
+    /// let start = Some(first.snapshot().layer(&params).into());
     /// let faster = Params { shear_rate: 20.0, start, ..params };
     /// let second = Simulation::<Layer>::new(&faster, 1, &tables)?;
     /// assert_eq!(second.radii(), first.radii());
