@@ -248,16 +248,17 @@ impl StressComponents {
         self.normal(-1.0, -2.0)
     }
 
-    /// `(a N1 + b N2)/3 − Π`, by cause.
+    /// `(a N1 + b N2)/3 − Π`, by cause. Stresslets have no trace by definition, and friction none
+    /// but for rounding, as it acts across the line of centres.
     fn normal(&self, a: f64, b: f64) -> StressParts {
-        let sum = |part: fn(&StressParts) -> f64| {
-            (a * part(&self.n1) + b * part(&self.n2)) / 3.0 - part(&self.particle_pressure)
-        };
+        let deviator =
+            |part: fn(&StressParts) -> f64| (a * part(&self.n1) + b * part(&self.n2)) / 3.0;
+        let pressure = &self.particle_pressure;
         StressParts {
-            hydrodynamic: sum(|parts| parts.hydrodynamic),
-            normal_contact: sum(|parts| parts.normal_contact),
-            tangential_contact: sum(|parts| parts.tangential_contact),
-            repulsion: sum(|parts| parts.repulsion),
+            hydrodynamic: deviator(|parts| parts.hydrodynamic),
+            normal_contact: deviator(|parts| parts.normal_contact) - pressure.normal_contact,
+            tangential_contact: deviator(|parts| parts.tangential_contact),
+            repulsion: deviator(|parts| parts.repulsion) - pressure.repulsion,
         }
     }
 
