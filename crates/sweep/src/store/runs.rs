@@ -12,7 +12,7 @@ use crate::measure::{RunData, numbers};
 use crate::model::case::State;
 use crate::system::process;
 use crate::system::process::now;
-use rusqlite::types::{Value, ValueRef};
+use rusqlite::types::{FromSql, Value, ValueRef};
 use rusqlite::{Connection, Row, ToSql, params, params_from_iter};
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
@@ -59,6 +59,8 @@ pub(super) struct ListedRun<'r> {
     right: Option<i64>,
     /// Column of the first number of its result.
     pub(super) numbers: usize,
+    /// Columns by name: SQLite compares all names before one, for each row and value.
+    columns: &'r HashMap<String, usize>,
 }
 
 /// Calls `each` for all cases `c` that meet a condition, with further columns.
@@ -76,6 +78,8 @@ pub(super) fn each(
          LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
     ))?;
     let names = names_before(&query, "digest")?;
+    let columns = query.column_names().into_iter().map(str::to_owned);
+    let columns: HashMap<String, usize> = columns.zip(0..).collect();
     let after_case = names.len() - RESULT.split(", ").count();
     let mut rows = query.query(parameters)?;
     while let Some(row) = rows.next()? {
@@ -94,6 +98,7 @@ pub(super) fn each(
             is_whole: row.get(names.len()) == Ok(right),
             right,
             numbers: after_case,
+            columns: &columns,
         })?;
     }
     Ok(())
@@ -127,6 +132,21 @@ pub(super) fn seal(
 }
 
 impl ListedRun<'_> {
+    /// A column by its name.
+    pub(super) fn get<T: FromSql>(&self, name: &str) -> rusqlite::Result<T> {
+        self.row.get(self.column(name)?)
+    }
+
+    /// [`ListedRun::get`] without a copy.
+    pub(super) fn get_ref(&self, name: &str) -> rusqlite::Result<ValueRef<'_>> {
+        self.row.get_ref(self.column(name)?)
+    }
+
+    fn column(&self, name: &str) -> rusqlite::Result<usize> {
+        let column = self.columns.get(name).copied();
+        column.ok_or_else(|| rusqlite::Error::InvalidColumnName(name.to_owned()))
+    }
+
     /// An error if it was changed.
     pub(super) fn check(&self) -> rusqlite::Result<()> {
         if self.is_whole {

@@ -60,9 +60,9 @@ fn point_runs(connection: &Connection) -> rusqlite::Result<Vec<PointRun>> {
     look(connection, |run, known| {
         let (key, point) = known?;
         run.check()?;
-        let position: Option<u64> = run.row.get("position")?;
+        let position: Option<u64> = run.get("position")?;
         if let Some(position) = position
-            && run.row.get("counts")?
+            && run.get("counts")?
         {
             runs.push(point_run(run, position, key, point)?);
         }
@@ -99,8 +99,8 @@ pub(super) fn look(
     })?;
     let (mut positions, mut keys) = (Vec::new(), Vec::new());
     runs::each(connection, MORE, "true", &[], |run| {
-        let position: Option<u64> = run.row.get("position")?;
-        let known = match points.get(&run.row.get("point")?) {
+        let position: Option<u64> = run.get("position")?;
+        let known = match points.get(&run.get("point")?) {
             Some(Ok(point)) => point
                 .checked_key(&run, position.is_some())
                 .map(|key| (key, point)),
@@ -155,16 +155,15 @@ impl KnownPoint {
     /// # Errors
     /// [`DigestMismatch`] if the case was changed.
     fn checked_key(&self, run: &ListedRun<'_>, is_in_grid: bool) -> rusqlite::Result<CaseKey> {
-        let row = run.row;
-        let key = CaseKey::of_text(&self.text, row.get("seed")?, row.get("sample_stride")?);
-        let written = row.get_ref(0)?.as_str()?;
+        let key = CaseKey::of_text(&self.text, run.get("seed")?, run.get("sample_stride")?);
+        let written = run.get_ref("key")?.as_str()?;
         if key.to_string() != written {
             return Err(DigestMismatch::error(format!(
                 "the parameters of case {written} are not those it was named for"
             )));
         }
-        state(row.get_ref("present")?)?;
-        if is_in_grid && row.get::<_, u64>("requested")? != self.steps {
+        state(run.get_ref("present")?)?;
+        if is_in_grid && run.get::<u64>("requested")? != self.steps {
             return Err(DigestMismatch::error(format!(
                 "case {written} has another length than the campaign requests"
             )));
@@ -181,7 +180,7 @@ fn point_run(
     point: &KnownPoint,
 ) -> rusqlite::Result<PointRun> {
     let row = run.row;
-    let state = state(row.get_ref("present")?)?;
+    let state = state(run.get_ref("present")?)?;
     let (mut numbers, mut doubts) = (Vec::new(), Vec::new());
     // An open run may have the result of a shorter one.
     if matches!(state, State::Done | State::Jammed) {
@@ -192,15 +191,15 @@ fn point_run(
             };
             numbers.push(value.unwrap_or(f64::NAN));
         }
-        doubts = Doubt::read(row.get_ref("doubts")?.as_str()?);
+        doubts = Doubt::read(run.get_ref("doubts")?.as_str()?);
     }
     let params = point.params.clone();
     Ok(PointRun {
         position,
         key: key.to_string(),
-        sample_every: row.get::<_, u64>("sample_stride")? as f64 * params.time_step,
+        sample_every: run.get::<u64>("sample_stride")? as f64 * params.time_step,
         params,
-        seed: row.get("seed")?,
+        seed: run.get("seed")?,
         state,
         doubts,
         numbers: numbers.into(),
