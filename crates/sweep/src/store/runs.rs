@@ -78,7 +78,7 @@ pub(super) fn each(
          LEFT JOIN results r ON r.case_id = c.id WHERE {condition}"
     ))?;
     let names = names_before(&query, "digest")?;
-    let columns = query.column_names().into_iter().map(str::to_owned);
+    let columns = query.column_names().map(str::to_owned);
     let columns: HashMap<String, usize> = columns.zip(0..).collect();
     let after_case = names.len() - RESULT.split(", ").count();
     let mut rows = query.query(parameters)?;
