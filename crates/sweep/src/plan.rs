@@ -23,8 +23,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Bytes of the program, the cache of its store and a report; measured.
 const PROGRAM_BYTES: f64 = 13.0e6;
-/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints being stored;
-/// measured.
+/// Bytes of a thread apart from the layer it computes: stack, samples, checkpoints; measured.
 const THREAD_BYTES: f64 = 1.0e6;
 
 /// The plan of a campaign.
