@@ -293,7 +293,7 @@ fn a_lattice_too_short_for_pairs_is_refused() {
     assert!(matches!(error, Error::LatticeTooShort { .. }), "{error}");
     let text = error.to_string();
     assert!(
-        text.contains("lattice is 8.5440, less than 8.8000"),
+        text.contains("`lattice` is 8.5440, less than 8.8000"),
         "{text}"
     );
 }
