@@ -43,10 +43,22 @@ impl TransportPoint {
         Estimate::of(&values)
     }
 
+    /// The mean of a number for infinitely many spheres, where images change it and all spheres are
+    /// equal.
+    pub(crate) fn infinite(&self, name: &str) -> Option<f64> {
+        let [of_diffusion, of_sedimentation] = self.corrections()?;
+        let mean = |of| self.estimate(of).map(|estimate| estimate.mean);
+        match name {
+            "self_diffusion" => Some(mean(|s| s.self_diffusion)? + of_diffusion),
+            "sedimentation" => Some(mean(|s| s.sedimentation)? + of_sedimentation),
+            _ => None,
+        }
+    }
+
     /// What to add to self-diffusion and to sedimentation for infinitely many spheres, if all are
     /// equal: images of a sphere, 2L apart, hold it back in a fluid of viscosity η∞, by S(0) less
     /// in sedimentation (Ladd, J. Chem. Phys. 93, 3484, 1990); S(0) by Carnahan and Starling.
-    pub(crate) fn corrections(&self) -> Option<[f64; 2]> {
+    fn corrections(&self) -> Option<[f64; 2]> {
         let phi = self
             .params
             .volume_fraction
@@ -71,12 +83,8 @@ impl TransportPoint {
             object.insert(name.into(), json!(estimate.map(|e| e.mean)));
             let interval = estimate.and_then(|e| e.ci95);
             object.insert(format!("{name}_ci95"), json!(interval));
-        }
-        if let Some(corrections) = self.corrections() {
-            for (place, correction) in [0, 2].into_iter().zip(corrections) {
-                let (name, of) = NUMBERS[place];
-                let mean = self.estimate(of).map(|e| e.mean + correction);
-                object.insert(format!("{name}_infinite"), json!(mean));
+            if let Some(infinite) = self.infinite(name) {
+                object.insert(format!("{name}_infinite"), json!(infinite));
             }
         }
         Json::Object(object)

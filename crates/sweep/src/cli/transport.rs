@@ -82,12 +82,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             .map(|axis| axis.value(&point.params).to_string())
             .collect();
         row.push(point.starts.len().to_string());
-        let corrections = point.corrections();
-        for (place, (_, of)) in NUMBERS.into_iter().enumerate() {
-            let estimate = point.estimate(of);
-            row.push(estimate.map_or_else(String::new, shown));
-            if let Some(k) = [0, 2].iter().position(|corrected| *corrected == place) {
-                let infinite = corrections.zip(estimate).map(|(c, e)| e.mean + c[k]);
+        for (name, of) in NUMBERS {
+            row.push(point.estimate(of).map_or_else(String::new, shown));
+            if ["self_diffusion", "sedimentation"].contains(&name) {
+                let infinite = point.infinite(name);
                 row.push(infinite.map_or_else(String::new, |mean| significant(mean, 3)));
             }
         }
