@@ -99,11 +99,28 @@ pub(super) fn positive(text: &str) -> Result<NonZeroUsize, String> {
     number.ok_or_else(|| "write a whole number from 1".to_owned())
 }
 
-/// The requested number of workers, or one per core.
-pub(super) fn workers_or_all(asked: Option<NonZeroUsize>) -> usize {
-    asked
-        .or_else(|| std::thread::available_parallelism().ok())
-        .map_or(1, NonZeroUsize::get)
+/// How many workers a command has.
+#[derive(Debug, clap::Args)]
+pub(crate) struct WorkersArgument {
+    /// Cases computed in parallel [default: the cores of the machine]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        visible_alias = "jobs",
+        visible_short_alias = 'j',
+        value_parser = workers
+    )]
+    workers: Option<NonZeroUsize>,
+}
+
+impl WorkersArgument {
+    /// Those asked for, or as many as the machine has cores.
+    pub(super) fn or_all(&self) -> usize {
+        self.workers
+            .or_else(|| std::thread::available_parallelism().ok())
+            .map_or(1, NonZeroUsize::get)
+    }
 }
 
 /// Whether a name is that of a campaign file.

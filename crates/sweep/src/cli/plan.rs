@@ -1,7 +1,7 @@
 //! `sweep plan`.
 
 use super::Output;
-use super::place::{store_of, workers, workers_or_all};
+use super::place::{WorkersArgument, store_of};
 use crate::error::Error;
 use crate::plan::{Plan, RunKind, Source, plan};
 use crate::report::{room, table};
@@ -9,7 +9,6 @@ use crate::store::StoreSource;
 use crate::system::exit;
 use crate::text::format::{Digits, bytes, counted, duration, significant, wrapped};
 use std::fmt::Write as _;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Columns of a terminal apart from the values of an axis: its name, their number, the spaces
@@ -36,21 +35,13 @@ pub(crate) struct Arguments {
     /// Include frames at every sampled strain, as `sweep run --trajectory` keeps them
     #[arg(long)]
     trajectory: bool,
-    /// Cases computed in parallel [default: the cores of the machine]
-    #[arg(
-        long,
-        short,
-        value_name = "N",
-        visible_alias = "jobs",
-        visible_short_alias = 'j',
-        value_parser = workers
-    )]
-    workers: Option<NonZeroUsize>,
+    #[command(flatten)]
+    workers: WorkersArgument,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
-    let workers = workers_or_all(arguments.workers);
+    let workers = arguments.workers.or_all();
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let store = if path.exists() {
         Some(StoreSource::new(path, Some(campaign.clone())).open()?)

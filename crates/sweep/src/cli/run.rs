@@ -3,7 +3,7 @@
 mod task;
 
 use super::Output;
-use super::place::{print_warning, store_of, workers, workers_or_all};
+use super::place::{WorkersArgument, print_warning, store_of};
 use super::words::choice;
 use crate::cluster::status::jobs;
 use crate::cluster::task::TaskOf;
@@ -18,7 +18,6 @@ use crate::system::disk::network_file_system;
 use crate::system::exit;
 use crate::text::format::{bytes, counted, parse_duration, parse_positive_duration};
 use std::io::IsTerminal;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -44,16 +43,8 @@ pub(crate) struct Arguments {
     /// file]
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// Cases computed in parallel [default: the cores of the machine]
-    #[arg(
-        long,
-        short,
-        value_name = "N",
-        visible_alias = "jobs",
-        visible_short_alias = 'j',
-        value_parser = workers
-    )]
-    workers: Option<NonZeroUsize>,
+    #[command(flatten)]
+    workers: WorkersArgument,
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
@@ -264,7 +255,7 @@ fn compute(
     (stop, observer): (&Stop, Option<&dyn RunObserver>),
     style: Style,
 ) -> Result<Counts, Error> {
-    let threads = workers_or_all(arguments.workers);
+    let threads = arguments.workers.or_all();
     let workers = threads.min(campaign.cases.len());
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {

@@ -1,7 +1,7 @@
 //! `sweep transport`.
 
 use super::Output;
-use super::place::{workers, workers_or_all};
+use super::place::WorkersArgument;
 use crate::error::Error;
 use crate::measure::Estimate;
 use crate::near_field_cache;
@@ -10,7 +10,6 @@ use crate::system::exit;
 use crate::text::format::{NumberFormat, counted, significant, uncertain, wrapped};
 use crate::transport::{NUMBERS, TransportPoint, transport};
 use serde_json::json;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Print short-time diffusion, sedimentation and viscosity of the starts of suspensions
@@ -26,16 +25,8 @@ use std::path::PathBuf;
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,
-    /// Starts computed in parallel [default: the cores of the machine]
-    #[arg(
-        long,
-        short,
-        value_name = "N",
-        visible_alias = "jobs",
-        visible_short_alias = 'j',
-        value_parser = workers
-    )]
-    workers: Option<NonZeroUsize>,
+    #[command(flatten)]
+    workers: WorkersArgument,
 }
 
 /// Writes the numbers.
@@ -58,7 +49,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let ratios = near_field_cache::ratios(certain())?;
     let tables = near_field_cache::make(&ratios, |text| output.note(text))?;
-    let points = transport(&campaign, &tables, workers_or_all(arguments.workers))?;
+    let points = transport(&campaign, &tables, arguments.workers.or_all())?;
     if output.json {
         let points: Vec<_> = points.iter().map(TransportPoint::json).collect();
         output.json(&json!({ "points": points }))?;
