@@ -46,7 +46,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
     let report = FitReport::of(&store, &selection, arguments.replicates as usize)?;
-    if let Some(note) = report.note() {
+    for note in report.notes() {
         output.note(&note);
     }
     if let Some(path) = &arguments.figure {
@@ -76,17 +76,17 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     });
     let heads = ["parameter", "value", "95 % interval"];
     lines.push(table(output.width, heads, rows));
-    let rows = report
-        .rows()
-        .map(|[fraction, stress, viscosity, fitted, residual]| {
-            [
-                short(fraction, 6),
-                significant(stress, 3),
-                significant(viscosity, 4),
-                significant(fitted, 4),
-                format!("{residual:+.3}"),
-            ]
-        });
+    let rows = report.rows().zip(report.trend_names());
+    let rows = rows.map(|([fraction, stress, viscosity, fitted, residual], trend)| {
+        let trend = trend.map_or_else(String::new, |name| format!(", {name}"));
+        [
+            short(fraction, 6),
+            significant(stress, 3),
+            significant(viscosity, 4) + &trend,
+            significant(fitted, 4),
+            format!("{residual:+.3}"),
+        ]
+    });
     let word = |number: Option<f64>, digits| {
         number.map_or_else(|| "–".to_owned(), |number| significant(number, digits))
     };

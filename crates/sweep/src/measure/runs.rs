@@ -1,7 +1,7 @@
 //! The runs of a point, from which its numbers are made.
 
 use super::run::PointRun;
-use super::steady::{MIN_RUNS, is_significant};
+use super::steady::{MIN_RUNS, significant_mean};
 use super::{Decision, Distribution, Drift, Estimate, Trend, relative_half_width};
 use crate::model::precision::{Precision, Quantity};
 
@@ -91,22 +91,18 @@ impl Runs<'_> {
     /// The measures of order that change significantly from the first half of the kept strain to
     /// the second, with the change.
     pub(crate) fn changes_of_order(&self) -> Vec<(&'static str, f64)> {
-        let changes = ORDER.into_iter().filter_map(|(name, word)| {
-            let change = self.estimate(name)?;
-            is_significant(&change, self.values(name).len()).then_some((word, change.mean))
-        });
+        let changes = ORDER
+            .into_iter()
+            .filter_map(|(name, word)| Some((word, significant_mean(&self.values(name))?)));
         changes.collect()
     }
 
     /// How they change over the kept strain, if they are known not to be in steady state.
     pub(crate) fn trend(&self) -> Option<Trend> {
-        let changes = self.changes_of_order();
-        if changes.iter().any(|(_, change)| *change > 0.0) {
-            return Some(Trend::Ordering);
-        }
+        let changes = self.changes_of_order().into_iter();
+        let changes: Vec<f64> = changes.map(|(_, change)| change).collect();
         let drifts = |drift: Drift| drift.drifts() || drift.remembers_start();
-        let is_unsteady = !changes.is_empty() || self.drift().is_some_and(drifts);
-        is_unsteady.then_some(Trend::NotSteady)
+        Trend::of(&changes, self.drift().is_some_and(drifts))
     }
 
     /// 1 if they have this trend and 0 if not; `None` with too few runs to know.

@@ -1,6 +1,7 @@
 //! Results of a segment of a run: averages, stress after a reversal, harmonics of an oscillation.
 
-use super::{RunData, mean};
+use super::steady::{PARTS, significant_mean};
+use super::{Drift, RunData, Trend, mean};
 use crate::model::protocol::PlannedSegment;
 use sd_core::model::phase;
 use sd_core::{Params, Sample};
@@ -15,6 +16,10 @@ const MIN_RISE: f64 = 0.01;
 pub(crate) struct RunSegment {
     /// Numbers over the segment after its discarded strain, by their names.
     pub(crate) numbers: Vec<(&'static str, f64)>,
+    /// Mean viscosities over the quarters of this strain.
+    pub(crate) parts: Option<[f64; PARTS]>,
+    /// Changes of layering and of bond orientation over it.
+    pub(crate) order: [Option<f64>; 2],
     /// Strain since its start, and viscosity.
     pub(crate) trace: Vec<(f64, f64)>,
     /// After a reversal.
@@ -110,13 +115,30 @@ impl RunSegment {
             (all, (segment.strain - segment.discard) / cycle)
         });
         let (cycles, averaged) = cycles.unwrap_or_default();
+        let run = RunData::of(params, kept, 0);
         Some(Self {
-            numbers: numbers(params, kept),
+            numbers: numbers(&run),
+            parts: run.steadiness.map(|steadiness| steadiness.parts),
+            order: [run.order_drift(0), run.order_drift(1)],
             trace,
             reversal,
             cycles,
             averaged_cycles: crate::text::format::count(averaged),
         })
+    }
+
+    /// How the runs of a point change over the segment, if they are known not to be in steady state.
+    pub(crate) fn trend(runs: &[Self]) -> Option<Trend> {
+        let parts: Vec<_> = runs.iter().filter_map(|run| run.parts).collect();
+        // A quarter of an odd number of cycles has other phases than the rest.
+        let is_oscillation = runs.iter().any(|run| !run.cycles.is_empty());
+        let drifts = |drift: Drift| drift.drifts() || !is_oscillation && drift.remembers_start();
+        let changes = [0, 1].map(|place| {
+            let changes = runs.iter().filter_map(|run| run.order[place]);
+            significant_mean(&changes.collect::<Vec<_>>())
+        });
+        let changes: Vec<f64> = changes.into_iter().flatten().collect();
+        Trend::of(&changes, Drift::of(&parts).is_some_and(drifts))
     }
 
     /// A number by its name.
@@ -133,8 +155,7 @@ impl RunSegment {
 }
 
 /// The numbers of a segment that are averaged in time.
-fn numbers(params: &Params, kept: &[(u64, Sample)]) -> Vec<(&'static str, f64)> {
-    let run = RunData::of(params, kept, 0);
+fn numbers(run: &RunData<'_>) -> Vec<(&'static str, f64)> {
     [
         "samples",
         "viscosity",
@@ -297,6 +318,28 @@ mod tests {
         );
         // Half way between 1 and 3 after one amplitude.
         assert!((cycle.yield_strain.unwrap() - 0.5).abs() < 2.0 * STEP);
+    }
+
+    #[test]
+    fn runs_that_drift_or_order_are_not_steady() {
+        let run = |scatter: f64, drift: f64, ordering: f64| RunSegment {
+            numbers: Vec::new(),
+            parts: Some([0.0, 1.0, 2.0, 3.0].map(|k| 10.0 + scatter + drift * k)),
+            order: [Some(ordering + 0.01 * scatter), None],
+            trace: Vec::new(),
+            reversal: None,
+            cycles: Vec::new(),
+            averaged_cycles: 0,
+        };
+        let runs = |drift: f64, ordering: f64| {
+            [-0.4, 0.1, 0.3].map(|scatter| run(scatter, drift * (1.0 + 0.1 * scatter), ordering))
+        };
+        assert_eq!(RunSegment::trend(&runs(0.0, 0.0)), None);
+        assert_eq!(RunSegment::trend(&runs(0.5, 0.0)), Some(Trend::NotSteady));
+        assert_eq!(RunSegment::trend(&runs(0.5, 0.2)), Some(Trend::Ordering));
+        assert_eq!(RunSegment::trend(&runs(0.0, -0.2)), Some(Trend::NotSteady));
+        // Too few to know.
+        assert_eq!(RunSegment::trend(&runs(0.5, 0.2)[..2]), None);
     }
 
     #[test]

@@ -124,6 +124,12 @@ pub(super) fn is_significant(difference: &Estimate, runs: usize) -> bool {
     runs >= MIN_RUNS && limit.is_some_and(|limit| difference.mean.abs() > limit)
 }
 
+/// The mean of a change over runs, if it differs from 0 significantly.
+pub(super) fn significant_mean(changes: &[f64]) -> Option<f64> {
+    let change = Estimate::of(changes)?;
+    is_significant(&change, changes.len()).then_some(change.mean)
+}
+
 /// How the averaged runs of a point change over the kept strain, where they are not in steady
 /// state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,6 +141,15 @@ pub(crate) enum Trend {
 }
 
 impl Trend {
+    /// That of runs whose order changes so, and whose viscosity drifts or not; `None` of those that
+    /// may be in steady state.
+    pub(super) fn of(changes_of_order: &[f64], is_drifting: bool) -> Option<Self> {
+        if changes_of_order.iter().any(|change| *change > 0.0) {
+            return Some(Self::Ordering);
+        }
+        (is_drifting || !changes_of_order.is_empty()).then_some(Self::NotSteady)
+    }
+
     /// Its name in tables, figures and on pages.
     pub(crate) const fn name(self) -> &'static str {
         match self {

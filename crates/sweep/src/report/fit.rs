@@ -8,7 +8,7 @@ use super::points::{Report, selected_runs};
 use super::selection::Selection;
 use crate::data::Tag;
 use crate::data::{DataColumn, Kind, Value};
-use crate::measure::Estimate;
+use crate::measure::{Estimate, Trend};
 use crate::model::axes::{AXES, identity};
 use crate::model::case::State;
 use crate::store::Store;
@@ -35,6 +35,8 @@ pub struct FitReport {
     data: Vec<Datum>,
     /// Of each point.
     params: Vec<Params>,
+    /// How the runs of each change, if they are not in steady state.
+    trends: Vec<Option<Trend>>,
     /// Points that are left out, as most of their runs jammed.
     jammed: Vec<LeftOut>,
     fit: Fit,
@@ -106,6 +108,11 @@ impl FitReport {
         });
         let params: Vec<Params> = points.iter().map(|(params, _)| params.clone()).collect();
         check(&params)?;
+        let known = report.points.iter();
+        let known = known.map(|point| (identity(&point.params), point.trend.as_ref()));
+        let known: HashMap<Vec<Tag>, _> = known.collect();
+        let trend = |params| Some(known.get(&identity(params)).copied()??.0);
+        let trends = params.iter().map(trend).collect();
         let data: Vec<Datum> = points
             .into_iter()
             .map(|(params, runs)| Datum {
@@ -123,6 +130,7 @@ impl FitReport {
             campaign: report.campaign,
             data,
             params,
+            trends,
             jammed: jammed.iter().map(LeftOut::of).collect(),
             fit,
         })
@@ -134,15 +142,34 @@ impl FitReport {
         (0..PARAMETERS).map(move |k| (NAMES[k], self.fit.values[k], interval(k)))
     }
 
-    /// A warning about parameters that the points do not determine.
-    pub fn note(&self) -> Option<String> {
+    /// Warnings about parameters that the points do not determine, and about points that are not in
+    /// steady state.
+    pub fn notes(&self) -> Vec<String> {
         let names = self.fit.undetermined.join(", ");
-        (!names.is_empty()).then(|| {
+        let undetermined = (!names.is_empty()).then(|| {
             format!(
                 "not determined by these points: {names}; their values are no results. Points at more fractions near jamming, or at more \
                  stresses around the onset of friction, would determine them"
             )
-        })
+        });
+        let unsteady = self.trends().flatten().count() as u64;
+        let unsteady = (unsteady > 0).then(|| {
+            format!(
+                "{} fitted here with runs that are not steady or ordering; `sweep report` says what changes, and --where leaves points out",
+                counted(unsteady, "point")
+            )
+        });
+        undetermined.into_iter().chain(unsteady).collect()
+    }
+
+    /// How the runs of each point change, in the order of the rows, if they are not in steady state.
+    fn trends(&self) -> impl Iterator<Item = Option<Trend>> {
+        self.trends.iter().copied()
+    }
+
+    /// Names of these trends.
+    pub fn trend_names(&self) -> impl Iterator<Item = Option<&'static str>> {
+        self.trends().map(|trend| Some(trend?.name()))
     }
 
     /// Root mean square of ln η minus that of the fit.
@@ -212,12 +239,13 @@ impl FitReport {
     pub(crate) fn table(&self) -> Vec<DataColumn> {
         let names = ["shear_stress", "viscosity", "fitted", "residual"];
         let columns = std::iter::once(self.fraction()[0]).chain(names).enumerate();
-        columns
-            .map(|(index, name)| {
-                let cells = self.rows().map(|row| Some(Value::Number(row[index])));
-                DataColumn::of(name, Kind::Number, "", cells)
-            })
-            .collect()
+        let columns = columns.map(|(index, name)| {
+            let cells = self.rows().map(|row| Some(Value::Number(row[index])));
+            DataColumn::of(name, Kind::Number, "", cells)
+        });
+        let trends = self.trend_names().map(|name| Some(Value::Word(name?)));
+        let trends = DataColumn::of("trend", Kind::Word, "", trends);
+        columns.chain([trends]).collect()
     }
 
     /// The object for programs.
@@ -238,14 +266,15 @@ impl FitReport {
             .collect();
         let points: Vec<Json> = self
             .rows()
-            .zip(&self.params)
+            .zip(self.params.iter().zip(self.trend_names()))
             .map(
-                |([fraction, stress, viscosity, fitted, residual], params)| {
+                |([fraction, stress, viscosity, fitted, residual], (params, trend))| {
                     let key = fraction_key(params);
                     json!({
                         key: fraction, "shear_stress": number(stress),
                         "shear_rate": has_rate(params).then(|| number(params.shear_rate)),
                         "viscosity": viscosity, "fitted": number(fitted), "residual": residual,
+                        "trend": trend,
                     })
                 },
             )
@@ -281,14 +310,17 @@ impl FitReport {
         let high = finite().fold(0.0, f64::max).ln();
         let mut curves = Vec::with_capacity(2 * fractions.len());
         for (index, &fraction) in fractions.iter().enumerate() {
-            let of = self.rows().filter(|row| row[0] == fraction);
-            let mut data: Vec<[f64; 2]> = of.map(|row| [row[1], row[2]]).collect();
-            data.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            let of = self.rows().zip(self.trends());
+            let of = of.filter(|(row, _)| row[0] == fraction);
+            let mut data: Vec<_> = of.map(|(row, trend)| ([row[1], row[2]], trend)).collect();
+            data.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
+            let (data, trends): (Vec<[f64; 2]>, Vec<_>) = data.into_iter().unzip();
             let drawn = (0..=DRAWN).map(|k| (low + (high - low) * k as f64 / DRAWN as f64).exp());
             let fit = drawn.map(|at| (at, Estimate::bare(self.fit.viscosity(fraction, at))));
             let data = data.into_iter().map(|[x, y]| (x, Estimate::bare(y)));
             let label = format!("{} = {fraction}", self.fraction()[1]);
-            curves.push(Curve::of_values(&label, data, CurveKind::Points, index));
+            let data = Curve::of_values(&label, data, CurveKind::Points, index);
+            curves.push(data.marked(&trends));
             curves.push(Curve::of_values("", fit, CurveKind::Line, index));
         }
         let axes = ["shear stress σ* (F_crit/a²)", "relative viscosity η"];

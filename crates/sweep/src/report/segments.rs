@@ -7,8 +7,8 @@ use super::selection::Selection;
 use super::sheet::{Shape, Sheet, SheetColumn, View};
 use super::table::{TableOf, axis_table};
 use crate::data::{Cell, DataColumn, Object, Value};
-use crate::measure::Estimate;
 use crate::measure::segments::{Cycle, RunSegment};
+use crate::measure::{Estimate, Trend};
 use crate::model::axes::AXES;
 use crate::model::protocol::PlannedSegment;
 use crate::store::Store;
@@ -34,6 +34,8 @@ struct PointSegment {
     runs: u64,
     /// Of these, runs that have recovered after a reversal.
     recovered: Option<u64>,
+    /// How they change over the segment, if they are not in steady state.
+    trend: Option<Trend>,
     /// In the order of [`NUMBERS`].
     numbers: Vec<Option<Estimate>>,
     /// Cycle by cycle of an oscillation, in the order of [`OF_CYCLES`].
@@ -108,6 +110,7 @@ impl PointSegment {
         Self {
             runs: runs.len() as u64,
             recovered: is_reversed.then_some(recovered.len() as u64),
+            trend: RunSegment::trend(runs),
             numbers: NUMBERS.iter().map(number).collect(),
             cycles: (0..cycles).map(of_cycle).collect(),
             trace: mean_trace(runs.iter().map(|run| run.trace.clone())),
@@ -171,7 +174,7 @@ impl SegmentReport {
                 .map(|row| Some(text(row.1, &self.segments[row.1])));
             SheetColumn::of_words(name, rank, cells.collect())
         };
-        let words = vec![
+        let mut words = vec![
             words("segment", 0, &|number, segment| {
                 format!("{} {}", number + 1, segment.imposed_words())
             }),
@@ -180,6 +183,8 @@ impl SegmentReport {
                 ends.map(|strain| short(strain, 6)).join(" to ")
             }),
         ];
+        let trends = self.rows.iter().map(|row| row.2.trend);
+        words.extend(SheetColumn::of_trends(trends));
         let mut views: Vec<View<'_>> = vec![("runs", "runs", 3, 2)];
         for (name, heading, rank, ..) in NUMBERS {
             views.push((name, heading, 3, rank));
@@ -279,6 +284,22 @@ impl SegmentReport {
         for (k, (name, _, _, meaning, _)) in NUMBERS.into_iter().enumerate() {
             table.estimate(name, meaning, |row| row.2.numbers[k]);
         }
+        for (name, trend, meaning) in [
+            (
+                "not_steady",
+                Trend::NotSteady,
+                "1 if the viscosity drifts over the segment or remembers its start, or order falls",
+            ),
+            (
+                "ordering",
+                Trend::Ordering,
+                "1 if order rises over the segment",
+            ),
+        ] {
+            table.count(name, meaning, |row| {
+                Some((row.2.trend == Some(trend)).into())
+            });
+        }
         table.columns
     }
 
@@ -306,13 +327,15 @@ impl SegmentReport {
             for (k, number) in drawn.filter(|(_, number)| number.0.starts_with("eta_")) {
                 let own = self.rows.iter().filter(|row| row.0 == *place);
                 let spot = |(_, segment, of): &Row| {
-                    Some((self.segments[*segment].imposed.amplitude?, of.numbers[k]?))
+                    let amplitude = self.segments[*segment].imposed.amplitude?;
+                    Some(((amplitude, of.numbers[k]?), of.trend))
                 };
-                let mut spots: Vec<(f64, Estimate)> = own.filter_map(spot).collect();
-                spots.sort_by(|a, b| a.0.total_cmp(&b.0));
+                let mut spots: Vec<_> = own.filter_map(spot).collect();
+                spots.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
+                let (spots, trends): (Vec<(f64, Estimate)>, Vec<_>) = spots.into_iter().unzip();
                 let (label, kind) = (label.with(number.1), CurveKind::Markers);
-                let index = curves.len();
-                curves.push(Curve::of_values(&label, spots.into_iter(), kind, index));
+                let curve = Curve::of_values(&label, spots.into_iter(), kind, curves.len());
+                curves.push(curve.marked(&trends));
             }
         }
         let origin = Origin::of(&self.report);
@@ -329,6 +352,8 @@ mod tests {
     fn the_recovery_strain_is_that_of_the_runs_that_have_recovered() {
         let run = |reversal: Option<Option<f64>>| RunSegment {
             numbers: Vec::new(),
+            parts: None,
+            order: [None; 2],
             trace: Vec::new(),
             reversal: reversal.map(|recovery_strain| Reversal {
                 hydrodynamic_share: 0.4,

@@ -5,6 +5,7 @@ use super::points::{Point, Report};
 use super::table::Column;
 use super::text::styled;
 use crate::data::{Cells, DataColumn};
+use crate::measure::Trend;
 use crate::model::axes::{AXES, Axis};
 use crate::text::format::{NumberFormat, significant, uncertain};
 use comfy_table::CellAlignment;
@@ -97,6 +98,13 @@ impl SheetColumn {
             cells,
             is_of_words: true,
         }
+    }
+
+    /// Trends, if there are any.
+    pub(super) fn of_trends(trends: impl Iterator<Item = Option<Trend>>) -> Option<Self> {
+        let words = trends.map(|trend| Some(trend?.name().to_owned()));
+        let column = Self::of_words("trend", 1, words.collect());
+        (!column.is_empty()).then_some(column)
     }
 
     /// A view of a column and of the half widths of its intervals, if it has any.
@@ -197,12 +205,7 @@ impl Report {
 
     /// A column with the trends of some points, if any of them is not in steady state.
     pub(super) fn trends<'p>(points: impl Iterator<Item = &'p Point>) -> Option<SheetColumn> {
-        let name = |point: &Point| Some(point.trend.as_ref()?.0.name().to_owned());
-        let column = SheetColumn {
-            is_of_words: true,
-            ..SheetColumn::of_words("trend", 1, points.map(name).collect())
-        };
-        (!column.is_empty()).then_some(column)
+        SheetColumn::of_trends(points.map(|point| Some(point.trend.as_ref()?.0)))
     }
 
     /// Whether it has something to show in a default column.

@@ -45,6 +45,7 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
     let report = json(at, &["report", "s.sqlite"]);
     let points = fit["points"].as_array().unwrap();
     assert_eq!(points.len(), 15);
+    let mut marked = 0;
     for (point, averaged) in points.iter().zip(report["points"].as_array().unwrap()) {
         let number = |key: &str| point[key].as_f64().unwrap();
         assert_eq!(point["shear_rate"], averaged["shear_rate"]);
@@ -52,7 +53,36 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
         assert!((number("viscosity") / viscosity - 1.0).abs() < 1e-12);
         let residual = (number("viscosity") / number("fitted")).ln();
         assert!((number("residual") - residual).abs() < 1e-9);
+        let is = |name: &str| averaged[name] == 1.0;
+        let trend = match [is("ordering"), is("not_steady")] {
+            [true, _] => Some("ordering"),
+            [_, true] => Some("not steady"),
+            _ => None,
+        };
+        assert_eq!(point["trend"].as_str(), trend);
+        // The mean trace of the point says so too.
+        let at_point = |key: &str| format!("{key}={}", averaged[key].to_string().replace('"', ""));
+        let [c, rate] = ["area_fraction", "shear_rate"].map(at_point);
+        let draw = ["report", "s.sqlite", "--figure", "t.svg", "--kind", "trace"];
+        sweep(
+            at,
+            &[&draw[..], &["--where", &c, "--where", &rate]].concat(),
+        );
+        let figure = std::fs::read_to_string(at.join("t.svg")).unwrap();
+        for name in ["ordering", "not steady"] {
+            assert_eq!(figure.contains(name), trend == Some(name), "{averaged}");
+        }
+        marked += usize::from(trend.is_some());
     }
+    sweep(
+        at,
+        &["fit", "s.sqlite", "--replicates", "0", "--figure", "f.svg"],
+    );
+    let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    assert_eq!(
+        figure.contains("steady") || figure.contains("ordering"),
+        marked > 0
+    );
     let text = sweep(at, &["fit", "s.sqlite", "--replicates", "40"]);
     for part in [
         "c_0",

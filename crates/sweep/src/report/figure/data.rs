@@ -4,8 +4,8 @@ use super::outline::{Curve, CurveKind, Figure, Panel};
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
 use super::{Drawing, Kind, Trace, diagram, refused};
+use crate::measure::Estimate;
 use crate::measure::numbers::Number;
-use crate::measure::{Estimate, Trend};
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::error::ReportError;
@@ -75,8 +75,6 @@ pub(super) fn figure_data(
     if kind != Kind::StateDiagram {
         data.arrange(kind)?;
     }
-    let trends = trends(&data);
-    data.curves.extend(trends);
     data.note = (kind != Kind::Trace).then(|| report.note()).flatten();
     Ok(data)
 }
@@ -482,12 +480,19 @@ impl<'r> FigureSource<'r> {
         let labels = self.shared(None).labels(&params);
         let factor = self.units.viscosity_factor();
         let curves = traces.iter().zip(labels).map(|(trace, mut label)| {
-            let same = |other: &&Trace| identity(&other.params) == identity(&trace.params);
+            let own = identity(&trace.params);
+            let same = |other: &&Trace| identity(&other.params) == own;
+            let mut points = self.report.points.iter();
+            let point = points.find(|point| identity(&point.params) == own);
+            let trend = point.and_then(|point| Some(point.trend.as_ref()?.0));
             if let Some(seed) = trace.seed {
                 label.words = label.with(&format!("seed {seed}"));
                 if traces.iter().filter(same).count() > 1 {
                     label.number = None;
                 }
+            }
+            if let Some(trend) = trend {
+                label.words = label.with(trend.name());
             }
             let points = trace.points.iter().map(|(x, estimate)| {
                 let [number, down, up] = plotted(*estimate).map(|part| factor * part);
@@ -544,26 +549,6 @@ impl<'r> FigureSource<'r> {
         };
         x.is_finite().then_some([x, height])
     }
-}
-
-/// Marks around the points whose runs are not in steady state.
-fn trends(data: &Figure) -> Vec<Curve> {
-    let mut marks: Vec<Curve> = Vec::new();
-    for curve in &data.curves {
-        for (trend, [x, y]) in &curve.trends {
-            let (spot, kind) = ((*x, *y, 0.0, 0.0), CurveKind::Trend(*trend));
-            let mut known = marks.iter_mut();
-            let known = known.find(|known| known.panel == curve.panel && known.kind == kind);
-            if let Some(known) = known {
-                known.points.push(spot);
-            } else {
-                let label = Label::from(trend.name());
-                marks.push(Curve::new(label, vec![spot], kind, curve.panel));
-            }
-        }
-    }
-    marks.sort_by_key(|curve| (curve.panel, curve.kind == CurveKind::Trend(Trend::Ordering)));
-    marks
 }
 
 /// Default axis of a figure: the first that varies.

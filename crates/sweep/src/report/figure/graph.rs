@@ -54,8 +54,12 @@ pub(in crate::report) fn draw_curves(
         LogAxis::of(&places.collect::<Vec<_>>())
     });
     if let Some(log) = log {
-        for point in curves.iter_mut().flat_map(|curve| &mut curve.points) {
-            point.0 = log.place(point.0);
+        for curve in &mut curves {
+            let points = curve.points.iter_mut().map(|point| &mut point.0);
+            let marks = curve.trends.iter_mut().map(|(_, mark)| &mut mark[0]);
+            for place in points.chain(marks) {
+                *place = log.place(*place);
+            }
         }
     }
     let figure = Figure {

@@ -187,6 +187,8 @@ impl Figure {
     /// Its outline.
     pub(super) fn outline(mut self) -> Outline {
         let (x, y) = (self.horizontal(), self.vertical());
+        let trends = trends(&self);
+        self.curves.extend(trends);
         let mut discards = self.curves.iter().filter_map(|curve| curve.discard);
         let shaded = discards
             .next()
@@ -327,6 +329,14 @@ impl Curve {
         }
     }
 
+    /// Marks the points whose runs are not in steady state, by their trends in the order of points.
+    pub(in crate::report) fn marked(mut self, trends: &[Option<Trend>]) -> Self {
+        let marks = self.points.iter().zip(trends);
+        let marks = marks.filter_map(|(point, trend)| Some(((*trend)?, [point.0, point.1])));
+        self.trends = marks.collect();
+        self
+    }
+
     /// A curve of values with their intervals.
     pub(in crate::report) fn of_values(
         label: &str,
@@ -392,4 +402,24 @@ impl Curve {
         self.width = if is_line || is_mark { 0.7 } else { 1.0 } * LINE_WIDTH;
         self.dashes = DASHES[self.index % DASHES.len()].filter(|_| is_line);
     }
+}
+
+/// Marks around the points whose runs are not in steady state.
+fn trends(data: &Figure) -> Vec<Curve> {
+    let mut marks: Vec<Curve> = Vec::new();
+    for curve in &data.curves {
+        for (trend, [x, y]) in &curve.trends {
+            let (spot, kind) = ((*x, *y, 0.0, 0.0), CurveKind::Trend(*trend));
+            let mut known = marks.iter_mut();
+            let known = known.find(|known| known.panel == curve.panel && known.kind == kind);
+            if let Some(known) = known {
+                known.points.push(spot);
+            } else {
+                let label = Label::from(trend.name());
+                marks.push(Curve::new(label, vec![spot], kind, curve.panel));
+            }
+        }
+    }
+    marks.sort_by_key(|curve| (curve.panel, curve.kind == CurveKind::Trend(Trend::Ordering)));
+    marks
 }
