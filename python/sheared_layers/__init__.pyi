@@ -246,5 +246,7 @@ class Store:
         where: Mapping[str, Any] | None = None,
         cases: Sequence[str] | None = None,
         segment: int | None = None,
+        against: str | float | None = None,
+        references: Sequence[str] | None = None,
         ax: Any = None,
     ) -> Any: ...

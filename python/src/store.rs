@@ -13,8 +13,8 @@ use sweep::data::DataColumn;
 use sweep::model::axes::{AXES, Axis};
 use sweep::model::spaces::AnyFrame;
 use sweep::report::{
-    Drawing, FitReport, Kind, Report, SegmentReport, Selection, SphereView, StructureReport,
-    draw_spheres, number, outline, point_table, traces,
+    Against, Drawing, FitReport, Reference, Report, SegmentReport, Selection, SphereView,
+    StructureReport, draw_spheres, number, outline, point_table, traces,
 };
 use sweep::store::{Store as OpenStore, StoreSource};
 use sweep::system::files::{reason_to_stay, write_output};
@@ -122,6 +122,13 @@ impl Store {
     clippy::needless_pass_by_value,
     reason = "arguments of Python come as values"
 )]
+/// What a horizontal axis shows in place of an axis of the campaign.
+#[derive(FromPyObject)]
+enum Abscissa {
+    Below(f64),
+    Column(String),
+}
+
 #[pymethods]
 impl Store {
     #[new]
@@ -326,7 +333,7 @@ impl Store {
     /// Parameters
     /// ----------
     /// kind : str
-    ///     "curve", "contacts", "trace", "flow-curve" or "state-diagram".
+    ///     One of the kinds of `sweep report --kind`: "curve", "contacts", "mu-j", "trace", ...
     /// quantity : str, optional
     ///     Of kind "curve": a column of `points`; by default the viscosity.
     /// along : str, optional
@@ -334,16 +341,21 @@ impl Store {
     /// where : dict, optional
     ///     Only these points, as in `points`.
     /// cases : list of str, optional
-    ///     Of kind "trace": the runs, by the beginnings of their keys.
+    ///     Of figures of runs in time: the runs, by the beginnings of their keys.
     /// segment : int, optional
     ///     The segment of the runs, from 1; by default the last.
+    /// against : str or float, optional
+    ///     What the horizontal axis shows in place of `along`: a column of `points`, or the
+    ///     distance of the fraction below this one.
+    /// references : list of str, optional
+    ///     Published curves to draw too, such as "boyer2011".
     /// ax : matplotlib axes, optional
     ///     Axes for the figure; by default a new figure.
     ///
     /// Returns
     /// -------
     /// matplotlib axes
-    #[pyo3(signature = (kind="curve", *, quantity=None, along=None, r#where=None, cases=None, segment=None, ax=None))]
+    #[pyo3(signature = (kind="curve", *, quantity=None, along=None, r#where=None, cases=None, segment=None, against=None, references=None, ax=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keywords of Python, each with a default"
@@ -357,21 +369,30 @@ impl Store {
         r#where: Option<&Bound<'py, PyDict>>,
         cases: Option<Vec<String>>,
         segment: Option<usize>,
+        against: Option<Abscissa>,
+        references: Option<Vec<String>>,
         ax: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let references = references.unwrap_or_default();
+        let references = references.iter().map(|name| Reference::named(name));
         let drawing = Drawing {
             kind: word("kind", kind)?,
             number: quantity.map(number).transpose().map_err(raise)?,
             along: along.map(axis).transpose()?,
+            against: match against {
+                Some(Abscissa::Column(name)) => {
+                    Some(Against::Number(number(&name).map_err(raise)?))
+                }
+                Some(Abscissa::Below(jamming)) => Some(Against::Below(jamming)),
+                None => None,
+            },
+            references: references.collect::<Result<_, _>>().map_err(raise)?,
             ..Drawing::default()
         };
         let (selection, cases) = (selection(r#where)?, cases.unwrap_or_default());
         let draw = |store: &OpenStore| {
             let report = Report::of(store, &selection)?;
-            let traces = match drawing.kind {
-                Kind::Trace => traces(store, &selection, &cases)?,
-                _ => Vec::new(),
-            };
+            let traces = traces(store, &selection, &cases, drawing.kind)?;
             Ok(outline(&report, &traces, &drawing)?)
         };
         let outline = match segment {

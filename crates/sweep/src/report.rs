@@ -7,6 +7,7 @@ mod fit;
 mod labels;
 mod page;
 mod points;
+mod references;
 mod runs;
 mod segments;
 mod selection;
@@ -22,11 +23,14 @@ mod units;
 pub use crate::text::format::NumberFormat;
 pub use error::ReportError;
 pub use failures::FailureGroup;
-pub use figure::{Drawing, Graph, Kind, Outline, Trace, draw, draw_graphs, outline, traces};
+pub use figure::{
+    Against, Drawing, Graph, Kind, Outline, Trace, draw, draw_graphs, outline, traces,
+};
 pub use fit::FitReport;
 pub(crate) use labels::Starts;
 pub use page::{PageHost, data, movie, page, page_figure, page_runs};
 pub use points::{Point, Report};
+pub use references::Reference;
 pub use runs::TableFormat;
 pub use segments::SegmentReport;
 pub(crate) use selection::range;

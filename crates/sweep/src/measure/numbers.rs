@@ -294,6 +294,12 @@ pub static NUMBERS: &[Number] = {
         number("lambda_3", "1").label("normal stress ratio λ₃")
             .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer or an oscillation", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
             .point("normal stress ratio λ₃ = Σ_zz/Σ_xx, mean over runs", MeanOver),
+        number("n1_over_stress", "1").label("N₁/σ")
+            .run("first normal stress difference over the shear stress, N₁/σ, of means in time; none in an oscillation", Of(|r| r.over_stress("n1")))
+            .point("first normal stress difference over the shear stress, N₁/σ, mean over runs", MeanOver),
+        number("n2_over_stress", "1").label("N₂/σ")
+            .run("second normal stress difference over the shear stress, N₂/σ, of means in time; none in an oscillation", Of(|r| r.over_stress("n2")))
+            .point("second normal stress difference over the shear stress, N₂/σ, mean over runs", MeanOver),
         number("sticking", "1").label("sticking contacts, of all")
             .run("contacts that stick (`rolling`) over contacts", Of(|r| ratio(r.sticking as f64, r.contacts as f64)))
             .point("contacts that stick (`rolling`) over contacts", Over(|r| ratio(r.sum("rolling"), r.sum("contacts")))),

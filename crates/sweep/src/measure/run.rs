@@ -143,6 +143,12 @@ impl RunData<'_> {
         ratio(-self.mean(name)?, -along)
     }
 
+    /// A mean stress over the shear stress, in a shear in one direction.
+    pub(super) fn over_stress(&self, name: &str) -> Option<f64> {
+        let stress = self.mean(name).filter(|_| self.is_steady_shear())?;
+        ratio(stress, self.viscosity?.mean)
+    }
+
     /// The diffusivity along y or z, in a²·rate: half the slope of the mean square displacement
     /// since the start of the run, over the averaged samples.
     pub(super) fn diffusivity(&self, axis: usize) -> Option<f64> {
@@ -277,6 +283,8 @@ mod tests {
         close(&run, "viscous_number", rate / -yy);
         close(&run, "macroscopic_friction", 1.0 / -yy);
         close(&run, "normal_viscosity", -yy / rate);
+        close(&run, "n1_over_stress", xx - yy);
+        close(&run, "n2_over_stress", yy - zz);
         close(&run, "lambda_2", yy / xx);
         close(&run, "lambda_3", zz / xx);
         close(&run, "pressure", -(xx + yy + zz) / (3.0 * rate));

@@ -127,7 +127,8 @@ impl RunSegment {
         })
     }
 
-    /// How the runs of a point change over the segment, if they are known not to be in steady state.
+    /// How the runs of a point change over the segment, where they are known not to be in steady
+    /// state.
     pub(crate) fn trend(runs: &[Self]) -> Option<Trend> {
         let parts: Vec<_> = runs.iter().filter_map(|run| run.parts).collect();
         // A quarter of an odd number of cycles has other phases than the rest.

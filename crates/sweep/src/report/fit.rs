@@ -162,7 +162,8 @@ impl FitReport {
         undetermined.into_iter().chain(unsteady).collect()
     }
 
-    /// How the runs of each point change, in the order of the rows, if they are not in steady state.
+    /// How the runs of each point change, in the order of the rows, where they are not in steady
+    /// state.
     fn trends(&self) -> impl Iterator<Item = Option<Trend>> {
         self.trends.iter().copied()
     }

@@ -218,6 +218,7 @@ fn figures(report: &Report, host: PageHost) -> Vec<Value> {
     let numbers = numbers.map(|number| (number.name, number.label));
     let (main, other): (Vec<_>, Vec<_>) = numbers.partition(|(name, _)| *name == "viscosity");
     let kinds = [
+        (Kind::FrictionLaw, "friction law μ(J)"),
         (Kind::Contacts, "contacts"),
         (Kind::FlowCurve, "flow curve"),
         (Kind::StateDiagram, "state diagram"),
@@ -230,8 +231,10 @@ fn figures(report: &Report, host: PageHost) -> Vec<Value> {
             continue;
         };
         let usual = default_axis(report, drawing.kind);
-        let is_one = matches!(drawing.kind, Kind::FlowCurve | Kind::StateDiagram)
-            || host == PageHost::File && name != "viscosity";
+        let is_one = matches!(
+            drawing.kind,
+            Kind::FrictionLaw | Kind::FlowCurve | Kind::StateDiagram
+        ) || host == PageHost::File && name != "viscosity";
         let others = report
             .varying()
             .filter(|axis| !is_one && axis.is_numeric() && axis.key != usual.key);
@@ -239,7 +242,7 @@ fn figures(report: &Report, host: PageHost) -> Vec<Value> {
         for axis in [usual].into_iter().chain(others) {
             let figure = match host {
                 PageHost::Server => Ok(Value::Bool(true)),
-                PageHost::File => draw_of(report, drawing, axis).map(Value::from),
+                PageHost::File => draw_of(report, &drawing, axis).map(Value::from),
             };
             if let Ok(figure) = figure {
                 left = left.saturating_sub(figure.as_str().map_or(0, str::len));
@@ -270,7 +273,7 @@ fn drawing(name: &str) -> Option<Drawing> {
 
 /// Draws a figure of a report along an axis, with panels if there are more curves than can be
 /// distinguished.
-fn draw_of(report: &Report, drawing: Drawing, axis: &'static Axis) -> Result<String, ReportError> {
+fn draw_of(report: &Report, drawing: &Drawing, axis: &'static Axis) -> Result<String, ReportError> {
     // The default axis may have a single value.
     let usual = default_axis(report, drawing.kind);
     let along = Some(axis).filter(|axis| axis.key != usual.key);
@@ -278,7 +281,7 @@ fn draw_of(report: &Report, drawing: Drawing, axis: &'static Axis) -> Result<Str
         let drawing = Drawing {
             along,
             panels,
-            ..drawing
+            ..drawing.clone()
         };
         draw_on_page(report, &[], &drawing)
     };
@@ -307,7 +310,7 @@ pub fn page_figure(
     let drawing = drawing(name).ok_or_else(unknown)?;
     let axis = Axis::of_key(along).filter(|axis| axis.is_numeric());
     let axis = axis.unwrap_or_else(|| default_axis(&report, drawing.kind));
-    draw_of(&report, drawing, axis)
+    draw_of(&report, &drawing, axis)
 }
 
 /// The runs of the point with this index in time; `None` without samples.

@@ -375,7 +375,11 @@ impl RunEnd {
         (steps, discard): (u64, u64),
         samples: Option<&[(u64, Sample)]>,
     ) -> rusqlite::Result<()> {
-        let (mut run, mut last) = (RunData::new(params, discard), None);
+        let mut params = params.clone();
+        // The store may be shown up to one of the segments.
+        let end = (steps as f64 - 0.5) * params.time_step;
+        params.segments.retain(|segment| segment.start < end);
+        let (mut run, mut last) = (RunData::new(&params, discard), None);
         let mut add = |step, sample: &Sample| {
             if step < steps {
                 last = Some(sample.counters);

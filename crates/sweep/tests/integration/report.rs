@@ -4,6 +4,7 @@ mod case_details;
 mod chosen;
 mod diagram;
 mod figures;
+mod laws;
 mod one_by_one;
 mod plan;
 mod tables;

@@ -5,7 +5,9 @@ use crate::cli::output_file::{check_picture, save};
 use crate::cli::words::{axis_among, choice_beside};
 use crate::error::Error;
 use crate::model::axes::Axis;
-use crate::report::{Drawing, Kind, Report, StructureKind, draw, number, traces};
+use crate::report::{
+    Against, Drawing, Kind, Reference, Report, StructureKind, draw, number, traces,
+};
 use crate::store::Store;
 use std::path::{Path, PathBuf};
 
@@ -26,6 +28,21 @@ pub(crate) struct FigureArguments {
     /// where it varies; for contacts the friction]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true)]
     along: Option<&'static Axis>,
+    /// Column of points on the horizontal axis, in place of that along which curves run
+    #[arg(long, value_name = "NAME", requires = "figure", hide_short_help = true)]
+    against: Option<String>,
+    /// Fraction from which the horizontal axis shows the distance
+    #[arg(
+        long,
+        value_name = "FRACTION",
+        requires = "figure",
+        conflicts_with = "against",
+        hide_short_help = true
+    )]
+    jamming: Option<f64>,
+    /// Draw a published curve too, such as boyer2011, zarraga2000, mari2014; repeatable
+    #[arg(long, value_name = "NAME", requires = "figure", hide_short_help = true)]
+    reference: Vec<String>,
     /// Horizontal axis of a state diagram [default: area_fraction, or volume_fraction of
     /// suspensions]
     #[arg(long, value_name = "AXIS", value_parser = axis_among(Axis::is_numeric), requires = "figure", hide_possible_values = true, hide_short_help = true)]
@@ -79,9 +96,24 @@ impl FigureArguments {
                 "a state diagram has --x and --y",
             ),
             (
+                "--against",
+                self.against.is_some() && kind != Kind::Curve,
+                "only --kind curve has it",
+            ),
+            (
+                "--jamming",
+                self.jamming.is_some() && !matches!(kind, Kind::Curve | Kind::Divergence),
+                "only the kinds curve and divergence have it",
+            ),
+            (
+                "--kind",
+                self.jamming.is_none() && kind == Kind::Divergence,
+                "the distance from jamming needs the fraction of jamming (--jamming)",
+            ),
+            (
                 "--case",
-                !self.case.is_empty() && kind != Kind::Trace,
-                "it names runs in time, so only --kind trace has it",
+                !self.case.is_empty() && !kind.is_in_time(),
+                "it names runs in time, so only figures of these have it",
             ),
         ] {
             if is_wrong {
@@ -96,6 +128,15 @@ impl FigureArguments {
                 kind,
                 number: self.quantity.as_deref().map(number).transpose()?,
                 along: self.along,
+                against: match (&self.against, self.jamming) {
+                    (Some(name), _) => Some(Against::Number(number(name)?)),
+                    (None, jamming) => jamming.map(Against::Below),
+                },
+                references: self
+                    .reference
+                    .iter()
+                    .map(|name| Reference::named(name))
+                    .collect::<Result<_, _>>()?,
                 x: self.x,
                 y: self.y,
                 panels: self.panels,
@@ -112,10 +153,7 @@ pub(super) fn write(
     output: &mut Output<'_>,
 ) -> Result<(), Error> {
     let drawing = &request.drawing;
-    let traces = match drawing.kind {
-        Kind::Trace => traces(store, &report.selection, request.cases)?,
-        _ => Vec::new(),
-    };
+    let traces = traces(store, &report.selection, request.cases, drawing.kind)?;
     let figure = draw(report, &traces, drawing)?;
     save(request.path, figure.as_bytes(), output)
 }

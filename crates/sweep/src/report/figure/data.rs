@@ -3,19 +3,23 @@
 use super::outline::{Curve, CurveKind, Figure, Panel};
 use super::palette::{CURVES, ORDERED_CURVES};
 use super::scale::{LogAxis, extent};
-use super::{Drawing, Kind, Trace, diagram, refused};
+use super::{Against, Drawing, Kind, Trace, diagram, refused};
 use crate::measure::Estimate;
-use crate::measure::numbers::Number;
+use crate::measure::numbers::{NUMBERS, Number};
 use crate::model::axes::{AXES, Axis, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::error::ReportError;
 use crate::report::labels::{AxisWords, Label, Shared};
 use crate::report::points::{Point, Report};
+use crate::report::references::{Reference, ReferenceCurve};
 use crate::report::states::grouped;
 use crate::report::units::{At, Units};
 use sd_core::Params;
 use std::cmp::Ordering;
 use std::f64::consts::PI;
+
+/// Pieces of the line of a published law.
+const LINE: usize = 120;
 
 /// A value, and the extent of its interval down and up.
 type Plotted = [f64; 3];
@@ -25,12 +29,101 @@ fn plotted(estimate: Estimate) -> Plotted {
     [estimate.mean, half, half]
 }
 
-/// A quantity of every point: label of its axis, column and unit.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Measured {
+/// A quantity of every point: its label, and its column.
+type Measured = (&'static str, &'static str);
+
+/// Quantities of figures that show more than one.
+const CONTACTS: [Measured; 4] = [
+    ("in contact", "contacts_per_sphere"),
+    ("activated", "activated_per_sphere"),
+    ("rolling", "rolling_per_sphere"),
+    ("slipping", "slipping_per_sphere"),
+];
+const NORMAL_STRESS: [Measured; 2] = [("N₁/σ", "n1_over_stress"), ("N₂/σ", "n2_over_stress")];
+const VISCOSITIES: [Measured; 2] = [("η", "viscosity"), ("η_n", "normal_viscosity")];
+
+/// What the vertical axis of a figure shows: its label and unit, and the quantities.
+struct Quantities {
     label: &'static str,
-    name: &'static str,
     unit: &'static str,
+    measured: Vec<Measured>,
+}
+
+impl Quantities {
+    fn of(drawing: &Drawing) -> Self {
+        let one = |label, name, unit| (label, unit, vec![(label, name)]);
+        let number = |number: &'static Number| match number.label {
+            "" => one(number.name, number.name, number.unit),
+            label => one(label, number.name, number.unit),
+        };
+        let usual = Number::named("viscosity").unwrap_or(&NUMBERS[0]);
+        let (label, unit, measured) = match drawing.kind {
+            Kind::Contacts => ("pairs per sphere", "1", CONTACTS.to_vec()),
+            Kind::NormalStress => ("N₁/σ, N₂/σ", "1", NORMAL_STRESS.to_vec()),
+            Kind::Divergence => ("viscosities η, η_n", "mu", VISCOSITIES.to_vec()),
+            Kind::FlowCurve => one("shear stress σ*", "shear_stress", "F_crit/a²"),
+            Kind::FractionLaw => one("fraction", "fraction", "1"),
+            Kind::Lissajous => one("stress / (μ γ₀ ω)", "", "1"),
+            Kind::Distribution => one("probability density", "", "1"),
+            Kind::Spectrum => one("power of η (per cycle in a strain of 1)", "", "1"),
+            Kind::FrictionLaw => {
+                Number::named("macroscopic_friction").map_or_else(|| number(usual), number)
+            }
+            Kind::Parts => number(usual),
+            _ => number(drawing.number.unwrap_or(usual)),
+        };
+        Self {
+            label,
+            unit,
+            measured,
+        }
+    }
+
+    /// The names of their columns that a reference may have too.
+    fn names(&self) -> impl Iterator<Item = Measured> {
+        self.measured.iter().map(|(label, name)| match *name {
+            "fraction" => (*label, "volume_fraction"),
+            name => (*label, name),
+        })
+    }
+}
+
+/// The value of a quantity at a point.
+fn read(name: &str, point: &Point) -> Option<Plotted> {
+    let number = |name: &str| point.number(name);
+    match name {
+        "shear_stress" => point.shear_stress().map(plotted),
+        "fraction" => {
+            let imposed = || {
+                let Params {
+                    volume_fraction,
+                    area_fraction,
+                    ..
+                } = point.params;
+                Estimate::bare(volume_fraction.unwrap_or(area_fraction))
+            };
+            Some(plotted(point.estimate(name).unwrap_or_else(imposed)))
+        }
+        "viscosity_median" => {
+            let value = number(name)?;
+            let quartile = |n: u8| number(&format!("{name}_quartile_{n}"));
+            let quartiles = quartile(1).zip(quartile(3));
+            let (low, high) = quartiles.unwrap_or((value, value));
+            Some([value, value - low, high - value])
+        }
+        "activated_per_sphere" | "rolling_per_sphere" | "slipping_per_sphere" => {
+            let activated = number("activated_fraction").unwrap_or(0.0);
+            let rolling = number("rolling_fraction").unwrap_or(0.0);
+            let share = match name {
+                "activated_per_sphere" => activated,
+                "rolling_per_sphere" => activated * rolling,
+                _ => activated * (1.0 - rolling),
+            };
+            Some([number("contacts_per_sphere")? * share, 0.0, 0.0])
+        }
+        "contacts_per_sphere" => Some([number(name)?, 0.0, 0.0]),
+        name => point.estimate(name).map(plotted),
+    }
 }
 
 /// The data of a figure of a report, or of traces.
@@ -49,23 +142,23 @@ pub(super) fn figure_data(
     };
     let along = diagram.map_or(drawing.along, |[x, _]| Some(x));
     let source = FigureSource::of(report, drawing, along)?;
-    let measured = Measured::of(drawing);
-    source.check_units(measured)?;
-    let mut data = match (kind, diagram) {
-        (_, Some([_, y])) => source.diagram(y)?,
-        (Kind::Contacts, None) => source.contacts(),
-        (Kind::Trace, None) => source.in_time(traces),
-        _ => source.of_points(measured),
+    let quantities = Quantities::of(drawing);
+    source.check_units(&quantities)?;
+    let mut data = match diagram {
+        Some([_, y]) => source.diagram(y)?,
+        None if kind.is_in_time() => source.in_time(traces, &quantities),
+        None => source.of_points(&quantities),
     };
-    let is_viscosity = kind == Kind::Curve && measured.name.starts_with("viscosity");
+    let first = quantities.measured.first().map_or("", |first| first.1);
+    let is_viscosity = kind == Kind::Curve && first.starts_with("viscosity");
     if kind == Kind::Trace {
         source.add_dilute(&mut data, traces.iter().map(|trace| &trace.params));
-    } else if is_viscosity && !source.along.is_fraction() {
+    } else if is_viscosity && source.against.is_none() && !source.along.is_fraction() {
         source.add_dilute(&mut data, report.params());
     }
     let has_result = |curve: &Curve| curve.points.iter().any(|point| !point.1.is_nan());
     if !data.curves.iter().any(has_result) {
-        source.check_scale(measured)?;
+        source.check_scale(&quantities)?;
         return Err(refused(
             "there are no results to draw yet; `sweep status` shows the progress of the campaign",
         ));
@@ -75,7 +168,11 @@ pub(super) fn figure_data(
     if kind != Kind::StateDiagram {
         data.arrange(kind)?;
     }
-    data.note = (kind != Kind::Trace).then(|| report.note()).flatten();
+    for reference in &drawing.references {
+        let curves = source.curves_of(reference, &quantities, &data)?;
+        data.curves.extend(curves);
+    }
+    data.note = (!kind.is_in_time()).then(|| report.note()).flatten();
     Ok(data)
 }
 
@@ -94,7 +191,7 @@ impl Figure {
         let most = if is_ordered { ORDERED_CURVES } else { CURVES };
         if number > most {
             let (more, how) = match kind {
-                Kind::Trace => (" or more", "runs (where, case)"),
+                kind if kind.is_in_time() => (" or more", "runs (where, case)"),
                 _ => (
                     "",
                     "points (where), the axis they run along (along), or an axis with a panel for each value (panels)",
@@ -118,46 +215,13 @@ impl Figure {
     }
 }
 
-impl Measured {
-    /// The quantity of a figure.
-    fn of(drawing: &Drawing) -> Self {
-        let usual = || Number::named("viscosity");
-        let number = match drawing.kind {
-            Kind::FlowCurve | Kind::Contacts => None,
-            _ => drawing.number.or_else(usual),
-        };
-        let (label, name, unit) = match number {
-            Some(number) if number.label.is_empty() => (number.name, number.name, number.unit),
-            Some(number) => (number.label, number.name, number.unit),
-            None if drawing.kind == Kind::Contacts => {
-                ("pairs per sphere", "contacts_per_sphere", "1")
-            }
-            None => ("shear stress σ*", "shear_stress", "F_crit/a²"),
-        };
-        Self { label, name, unit }
-    }
-
-    /// Its value at a point.
-    fn read(self, point: &Point) -> Option<Plotted> {
-        match self.name {
-            "shear_stress" => point.shear_stress().map(plotted),
-            "viscosity_median" => {
-                let number = point.number(self.name)?;
-                let quartile = |n: u8| point.number(&format!("{}_quartile_{n}", self.name));
-                let quartiles = quartile(1).zip(quartile(3));
-                let (low, high) = quartiles.unwrap_or((number, number));
-                Some([number, number - low, high - number])
-            }
-            name => point.estimate(name).map(plotted),
-        }
-    }
-}
-
 /// A report, and the axes along which its points are drawn.
 pub(super) struct FigureSource<'r> {
     kind: Kind,
     report: &'r Report,
     pub(super) along: &'static Axis,
+    /// What the horizontal axis shows in place of that axis.
+    against: Option<Against>,
     pub(super) panels: Option<&'static Axis>,
     /// Parameters of each panel, in the order of their values; empty without panels.
     panel_params: Vec<&'r Params>,
@@ -172,7 +236,14 @@ impl<'r> FigureSource<'r> {
         asked: Option<&'static Axis>,
     ) -> Result<Self, ReportError> {
         let (points, units) = (&report.points, report.units);
-        let along = asked.unwrap_or_else(|| default_axis(report, drawing.kind));
+        let viscous_number = || Number::named("viscous_number").map(Against::Number);
+        let against = match drawing.kind {
+            Kind::FrictionLaw | Kind::FractionLaw => viscous_number(),
+            _ => drawing.against,
+        };
+        let fraction = || report.varying().find(|axis| axis.is_fraction());
+        let usual = asked.or_else(|| against.and_then(|_| fraction()));
+        let along = usual.unwrap_or_else(|| default_axis(report, drawing.kind));
         let refused = |option, message: String| Err(ReportError::argument(option, message));
         if drawing.kind == Kind::FlowCurve && !along.is_shear_rate() {
             let message = "a flow curve is stress against rate: its axis is shear_rate";
@@ -188,7 +259,7 @@ impl<'r> FigureSource<'r> {
         // A measured rate varies without being an axis of the campaign. A state diagram reports
         // itself how many points it needs.
         let [low, high] = extent(points.iter().map(|point| point.place(along)));
-        let is_of_points = !matches!(drawing.kind, Kind::Trace | Kind::StateDiagram);
+        let is_of_points = !drawing.kind.is_in_time() && drawing.kind != Kind::StateDiagram;
         if asked.is_some() && is_of_points && !points.is_empty() && low >= high {
             let (key, others) = (along.key, varying(Axis::is_numeric));
             let message =
@@ -198,7 +269,7 @@ impl<'r> FigureSource<'r> {
         let mut panel_params: Vec<&Params> = Vec::new();
         if let Some(axis) = drawing.panels {
             let key = axis.key;
-            if key == along.key && drawing.kind != Kind::Trace {
+            if key == along.key && !drawing.kind.is_in_time() {
                 let message = format!("the curves run along {key}: name another axis");
                 return refused("panels", message);
             }
@@ -213,19 +284,28 @@ impl<'r> FigureSource<'r> {
                 );
             }
         }
-        let log = along.is_logarithmic().then(|| {
-            let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
-            let values = points
-                .iter()
-                .map(|p| units.along(along, p.at(), p.place(along)));
-            // Layers that carry their stress at rest are drawn at a rate of 0.
-            let resting = points.iter().filter(rests).map(|_| 0.0);
-            LogAxis::of(&values.chain(resting).collect::<Vec<_>>())
-        });
+        let log = match against {
+            Some(against) => {
+                let places = points.iter().map(|point| against.place(units, point));
+                let places: Vec<f64> = places.filter(|place| !place.is_nan()).collect();
+                let [low, high] = extent(places.iter().copied());
+                (low > 0.0 && high > 3.0 * low).then(|| LogAxis::of(&places))
+            }
+            None => along.is_logarithmic().then(|| {
+                let rests = |p: &&Point| along.is_shear_rate() && jammed_at_imposed_stress(p);
+                let values = points
+                    .iter()
+                    .map(|p| units.along(along, p.at(), p.place(along)));
+                // Layers that carry their stress at rest are drawn at a rate of 0.
+                let resting = points.iter().filter(rests).map(|_| 0.0);
+                LogAxis::of(&values.chain(resting).collect::<Vec<_>>())
+            }),
+        };
         Ok(Self {
             kind: drawing.kind,
             report,
             along,
+            against,
             panels: drawing.panels,
             panel_params,
             log,
@@ -234,12 +314,12 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Checks that the requested units apply and change something.
-    fn check_units(&self, measured: Measured) -> Result<(), ReportError> {
-        let Measured { label, unit, .. } = measured;
+    fn check_units(&self, quantities: &Quantities) -> Result<(), ReportError> {
+        let Quantities { label, unit, .. } = quantities;
         self.units.reach(label, unit)?;
         let mut axes = self.report.varying().chain([self.along]);
         let changes =
-            self.units.word(unit) != unit || axes.any(|axis| self.units.of_axis(axis).is_some());
+            self.units.word(unit) != *unit || axes.any(|axis| self.units.of_axis(axis).is_some());
         if self.units.are_requested() && !changes {
             return Err(ReportError::argument(
                 "units",
@@ -253,11 +333,15 @@ impl<'r> FigureSource<'r> {
     }
 
     /// Whether nothing is drawn because no value has a physical scale.
-    fn check_scale(&self, measured: Measured) -> Result<(), ReportError> {
+    fn check_scale(&self, quantities: &Quantities) -> Result<(), ReportError> {
         let mut points = self.report.points.iter();
-        let is_lost =
-            |point: &Point| measured.read(point).is_some() && !self.has_scale(measured.unit, point);
-        if points.any(is_lost) {
+        let is_known = |point: &Point| {
+            quantities
+                .measured
+                .iter()
+                .any(|of| read(of.1, point).is_some())
+        };
+        if points.any(|point| is_known(point) && !self.has_scale(quantities.unit, point)) {
             return Err(Units::without_scale());
         }
         Ok(())
@@ -345,17 +429,32 @@ impl<'r> FigureSource<'r> {
         Figure {
             curves,
             panels: titles.into_iter().map(panel).collect(),
-            x: self.units.label_of(self.along),
+            x: self.horizontal_label(),
             y,
             log: self.log,
             ..Figure::default()
         }
     }
 
-    /// Value of a point along the axis, in the requested units.
+    /// Value of a point on the horizontal axis, in the requested units.
     pub(super) fn value(&self, point: &Point) -> f64 {
-        let value = point.place(self.along);
-        self.units.along(self.along, point.at(), value)
+        match self.against {
+            Some(against) => against.place(self.units, point),
+            None => self
+                .units
+                .along(self.along, point.at(), point.place(self.along)),
+        }
+    }
+
+    fn horizontal_label(&self) -> String {
+        match self.against {
+            None => self.units.label_of(self.along),
+            Some(Against::Below(jamming)) => format!("{jamming} − fraction"),
+            Some(Against::Number(number)) => {
+                let label = Some(number.label).filter(|label| !label.is_empty());
+                self.units.label(label.unwrap_or(number.name), number.unit)
+            }
+        }
     }
 
     /// Position of a value on the axis.
@@ -404,7 +503,8 @@ impl<'r> FigureSource<'r> {
     fn rates(&self, point: &Point) -> Option<[f64; 2]> {
         let along = self.along;
         let (_, stress) = point.params.last_shear();
-        let stress = stress.filter(|_| along.is_shear_rate())?;
+        let is_rate = along.is_shear_rate() && self.against.is_none();
+        let stress = stress.filter(|_| is_rate)?;
         let eta = point.viscosity?;
         let half = eta.ci95?;
         Some([half, -half].map(|reach| {
@@ -414,24 +514,37 @@ impl<'r> FigureSource<'r> {
         }))
     }
 
-    /// One line per curve of one quantity.
-    fn of_points(&self, measured: Measured) -> Figure {
-        let Measured { label, unit, .. } = measured;
-        let value = |point: &Point| {
-            let factor = self.units.factor(unit, point.at())?;
-            Some(measured.read(point)?.map(|part| factor * part))
-        };
-        // A result without a value here, such as a stress at an infinite rate, is left out and not
-        // marked as missing.
-        let is_shown = |point: &&Point| match measured.read(point) {
-            Some([number, ..]) => number.is_finite() && self.has_scale(unit, point),
-            None => true,
-        };
-        let curves = self.curves().into_iter().filter_map(|(label, mut points)| {
-            points.retain(|point| is_shown(point));
-            (!points.is_empty()).then(|| self.line(&points, label, &value))
-        });
-        let curves: Vec<Curve> = curves.collect();
+    /// One line per curve of each quantity.
+    fn of_points(&self, quantities: &Quantities) -> Figure {
+        let Quantities {
+            label,
+            unit,
+            measured,
+        } = quantities;
+        let mut curves: Vec<Curve> = Vec::new();
+        for (words, points) in self.curves() {
+            for (word, name) in measured {
+                let value = |point: &Point| {
+                    let factor = self.units.factor(unit, point.at())?;
+                    Some(read(name, point)?.map(|part| factor * part))
+                };
+                // A result without a value here, such as a stress at an infinite rate, is left out
+                // and not marked as missing.
+                let is_shown = |point: &&&Point| match read(name, point) {
+                    Some([number, ..]) => number.is_finite() && self.has_scale(unit, point),
+                    None => true,
+                };
+                let shown: Vec<&Point> = points.iter().filter(is_shown).copied().collect();
+                let words = match measured.len() {
+                    1 => words.clone(),
+                    _ if words.words.is_empty() => Label::from(*word),
+                    _ => Label::from(format!("{word}, {}", words.words)),
+                };
+                if !shown.is_empty() {
+                    curves.push(self.line(&shown, words, &value));
+                }
+            }
+        }
         // A plateau that nothing reaches is left out.
         let log = self.log.map(|log| {
             let points = || curves.iter().flat_map(|curve| &curve.points);
@@ -449,36 +562,97 @@ impl<'r> FigureSource<'r> {
         }
     }
 
-    /// Four curves for each combination of values.
-    fn contacts(&self) -> Figure {
-        let counts = |point: &Point| {
-            let contacts = point.number("contacts_per_sphere")?;
-            let activated = contacts * point.number("activated_fraction").unwrap_or(0.0);
-            let rolling = point.number("rolling_fraction").unwrap_or(0.0);
-            let of_kinds = [activated * rolling, activated * (1.0 - rolling)];
-            Some([contacts, activated, of_kinds[0], of_kinds[1]])
+    /// The curves of a publication beside those of a figure, over their range.
+    fn curves_of(
+        &self,
+        reference: &Reference,
+        quantities: &Quantities,
+        figure: &Figure,
+    ) -> Result<Vec<Curve>, ReportError> {
+        let name = &reference.name;
+        let refused = |message: String| Err(ReportError::argument("reference", message));
+        if let Some(why) = reference.refuses(self.report.params()) {
+            return refused(format!("{name} is {why}"));
+        }
+        if self.units.are_requested() {
+            return refused(format!("{name} is in μ and the rate: leave the units out"));
+        }
+        let x = match self.against {
+            Some(Against::Number(number)) => number.name,
+            Some(Against::Below(_)) => "volume_fraction",
+            None => self.along.key,
         };
-        let names = ["in contact", "activated", "rolling", "slipping"];
+        let own = quantities.names().flat_map(|(word, y)| {
+            let curves = reference.curves.iter();
+            let curves = curves.filter(move |curve| curve.x == x && curve.y == y);
+            curves.map(move |curve| (word, curve))
+        });
+        let own: Vec<(&str, &ReferenceCurve)> = own.collect();
+        if own.is_empty() || self.kind.is_in_time() {
+            let label = quantities.label;
+            return refused(format!(
+                "{name} has {}; this figure shows {label} against {x}",
+                reference.offers()
+            ));
+        }
+        let places = figure.curves.iter().flat_map(|curve| &curve.points);
+        let [low, high] = extent(places.map(|point| point.0));
+        // From a place on the axis to the abscissa of the publication and back.
+        let distance = |value: f64| match self.against {
+            Some(Against::Below(jamming)) => jamming - value,
+            _ => value,
+        };
+        let at = |place: f64| distance(self.log.map_or(place, |_| 10_f64.powf(place)));
         let mut curves = Vec::new();
-        for (label, points) in self.curves() {
-            for (place, name) in names.into_iter().enumerate() {
-                let label = Label::from(match label.words.as_str() {
-                    "" => name.to_owned(),
-                    words => format!("{name}, {words}"),
+        for (word, curve) in own {
+            let label = match quantities.measured.len() {
+                1 => curve.label(reference),
+                _ => format!("{word}, {}", curve.label(reference)),
+            };
+            let places = (0..=LINE).map(|k| low + (high - low) * k as f64 / LINE as f64);
+            let line = places.filter_map(|place| Some((place, curve.value(at(place))?)));
+            let line: Vec<(f64, f64)> = line.collect();
+            let points = curve.points.iter();
+            let points = points.map(|[x, y]| (self.place(distance(*x)), *y));
+            let (kind, points) = match line.len() {
+                0 => (CurveKind::Crosses, points.collect()),
+                _ => (CurveKind::Reference, line),
+            };
+            if points.is_empty() {
+                let [from, to] = curve.range;
+                return refused(format!(
+                    "{name} holds where {x} is between {from} and {to}, and the figure has no such points"
+                ));
+            }
+            let points = points.into_iter().map(|(x, y)| (x, y, 0.0, 0.0));
+            let points: Vec<_> = points.collect();
+            let before = figure
+                .curves
+                .iter()
+                .filter(|curve| curve.kind == kind)
+                .count();
+            for panel in 0..figure.panels.len() {
+                curves.push(Curve {
+                    index: before + curves.len() / figure.panels.len(),
+                    ..Curve::new(label.as_str().into(), points.clone(), kind, panel)
                 });
-                curves.push(self.line(&points, label, &|point| {
-                    Some([counts(point)?[place], 0.0, 0.0])
-                }));
             }
         }
-        self.figure_of(curves, "pairs per sphere".into())
+        Ok(curves)
     }
 
     /// Runs in time, or means over them.
-    fn in_time(&self, traces: &[Trace]) -> Figure {
+    fn in_time(&self, traces: &[Trace], quantities: &Quantities) -> Figure {
         let params: Vec<&Params> = traces.iter().map(|trace| &trace.params).collect();
         let labels = self.shared(None).labels(&params);
-        let factor = self.units.viscosity_factor();
+        let factor = match quantities.unit {
+            "mu" => self.units.viscosity_factor(),
+            _ => 1.0,
+        };
+        let places = traces.iter().flat_map(|trace| &trace.points);
+        let log = (self.kind == Kind::Spectrum)
+            .then(|| LogAxis::of(&places.map(|point| point.0).collect::<Vec<_>>()));
+        let is_named = traces.iter().any(|trace| !trace.name.is_empty());
         let curves = traces.iter().zip(labels).map(|(trace, mut label)| {
             let own = identity(&trace.params);
             let same = |other: &&Trace| identity(&other.params) == own;
@@ -494,9 +668,14 @@ impl<'r> FigureSource<'r> {
             if let Some(trend) = trend {
                 label.words = label.with(trend.name());
             }
+            if is_named {
+                let words = std::mem::take(&mut label.words);
+                let comma = if words.is_empty() { "" } else { ", " };
+                label = Label::from(format!("{}{comma}{words}", trace.name));
+            }
             let points = trace.points.iter().map(|(x, estimate)| {
                 let [number, down, up] = plotted(*estimate).map(|part| factor * part);
-                (*x, number, down, up)
+                (log.map_or(*x, |log| log.place(*x)), number, down, up)
             });
             let panel = self.panel(&trace.params);
             Curve {
@@ -505,10 +684,17 @@ impl<'r> FigureSource<'r> {
                 ..Curve::new(label, points.collect(), CurveKind::Line, panel)
             }
         });
-        let label = self.units.label("relative viscosity η", "mu");
+        let label = self.units.label(quantities.label, quantities.unit);
+        let x = match self.kind {
+            Kind::Distribution => "relative viscosity η",
+            Kind::Spectrum => "cycles in a strain of 1",
+            Kind::Lissajous => "strain / γ₀",
+            _ => "strain",
+        };
         Figure {
-            x: "strain".into(),
-            log: None,
+            x: x.into(),
+            log,
+            is_linear: self.kind == Kind::Parts,
             ..self.figure_of(curves.collect(), label)
         }
     }
@@ -548,6 +734,20 @@ impl<'r> FigureSource<'r> {
             x
         };
         x.is_finite().then_some([x, height])
+    }
+}
+
+impl Against {
+    /// The place of a point; NaN without one.
+    fn place(self, units: Units, point: &Point) -> f64 {
+        let place = match self {
+            Self::Number(number) => {
+                let factor = units.factor(number.unit, point.at());
+                factor.zip(point.number(number.name)).map(|(a, b)| a * b)
+            }
+            Self::Below(jamming) => read("fraction", point).map(|[own, ..]| jamming - own),
+        };
+        place.unwrap_or(f64::NAN)
     }
 }
 

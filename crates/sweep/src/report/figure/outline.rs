@@ -86,6 +86,8 @@ pub(in crate::report) enum CurveKind {
     Markers,
     /// A thin line without markers.
     Line,
+    /// A thin line without markers, of a publication.
+    Reference,
     /// Unconnected markers.
     Points,
     /// Unconnected crosses.
@@ -378,7 +380,7 @@ impl Curve {
             self.points.push(point);
         }
         self.across.retain(|[.., value]| is_drawn(*value));
-        let is_line = self.kind == CurveKind::Line;
+        let is_line = matches!(self.kind, CurveKind::Line | CurveKind::Reference);
         let is_joined = is_line || self.kind == CurveKind::Markers;
         self.pieces
             .retain(|(first, last)| first < last && is_joined);
@@ -386,7 +388,7 @@ impl Curve {
         // In time there are too many points for bars.
         self.has_band = self.has_intervals && is_line;
         self.colour = match (self.kind, ordered) {
-            (CurveKind::Crosses | CurveKind::Trend(_), _) => Colour::INK,
+            (CurveKind::Crosses | CurveKind::Reference | CurveKind::Trend(_), _) => Colour::INK,
             (_, 0) => COLOURS[self.index % COLOURS.len()],
             (_, number) => Colour::ordered(self.index, number),
         };
@@ -395,7 +397,7 @@ impl Curve {
             CurveKind::Crosses => Some(Marker::Cross),
             CurveKind::Trend(Trend::NotSteady) => Some(Marker::Ring),
             CurveKind::Trend(Trend::Ordering) => Some(Marker::Frame),
-            CurveKind::Line => None,
+            CurveKind::Line | CurveKind::Reference => None,
         };
         let is_mark = matches!(self.kind, CurveKind::Trend(_));
         self.marker_size = if is_mark { 1.8 } else { 1.0 } * MARKER_SIZE;
