@@ -92,7 +92,7 @@ pub static STIFFNESS: Quantity = Quantity {
     note: "in F/a, under `hertz` F/a^(3/2), where F is F_crit, or 6 pi mu a^2 rate if `stiffness_unit` = \"flow\"; inf is rigid",
 };
 
-/// Dashpot c of springs: the force `−c v_n` that is added while the surfaces overlap, and never
+/// Dashpot ζ of springs: the force `−ζ v_n` that is added while the surfaces overlap, and never
 /// pulls.
 pub static DASHPOT: Quantity = Quantity {
     key: "dashpot",

@@ -1,10 +1,10 @@
 //! Hertz's law of elastic spheres, with an optional dashpot.
 //!
 //! ```text
-//! F = k d^(3/2) − c v_n,   d = h − g > 0,   F ≥ 0
+//! F = k d^(3/2) − ζ v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·a^(1/2)·rate, c in mu·a; for two equal spheres of modulus E and Poisson number σ it is
+//! k in mu·a^(1/2)·rate, ζ in mu·a; for two equal spheres of modulus E and Poisson number σ it is
 //! `k = E (2a)^(1/2) / (3 (1 − σ²))`. Source: Hertz, J. reine angew. Math. 92, 156 (1881); Johnson,
 //! Contact Mechanics (1985), eq. (4.23).
 

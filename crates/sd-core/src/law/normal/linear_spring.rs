@@ -1,10 +1,10 @@
 //! A linear spring between surfaces, with an optional dashpot.
 //!
 //! ```text
-//! F = k d − c v_n,   d = h − g > 0,   F ≥ 0
+//! F = k d − ζ v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·a·rate, c in mu·a; v_n is negative for approach. Source: Cundall & Strack, Géotechnique
+//! k in mu·a·rate, ζ in mu·a; v_n is negative for approach. Source: Cundall & Strack, Géotechnique
 //! 29, 47 (1979); in suspensions Seto et al., Phys. Rev. Lett. 111, 218301 (2013). The dashpot
 //! never pulls.
 

@@ -1,10 +1,10 @@
 //! Conical asperities, which become stiffer under compression.
 //!
 //! ```text
-//! F = k d² − c v_n,   d = h − g > 0,   F ≥ 0
+//! F = k d² − ζ v_n,   d = h − g > 0,   F ≥ 0
 //! ```
 //!
-//! k in mu·rate, c in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47
+//! k in mu·rate, ζ in mu·a; v_n is negative for approach. Source: Sneddon, Int. J. Eng. Sci. 3, 47
 //! (1965), of a cone pressed into a half-space.
 
 use super::{DASHPOT, STIFFNESS};
