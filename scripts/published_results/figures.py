@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 
-from . import jamming, lattices
+from . import held, jamming, lattices
 from .place import RESULTS
 from .steady import trend
 from .thickening import LAYERS, SUSPENSIONS
@@ -46,14 +46,14 @@ def digest(files, folder=RESULTS):
     return f"{', '.join(files)}: sha256 {hashlib.sha256(content).hexdigest()}"
 
 
-def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=True, wide=3):
+def _write(name, files, panels, draw, x, y, scale="linear", xscale=None, share=True, wide=3, share_x=True):
     """Panels, at most `wide` side by side, each drawn by a function of its axes, with one legend.
     All have the same range in y, or with `share="col"` those of a column."""
     wide = min(wide, len(panels))
     high = math.ceil(len(panels) / wide)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
-            high, wide, figsize=(7.2, 0.9 + 2.2 * high), sharex=True, sharey=share, squeeze=False, layout="constrained"
+            high, wide, figsize=(7.2, 0.9 + 2.2 * high), sharex=share_x, sharey=share, squeeze=False, layout="constrained"
         )
         axes = list(axes.flat)
         for ax, (title, panel) in zip(axes, panels.items()):
@@ -239,7 +239,38 @@ def network_of_figure_14():
     _network("figure-14", "shear_rate", "shear rate Γ", {"": "area_fraction > 0.5"})
 
 
+def held_against_experiment():
+    """Viscosity against the fraction, and friction law, with the law of Boyer et al."""
+    points = pd.read_csv(RESULTS / held.STATES)
+    points = points[points["hydrodynamics"] == "Ball-Melrose"]
+
+    def draw(ax, panel):
+        x, y, spaced = panel
+        groups = points.groupby(["friction", "contacts"])
+        for (((friction, contacts), group), colour, marker) in zip(groups, COLOURS[1:], MARKERS):
+            half = group.get(f"{x}_ci95")
+            style = {"color": colour, "marker": marker, "markersize": 4, "linestyle": "", "elinewidth": 0.8, "capsize": 2}
+            ax.errorbar(group[x], group[y], group[f"{y}_ci95"], half, label=f"ν = {friction:g}, {contacts}", **style)
+            _mark(ax, group, group[x], group[y])
+        law = held.law("boyer2011", y, x)
+        at = spaced(points[x].min(), points[x].max(), 100)
+        ax.plot(at, [law(value) for value in at], color=COLOURS[0], linewidth=1, label="Boyer et al. 2011, experiment")
+        ax.set_xlabel({"volume_fraction": "volume fraction φ", "viscous_number": "viscous number J"}[x])
+        if x == "viscous_number":
+            ax.set_xscale("log")
+        if y == "viscosity":
+            ax.set_yscale("log")
+
+    panels = {
+        "relative viscosity η": ("volume_fraction", "viscosity", np.linspace),
+        "friction coefficient μ = σ/P₂₂": ("viscous_number", "macroscopic_friction", np.geomspace),
+    }
+    _write(HELD, [held.STATES], panels, draw, "", "", share=False, wide=2, share_x=False)
+
+
+HELD = "held-against-experiment.svg"
 FIGURES = {
+    HELD: (held_against_experiment, [held.STATES]),
     "cause-of-thickening.svg": (thickening_of_layers, [LAYERS.effects]),
     "cause-of-thickening-bulk.svg": (thickening_of_suspensions, [SUSPENSIONS.effects]),
     "published-2d-beside.svg": (beside, ["published-2d.csv", "published-2d.reference.csv"]),

@@ -16,6 +16,8 @@ NEAR = 0.15
 COUNTS = ["seeds", "jammed", "failed", "doubtful", "jammed_stages", "spheres", "starts", "points"]
 # Published numbers in our files, which keep their digits.
 OF_OTHERS = ["drag_exact", "phi_j_published"]
+# Laws of others at our states.
+LAWS = ["viscosity_boyer", "macroscopic_friction_boyer", "fraction_boyer", "published"]
 # Ending of what is shown with one standard error.
 OF_ERROR = "_se"
 # What columns are called; axes by their symbols.
@@ -57,6 +59,13 @@ SYMBOLS = {
     "viscosity_across_axes_far_field": "far field alone",
     "slope_exact": "exact",
     "published_stress": "6π σ'",
+    "viscosity_boyer": "η, Boyer et al. at φ",
+    "viscous_number": "J",
+    "macroscopic_friction": "μ",
+    "macroscopic_friction_boyer": "μ, Boyer et al. at J",
+    "fraction_boyer": "φ, Boyer et al. at J",
+    "n1_over_stress": "N1/σ",
+    "n2_over_stress": "N2/σ",
     "factor": "η above / η below",
 }
 
@@ -146,10 +155,10 @@ class Shown:
         elif self.quantity in COUNTS + OF_OTHERS:
             text = plain(value)
         else:
-            text = significant(value, 3 if self.percent else 4)
+            text = significant(value, 3 if self.percent or self.quantity in LAWS else 4)
         if self.percent and text != "–":
             text += " %"
-        if text != "–" and (found := trend(row, self.quantity.removesuffix(OF_ERROR))):
+        if text != "–" and self.quantity not in LAWS and (found := trend(row, self.quantity.removesuffix(OF_ERROR))):
             text += f" {MARKS[found]}"
         return f"{text} ({short(number(row, self.beside), 3)})" if self.beside else text
 
