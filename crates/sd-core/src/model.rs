@@ -180,9 +180,12 @@ impl Params {
         self.start.as_ref()?.layer()
     }
 
-    /// Whether friction can act in the run: neither its coefficient nor the rate is 0.
+    /// Whether friction can act in the run: its coefficient is not 0, and it begins with contact or
+    /// the rate is not 0.
     pub fn has_friction(&self) -> bool {
-        self.friction != 0.0 && (self.shear_stress.is_some() || self.shear_rate != 0.0)
+        let has_load = self.shear_stress.is_some() || self.shear_rate != 0.0;
+        let begins_with_contact = self.contact.laws().onset == FrictionOnset::Contact;
+        self.friction != 0.0 && (has_load || begins_with_contact)
     }
 
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite

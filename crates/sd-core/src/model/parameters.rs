@@ -9,6 +9,7 @@ pub use table::PARAMETERS;
 
 pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
+use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
 use super::{ContactLaws, ContactScheme, Params, segments};
 use crate::error::Refusal;
@@ -335,12 +336,19 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
 ///
 /// Friction never acts at the lower plateau. The shear rate sets the load of the onset of friction,
 /// and is a unit of some laws: without friction and such laws it has no effect.
+///
+/// Where friction begins with contact it acts at every rate: rate 0 is then that of infinity, where
+/// the onset has no effect.
 fn merge_plateaus(params: &mut Params) {
     if params.shear_stress.is_some() || !params.segments.is_empty() {
         return;
     }
     if params.shear_rate == 0.0 {
-        params.friction = 0.0;
+        if params.has_friction() {
+            params.shear_rate = f64::INFINITY;
+        } else {
+            params.friction = 0.0;
+        }
     }
     let acts = params.friction != 0.0 && params.contact.laws().normal.touches();
     if !acts && !params.contact.laws().needs_critical_load() {
@@ -364,13 +372,17 @@ pub(super) fn canonicalise(params: &mut Params) {
     } else {
         params.flows()
     };
+    // Segments name their shear themselves: that of another is not theirs.
+    let is_of_shear =
+        |parameter: &Parameter| [SHEAR_RATE.key, SHEAR_STRESS.key].contains(&parameter.key);
     // Friction first: tangential laws depend on it, and precede it.
     let friction = PARAMETERS
         .iter()
         .filter(|parameter| parameter.key == FRICTION.key);
     for parameter in friction.chain(&PARAMETERS) {
         let has_meaning = parameter.has_meaning;
-        let meaningless = !has_meaning(params) && !flows.iter().any(has_meaning);
+        let in_flows = !is_of_shear(parameter) && flows.iter().any(has_meaning);
+        let meaningless = !has_meaning(params) && !in_flows;
         match &parameter.form {
             Form::Choice(choice) if meaningless => {
                 (choice.set)(params, choice.default).expect("a default is one of the words");

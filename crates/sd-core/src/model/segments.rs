@@ -362,6 +362,20 @@ impl Params {
         }
     }
 
+    /// The same run, described by the shear of its last segment: its rate or stress are those of
+    /// that segment, and every segment names its own.
+    #[must_use]
+    pub fn by_last_segment(&self) -> Self {
+        let mut run = self.clone();
+        for segment in &mut run.segments {
+            let (rate, stress) = segment.shear(self);
+            segment.shear_stress = stress;
+            segment.shear_rate = stress.is_none().then_some(rate);
+        }
+        (run.shear_rate, run.shear_stress) = self.last_shear();
+        run
+    }
+
     /// The parameters of steady shear in each segment; without segments, its own.
     pub fn flows(&self) -> Vec<Self> {
         if self.segments.is_empty() {

@@ -142,7 +142,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
         value: params.spheres.to_string(),
         problem: format!(
             "at `{key}` = {fraction}{of_sizes} make a cell {side:.3} wide, less than {needed:.3}, twice the range of pairs under {model}, \
-             {range} radii of the largest sphere"
+             which is {range} radii of the largest sphere"
         ),
         allowed: format!(
             "at least {} spheres at this {kind} fraction, or {} {kind} fraction of at most {:.3}",
@@ -563,7 +563,7 @@ mod tests {
         let error = check(&exact).unwrap_err().to_string();
         for part in [
             "spheres = 80 at `volume_fraction` = 0.5 and `size_ratio` = 1.4 make a cell",
-            "twice the range of pairs under `hydrodynamics` = \"ball-melrose\", 4 radii of the largest sphere",
+            "twice the range of pairs under `hydrodynamics` = \"ball-melrose\", which is 4 radii of the largest sphere",
             "at least 90 spheres at this volume fraction",
         ] {
             assert!(error.contains(part), "{error}");

@@ -218,7 +218,7 @@ impl<'t> Reader<'t> {
 }
 
 /// What the program does not have, by keys that users of other programs try.
-const ABSENT: [(&[&str], &str); 4] = [
+const ABSENT: [(&[&str], &str); 6] = [
     (
         &["peclet", "temperature", "brownian", "kt"],
         "Brownian motion",
@@ -229,6 +229,17 @@ const ABSENT: [(&[&str], &str); 4] = [
     ),
     (&["flow", "flow_type", "extension"], "flow but simple shear"),
     (&["wall", "walls"], "wall"),
+    (&["gravity", "buoyancy", "weight"], "gravity"),
+    (
+        &[
+            "stokes_number",
+            "stokes",
+            "reynolds",
+            "reynolds_number",
+            "inertia",
+        ],
+        "inertia",
+    ),
 ];
 
 /// The fault of an unknown key, with a suggestion.

@@ -231,8 +231,8 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination>
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// Parameters of a run in segments; and where friction does not act, the parameters with friction,
-/// its laws and the shear rate as they are given, if these differ.
+/// Parameters of a run in segments; and where friction does not act, or its onset has no effect, the
+/// parameters with friction, its laws and the shear rate as they are given, if these differ.
 ///
 /// # Errors
 /// As [`params_of`].
@@ -243,7 +243,7 @@ pub(crate) fn folded_params_of(
     let mut params = as_given(values, segments)?;
     let (friction, shear_rate) = (params.friction, params.shear_rate);
     params.canonicalise();
-    if params.has_friction() {
+    if params.has_friction() && (params.shear_stress.is_some() || params.shear_rate.is_finite()) {
         return Ok((params, None));
     }
     let mut given = as_if_friction_acted(values, segments).unwrap_or_else(|| params.clone());
@@ -276,10 +276,11 @@ fn as_given(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, In
 }
 
 /// Canonical parameters with the laws of friction as they are given, which that form lacks where a
-/// friction coefficient or a shear rate of 0 keeps friction from acting.
+/// friction coefficient or a shear rate of 0 keeps friction from acting, and at an infinite rate.
 fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Option<Params> {
     let of_axis = |(axis, value): (&Axis, &Option<Value>)| match *value {
-        Some(Value::Number(0.0)) if axis.key == "friction" || axis.is_shear_rate() => {
+        Some(Value::Number(0.0)) if axis.key == "friction" => Some(Value::Number(1.0)),
+        Some(Value::Number(0.0 | f64::INFINITY)) if axis.is_shear_rate() => {
             Some(Value::Number(1.0))
         }
         value => value,
@@ -293,9 +294,14 @@ fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Optio
 /// The identity of a point.
 pub(crate) type Identity = Vec<Tag>;
 
-/// The identity of the point of a run.
+/// The identity of the point of a run: its values on the axes, then the shear of its segments, which
+/// differs among points that are named by that of the last.
 pub(crate) fn identity(params: &Params) -> Identity {
-    AXES.iter().map(|axis| axis.value(params).tag()).collect()
+    let shear = |segment: &Segment| [segment.shear_rate, segment.shear_stress];
+    let bits = params.segments.iter().flat_map(shear);
+    let bits = bits.map(|value| Tag::Bits(value.map_or(u64::MAX, f64::to_bits)));
+    let values = AXES.iter().map(|axis| axis.value(params).tag());
+    values.chain(bits).collect()
 }
 
 #[cfg(test)]

@@ -281,11 +281,11 @@ mod tests {
             ),
             (good.replace("radius:R:1", "size:R:1"), "no `radius`"),
             (
-                good.replace("L 3.5", "L wide"),
+                good.replace("He 3.5", "He wide"),
                 "no number in column 2 of line 4",
             ),
             (
-                good.replace("L 3.5", "L nan"),
+                good.replace("He 3.5", "He nan"),
                 "no number in column 2 of line 4",
             ),
             (

@@ -20,6 +20,7 @@ fn has(run: &Run, wanted: &[(&'static Axis, Value)]) -> bool {
                 meant.shear_rate = *rate;
             }
             _ if axis.is_of_friction() && !run.params.has_friction() => {}
+            ("friction_onset", _) if run.params.shear_rate.is_infinite() => {}
             _ if axis.value(&run.params).tag() != value.tag() => return false,
             _ => {}
         }

@@ -348,3 +348,51 @@ fn protocols_that_cannot_be_are_refused_where_they_are_written() {
         "{error}"
     );
 }
+
+#[test]
+fn stresses_and_rates_follow_each_other_in_any_order() {
+    let imposed = ["shear_rate = 2.0", "shear_stress = 0.3", ""];
+    for grid in &imposed[..2] {
+        for first in imposed {
+            for second in imposed {
+                let text = format!(
+                    "[[protocol.segment]]\nstrain = 1.0\n{first}\n\
+                     [[protocol.segment]]\nstrain = 1.0\n{second}\n"
+                );
+                let text = GOOD
+                    .replace("strain = 1.0\ndiscard = 0.5\n", &text)
+                    .replace("shear_rate = [0, 0.1, inf]", grid);
+                let params = &parse_text(&text).unwrap().cases[0].1.params;
+                // Numbers without JSON would damage the store.
+                let json = serde_json::to_string(params).unwrap();
+                assert_eq!(
+                    serde_json::from_str::<Params>(&json).unwrap(),
+                    *params,
+                    "{text}"
+                );
+                let last = [second, *grid].into_iter().find(|shear| !shear.is_empty());
+                let wanted = match last {
+                    Some("shear_rate = 2.0") => (2.0, None),
+                    _ => (0.0, Some(0.3)),
+                };
+                let named = params.by_last_segment();
+                assert_eq!((named.shear_rate, named.shear_stress), wanted, "{text}");
+                assert_eq!(named.last_shear(), params.last_shear());
+                let flows = |params: &Params| -> Vec<_> {
+                    let flows = params.flows().into_iter();
+                    flows.map(|of| (of.shear_rate, of.shear_stress)).collect()
+                };
+                assert_eq!(flows(&named), flows(params));
+            }
+        }
+    }
+    let oscillation = "[[protocol.segment]]\nstrain = 1.0\nshear_stress = 0.1\n\
+                       [[protocol.segment]]\nshear_rate = 1.0\n\
+                       oscillation = { amplitude = 0.1, cycles = 2 }\n";
+    let text = GOOD
+        .replace("strain = 1.0\ndiscard = 0.5\n", oscillation)
+        .replace("shear_rate = [0, 0.1, inf]", "");
+    let params = &parse_text(&text).unwrap().cases[0].1.params;
+    let json = serde_json::to_string(params).unwrap();
+    assert_eq!(serde_json::from_str::<Params>(&json).unwrap(), *params);
+}
