@@ -288,8 +288,8 @@ def test_segments_of_a_protocol(tmp_path):
     table = store.segments()
     assert table["segment"].tolist() == [1, 2, 3]
     assert table["end"][0] == 0.2 and table["segment_direction"][1] == -1.0 and table["amplitude"][2] == 0.1
-    share = table["hydrodynamic_share"]
-    assert np.isnan(share[0]) and 0.0 < share[1] < 1.5 and table["eta_prime"][2] > 1.0
+    ratio = table["reversal_ratio"]
+    assert np.isnan(ratio[0]) and 0.0 < ratio[1] < 1.5 and table["eta_prime"][2] > 1.0
     import matplotlib
 
     matplotlib.use("Agg")

@@ -4,7 +4,7 @@ use super::Output;
 use super::output_file::{check_outputs, check_picture, save, save_table};
 use super::place::StoreArguments;
 use crate::error::Error;
-use crate::report::{SegmentReport, Selection, Shape};
+use crate::report::{SegmentReport, Selection, Shape, Units};
 use crate::system::exit;
 use crate::text::format::wrapped;
 use std::path::PathBuf;
@@ -35,6 +35,9 @@ pub(crate) struct Arguments {
     /// Write these numbers as Parquet
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
+    /// Physical units of tables, as for `sweep report`: a=1um,mu=1mPas,f_crit=10pN
+    #[arg(long, value_name = "A,MU,F_CRIT", conflicts_with = "figure")]
+    units: Option<String>,
     /// Draw η′ and η″ against the amplitude of the oscillations: FILE.svg
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
@@ -52,7 +55,11 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     check_outputs(&files, &inputs, output)?;
     check_picture("--figure", arguments.figure.as_ref())?;
     let store = arguments.place.open(output)?;
-    let report = SegmentReport::of(&store, &selection)?;
+    let units = match &arguments.units {
+        Some(text) => Units::parse(text)?,
+        None => Units::default(),
+    };
+    let report = SegmentReport::of(&store, &selection)?.with_units(units);
     if let Some(path) = &arguments.figure {
         save(path, report.draw()?.as_bytes(), output)?;
     }

@@ -7,9 +7,9 @@ use sd_core::model::phase;
 use sd_core::{Params, Sample};
 use std::f64::consts::PI;
 
-/// Minimum rise of a viscosity, over its largest value, for which the strain of the rise is
-/// determined.
-const MIN_RISE: f64 = 0.01;
+/// Minimum rise of a viscosity in a half cycle, over its largest value, for which the strain of the
+/// rise is determined: spheres that do not touch make it vary by some per cent.
+const MIN_RISE: f64 = 0.1;
 
 /// Results of one run in a segment.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,8 +33,8 @@ pub(crate) struct RunSegment {
 /// Response of the stress to a reversal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reversal {
-    /// The viscosity in the first sample after it over its mean before it: the hydrodynamic part.
-    pub(crate) hydrodynamic_share: f64,
+    /// The viscosity in the first sample after it over its mean before it.
+    pub(crate) ratio: f64,
     /// Strain at which half of the drop has first recovered.
     pub(crate) recovery_strain: Option<f64>,
 }
@@ -105,7 +105,7 @@ impl RunSegment {
             let (before, (_, after)) = (mean(&viscosities)?, *trace.first()?);
             let middle = 0.5 * (before + after);
             Some(Reversal {
-                hydrodynamic_share: after / before,
+                ratio: after / before,
                 recovery_strain: first_above(&trace, middle).filter(|_| after < before),
             })
         });
@@ -382,7 +382,7 @@ mod tests {
         assert_eq!(first.number("samples"), Some(100.0));
         let second = RunSegment::of(&params, &segments, 1, &samples).unwrap();
         let reversal = second.reversal.unwrap();
-        assert!((reversal.hydrodynamic_share - 0.4).abs() < 1e-12);
+        assert!((reversal.ratio - 0.4).abs() < 1e-12);
         assert!((reversal.recovery_strain.unwrap() - 1.0).abs() < 1e-9);
         assert_eq!(second.number("samples"), Some(200.0));
         assert_eq!(second.oscillation(), None);

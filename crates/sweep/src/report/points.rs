@@ -43,6 +43,8 @@ pub struct Report {
     pub discard: f64,
     /// Number of the segment whose averages they are, from 1, of runs that have segments.
     pub segment: Option<usize>,
+    /// Numbers of its jammed runs in the campaign file, from 1.
+    pub jammed: Vec<u64>,
     /// The points in the order of the file.
     pub points: Vec<Point>,
     /// Their first failures, similar ones grouped.
@@ -51,8 +53,8 @@ pub struct Report {
     pub computing: f64,
     /// Their CPU seconds, as far as known.
     pub processor: f64,
-    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor have its
-    /// laws and the shear rate without friction.
+    /// Whether some of its points share their runs: friction has no effect at Γ = 0, nor has its
+    /// onset at Γ = ∞, nor have its laws and the shear rate without friction.
     pub shares_runs: bool,
     /// Processes that finished results of the store, the latest first.
     pub provenance: Vec<Provenance>,
@@ -115,13 +117,19 @@ impl Report {
         let (computing, processor) = (total("wall_time_s"), total("cpu_time_s"));
         let keys = once.iter().filter(|run| run.number("viscosity").is_some());
         let keys = keys.map(|run| run.key.clone()).collect();
+        let jammed = once.iter().filter(|run| run.state == State::Jammed);
+        let jammed = jammed.map(|run| run.position + 1).collect();
         let doubtful = once.iter().filter(|run| run.is_doubtful()).count() as u64;
         let mut counts = Counts::default();
         for run in &once {
             *counts.of(run.state) += 1;
         }
+        let protocol = store.protocol()?;
         let states = store.point_states()?.into_iter();
-        let rules = states.map(|state| (identity(&state.params), (state.rule, state.decision)));
+        let rules = states.map(|state| {
+            let shown = shown(&state.params, protocol.segments.len());
+            (identity(&shown), (state.rule, state.decision))
+        });
         let rules: HashMap<_, _> = rules.collect();
         let mut groups: Vec<Vec<&PointRun>> = Vec::new();
         let mut place_of = HashMap::new();
@@ -138,7 +146,6 @@ impl Report {
             places.push(place);
             groups[place].push(run);
         }
-        let protocol = store.protocol()?;
         let mut points = Vec::with_capacity(groups.len());
         for all in groups {
             let averaged = all.iter().copied();
@@ -164,6 +171,7 @@ impl Report {
             discard: protocol.discard,
             segment: Some(protocol.segments.len()).filter(|count| *count > 0),
             points,
+            jammed,
             doubtful,
             with_doubtful: selection.with_doubtful,
             failures,
@@ -224,7 +232,10 @@ pub(super) fn selected_runs(
 /// The first of each run that several points share.
 fn each_once(runs: &[PointRun]) -> Vec<&PointRun> {
     // Only runs of these parameters are shared, which most campaigns lack.
-    let is_shared = |run: &PointRun| run.params.friction == 0.0 || run.params.shear_rate == 0.0;
+    let is_shared = |run: &PointRun| {
+        let rate = run.params.shear_rate;
+        run.params.friction == 0.0 || rate == 0.0 || rate.is_infinite()
+    };
     if !runs.iter().any(is_shared) {
         return runs.iter().collect();
     }
@@ -259,13 +270,41 @@ fn as_written(runs: Vec<PointRun>, written: &AsWritten) -> Vec<PointRun> {
     all.into_iter().map(|(.., run)| run).collect()
 }
 
+/// Parameters named by the shear of the last of the segments that are shown, which is that of the
+/// averages.
+pub(super) fn shown(params: &Params, segments: usize) -> Params {
+    let mut cut = params.clone();
+    cut.segments.truncate(segments);
+    cut.by_last_segment()
+}
+
+/// Names each run by the shear of its last segment.
+fn name_by_last_segment(runs: &mut [PointRun], segments: usize) {
+    let mut last: Option<[Arc<Params>; 2]> = None;
+    for run in runs
+        .iter_mut()
+        .filter(|run| !run.params.segments.is_empty())
+    {
+        // Runs of a point come one after the other.
+        let of = match last.take() {
+            Some(of) if of[0] == run.params => of,
+            _ => [run.params.clone(), Arc::new(shown(&run.params, segments))],
+        };
+        run.params = of[1].clone();
+        last = Some(of);
+    }
+}
+
 /// The runs of the points selected.
 fn selected(
     runs: Vec<PointRun>,
     written: &AsWritten,
     selection: &Selection,
 ) -> Result<Vec<PointRun>, ReportError> {
+    // The store may be shown up to one of its segments.
+    let segments = runs.first().map_or(0, |run| run.params.segments.len());
     let mut runs = as_written(runs, written);
+    name_by_last_segment(&mut runs, segments);
     let params: Vec<&Params> = runs.iter().map(|run| run.params.as_ref()).collect();
     selection.check(&params)?;
     runs.retain(|run| selection.has(&run.params));

@@ -2,17 +2,18 @@
 
 use super::error::ReportError;
 use super::figure::{Curve, CurveKind, Origin, draw_curves, mean_trace};
-use super::points::{Point, Report};
+use super::points::{Point, Report, shown};
 use super::selection::Selection;
 use super::sheet::{Shape, Sheet, SheetColumn, View};
 use super::table::{TableOf, axis_table};
+use super::units::Units;
 use crate::data::{Cell, DataColumn, Object, Value};
 use crate::measure::segments::{Cycle, RunSegment};
 use crate::measure::{Estimate, Trend};
-use crate::model::axes::AXES;
+use crate::model::axes::{AXES, Axis};
 use crate::model::protocol::PlannedSegment;
 use crate::store::Store;
-use crate::text::format::short;
+use crate::text::format::{counted, short};
 use serde_json::{Value as Json, json};
 
 /// The segments of the runs of a campaign.
@@ -23,10 +24,22 @@ pub struct SegmentReport {
     segments: Vec<PlannedSegment>,
     /// Each segment of each point with averaged runs.
     rows: Vec<Row>,
+    /// The points of these rows, each with the rate or stress of its segment.
+    points: Vec<Point>,
 }
 
 /// A segment of a point: indices of the point and of the segment, and results of the runs.
 type Row = (usize, usize, PointSegment);
+
+/// The point at which a run would be in steady shear under one of its segments, by its number from
+/// 0, with the viscosity there.
+fn point_of(point: &Point, number: usize, viscosity: Option<Estimate>) -> Point {
+    Point {
+        params: shown(&point.params, number + 1),
+        viscosity,
+        ..point.clone()
+    }
+}
 
 /// A segment of the runs of a point.
 #[derive(Debug)]
@@ -45,8 +58,15 @@ struct PointSegment {
 }
 
 /// A number of a segment: its name, its heading, the rank at which it is dropped on a narrow
-/// terminal, and its meaning.
-type Number = (&'static str, &'static str, u8, &'static str, OfSegment);
+/// terminal, its unit, and its meaning.
+type Number = (
+    &'static str,
+    &'static str,
+    u8,
+    &'static str,
+    &'static str,
+    OfSegment,
+);
 type OfSegment = fn(&RunSegment) -> Option<f64>;
 
 /// A number of a segment as planned.
@@ -55,21 +75,27 @@ type OfPlanned = fn(&PlannedSegment) -> Option<f64>;
 /// All of them.
 #[rustfmt::skip]
 const NUMBERS: [Number; 10] = [
-    ("viscosity", "viscosity", 0, "relative viscosity over what is kept of the segment", |s| s.number("viscosity")),
-    ("viscosity_stresslet", "stresslet\nviscosity", 2, "the same without contact stress", |s| s.number("viscosity_stresslet")),
-    ("normal_stress_difference", "N1", 3, "first normal stress difference, in mu times the rate", |s| s.number("normal_stress_difference")),
-    ("contacts_per_sphere", "contacts\n/ N", 3, "pairs in contact per sphere", |s| s.number("contacts_per_sphere")),
-    ("hydrodynamic_share", "η after /\nbefore", 1,
-        "viscosity in the first sample after a reversal over its mean before: the hydrodynamic part", |s| Some(s.reversal?.hydrodynamic_share)),
-    ("recovery_strain", "strain to\nrecover half", 1,
+    ("viscosity", "viscosity", 0, "mu", "relative viscosity over what is kept of the segment", |s| s.number("viscosity")),
+    ("viscosity_stresslet", "stresslet\nviscosity", 2, "mu", "the same without contact stress", |s| s.number("viscosity_stresslet")),
+    ("normal_stress_difference", "N1", 3, "mu rate", "first normal stress difference; in an oscillation its mean over that of the absolute rate", |s| s.number("normal_stress_difference")),
+    ("contacts_per_sphere", "contacts\n/ N", 3, "1", "pairs in contact per sphere", |s| s.number("contacts_per_sphere")),
+    ("reversal_ratio", "η after /\nbefore", 1, "1",
+        "viscosity in the first sample after a reversal over its mean before", |s| Some(s.reversal?.ratio)),
+    ("recovery_strain", "strain to\nrecover half", 1, "1",
         "strain after which half of the drop at a reversal has recovered; mean over the runs that have recovered it", recovery),
-    ("eta_prime", "η′", 0, "viscous part of the first harmonic of an oscillation, in mu", |s| Some(s.oscillation()?.viscosity[0])),
-    ("eta_double_prime", "η″", 0, "elastic part of the first harmonic of an oscillation, in mu: G′/ω", |s| Some(s.oscillation()?.viscosity[1])),
-    ("third_harmonic", "3rd/1st\nharmonic", 1, "third over first harmonic of the stress", |s| Some(s.oscillation()?.third_over_first())),
-    ("yield_strain", "yield\nstrain", 1,
-        "strain after a turning point at which the viscosity has risen half way to its largest value of the half cycle",
+    ("eta_prime", "η′", 0, "mu", "viscous part of the first harmonic of an oscillation", |s| Some(s.oscillation()?.viscosity[0])),
+    ("eta_double_prime", "η″", 0, "mu", "elastic part of the first harmonic of an oscillation: G′/ω", |s| Some(s.oscillation()?.viscosity[1])),
+    ("third_harmonic", "3rd/1st\nharmonic", 1, "1", "third over first harmonic of the stress", |s| Some(s.oscillation()?.third_over_first())),
+    ("yield_strain", "yield\nstrain", 1, "1",
+        "strain after a turning point at which the viscosity has risen half way from its minimum to its maximum of the half cycle; \
+         none unless it rises by a tenth in every run, and where its interval reaches 0",
         |s| s.oscillation()?.yield_strain),
 ];
+
+/// Whether a column of axes has the shear of the segment in its row.
+fn is_of_segment(name: &str) -> bool {
+    Axis::of_key(name).is_some_and(Axis::is_of_shear)
+}
 
 /// The recovery strain, the only number that averages leave out where a run does not have it.
 fn recovery(segment: &RunSegment) -> Option<f64> {
@@ -104,8 +130,12 @@ impl PointSegment {
         let recovered: Vec<RunSegment> = recovered.cloned().collect();
         let is_reversed = runs.iter().any(|run| run.reversal.is_some());
         let number = |number: &Number| match number.0 {
-            "recovery_strain" => over_runs(&recovered, number.4),
-            _ => over_runs(runs, number.4),
+            "recovery_strain" => over_runs(&recovered, number.5),
+            "yield_strain" => {
+                let found = over_runs(runs, number.5);
+                found.filter(|strain| strain.ci95.is_none_or(|half| half < strain.mean))
+            }
+            _ => over_runs(runs, number.5),
         };
         Self {
             runs: runs.len() as u64,
@@ -154,7 +184,13 @@ impl SegmentReport {
                 "no run of these points is finished without doubtful numbers".into(),
             ));
         }
+        let points = rows.iter().map(|(place, number, of)| {
+            let viscosity = NUMBERS.iter().position(|number| number.0 == "viscosity");
+            let viscosity = viscosity.and_then(|viscosity| of.numbers[viscosity]);
+            point_of(&report.points[*place], *number, viscosity)
+        });
         Ok(Self {
+            points: points.collect(),
             report,
             segments,
             rows,
@@ -162,7 +198,7 @@ impl SegmentReport {
     }
 
     fn points(&self) -> impl Iterator<Item = &Point> + Clone {
-        self.rows.iter().map(|row| &self.report.points[row.0])
+        self.points.iter()
     }
 
     /// The table for people, for a terminal of this width.
@@ -197,6 +233,13 @@ impl SegmentReport {
         Sheet::of_rows(&self.report, &self.points(), words, of, shape).shaped(shape, width)
     }
 
+    /// The report with its tables in these units.
+    #[must_use]
+    pub fn with_units(mut self, units: Units) -> Self {
+        self.report.units = units;
+        self
+    }
+
     /// The points with runs, by index in the report.
     fn places(&self) -> Vec<usize> {
         let mut places: Vec<usize> = self.rows.iter().map(|row| row.0).collect();
@@ -208,23 +251,30 @@ impl SegmentReport {
     pub fn summary(&self) -> String {
         let (segments, points) = (self.segments.len(), self.places().len());
         let campaign = &self.report.campaign;
-        format!("{campaign}: {segments} segments at {points} points")
+        format!(
+            "{campaign}: {} at {}",
+            counted(segments, "segment"),
+            counted(points, "point")
+        )
     }
 
     /// The object for programs, a stable interface.
     pub fn json(&self) -> Json {
-        let table = self.table();
+        let table = self.table_in(Units::default());
         let (axes, numbers) = table.split_at(AXES.len());
         let mut points: Vec<Json> = Vec::new();
         let mut last = None;
         for (row, (place, _, of)) in self.rows.iter().enumerate() {
+            let is_of_point = |axis: &&DataColumn| !is_of_segment(axis.name.as_ref());
             if last.replace(*place) != Some(*place) {
-                let mut point = json!(Object(axes, row));
+                let axes = axes.iter().filter(is_of_point).cloned();
+                let mut point = json!(Object(&axes.collect::<Vec<_>>(), row));
                 point["segments"] = json!([]);
                 points.push(point);
             }
             // In the object of a segment, its own values need no prefix.
-            let own = numbers.iter().map(|column| {
+            let shear = axes.iter().filter(|axis| !is_of_point(axis));
+            let own = numbers.iter().chain(shear).map(|column| {
                 let name = column.name.as_ref();
                 let name = name.strip_prefix("segment_").unwrap_or(name);
                 (name.to_owned(), json!(Cell(&column.cells, row)))
@@ -257,6 +307,11 @@ impl SegmentReport {
 
     /// One row per segment of each point: all axes, the segment, numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
+        self.table_in(self.report.units)
+    }
+
+    /// The same in some units.
+    fn table_in(&self, units: Units) -> Vec<DataColumn> {
         let mut table = TableOf {
             columns: axis_table(&self.points()),
             rows: &self.rows,
@@ -266,13 +321,11 @@ impl SegmentReport {
         });
         // `start` is the name of an axis.
         #[rustfmt::skip]
-        let of_segments: [(&str, &str, OfPlanned); 7] = [
+        let of_segments: [(&str, &str, OfPlanned); 5] = [
             ("segment_start", "strain of the run at its start", |s| Some(s.imposed.start)),
             ("kept_from", "strain of the run at which its averages start", |s| Some(s.kept_from())),
             ("end", "strain of the run at its end", |s| Some(s.end())),
             ("segment_direction", "sense of its shear, if it has its own", |s| s.imposed.direction),
-            ("segment_shear_rate", "its shear rate, if it has its own", |s| s.imposed.shear_rate),
-            ("segment_shear_stress", "its shear stress, if it has its own", |s| s.imposed.shear_stress),
             ("amplitude", "amplitude of its oscillation", |s| s.imposed.amplitude),
         ];
         for (name, meaning, of) in of_segments {
@@ -281,7 +334,7 @@ impl SegmentReport {
         table.count("runs", "runs averaged", |row| Some(row.2.runs));
         let meaning = "of these, runs that have recovered half of the drop at a reversal";
         table.count("recovered", meaning, |row| row.2.recovered);
-        for (k, (name, _, _, meaning, _)) in NUMBERS.into_iter().enumerate() {
+        for (k, (name, _, _, _, meaning, _)) in NUMBERS.into_iter().enumerate() {
             table.estimate(name, meaning, |row| row.2.numbers[k]);
         }
         for (name, trend, meaning) in [
@@ -299,6 +352,13 @@ impl SegmentReport {
             table.count(name, meaning, |row| {
                 Some((row.2.trend == Some(trend)).into())
             });
+        }
+        for column in &mut table.columns {
+            let name = column.name.strip_suffix("_ci95").unwrap_or(&column.name);
+            if let Some(number) = NUMBERS.iter().find(|number| number.0 == name) {
+                column.unit = number.3;
+            }
+            units.convert(column, self.points().map(Point::at));
         }
         table.columns
     }
@@ -356,7 +416,7 @@ mod tests {
             order: [None; 2],
             trace: Vec::new(),
             reversal: reversal.map(|recovery_strain| Reversal {
-                hydrodynamic_share: 0.4,
+                ratio: 0.4,
                 recovery_strain,
             }),
             cycles: Vec::new(),
@@ -370,7 +430,7 @@ mod tests {
         let of = PointSegment::of(&runs);
         assert_eq!((of.runs, of.recovered), (3, Some(2)));
         assert_eq!(number(&of, "recovery_strain"), Some(1.5));
-        assert!((number(&of, "hydrodynamic_share").unwrap() - 0.4).abs() < 1e-12);
+        assert!((number(&of, "reversal_ratio").unwrap() - 0.4).abs() < 1e-12);
         let none = PointSegment::of(&[run(Some(None))]);
         assert_eq!(none.recovered, Some(0));
         assert_eq!(number(&none, "recovery_strain"), None);

@@ -279,7 +279,10 @@ impl Sheet {
         let named = |name: &str| table.iter().find(|column| column.name == name);
         columns.extend(views.iter().filter_map(|view| {
             let interval = named(&format!("{}_ci95", view.0));
-            let column = SheetColumn::of(*view, named(view.0)?, interval, shape.format);
+            let data = named(view.0)?;
+            let column = SheetColumn::of(*view, data, interval, shape.format);
+            let is_converted = report.units.are_requested() && !["", "1"].contains(&data.unit);
+            let column = column.with_unit("", if is_converted { data.unit } else { "" });
             (!column.is_empty()).then_some(column)
         }));
         Self::new(fixed, columns)

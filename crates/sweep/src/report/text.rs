@@ -94,11 +94,25 @@ pub fn write(
         lines.extend(legend(report, &sheet, shape));
         if report.shares_runs {
             lines.push(
-                "rows with the same runs: friction has no effect at Γ = 0, nor have its laws and Γ without friction"
+                "rows with the same runs: friction has no effect at Γ = 0, nor has its onset at Γ = ∞, nor have its laws and Γ without \
+                 friction"
                     .into(),
             );
         }
         lines.extend(notes(report, &columns));
+    }
+    if !report.jammed.is_empty() {
+        let named = report.jammed.iter().take(NOTES).map(u64::to_string);
+        let named = named.collect::<Vec<_>>().join(", ");
+        let more = report.jammed.len().saturating_sub(NOTES);
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        lines.push(format!(
+            "jammed runs, by their numbers in the file: {named}{more}; `sweep show` shows one"
+        ));
     }
     if report.doubtful > 0 {
         let what = if report.with_doubtful {

@@ -59,9 +59,9 @@ fn averages_of_segments_are_those_of_their_samples() {
             let difference = strain("viscosity") - same["viscosity"].as_f64().unwrap();
             assert!(difference.abs() < 1e-12);
         }
-        let share = segments[1]["hydrodynamic_share"].as_f64().unwrap();
-        assert!((0.1..1.0).contains(&share), "{share}");
-        assert!(segments[0]["hydrodynamic_share"].is_null());
+        let ratio = segments[1]["reversal_ratio"].as_f64().unwrap();
+        assert!((0.1..1.0).contains(&ratio), "{ratio}");
+        assert!(segments[0]["reversal_ratio"].is_null());
         assert!(segments[1]["eta_prime"].is_null());
         assert_eq!(segments[2]["cycles"].as_array().unwrap().len(), 3);
         let mean: f64 = segments[2]["cycles"].as_array().unwrap()[1..]
@@ -189,4 +189,83 @@ fn what_there_is_not_is_said() {
     assert!(error.starts_with("the campaign has no segments"), "{error}");
     let error = refused(at, &["report", "plain.sqlite", "--segment", "1"]);
     assert!(error.contains("the campaign has no segments"), "{error}");
+}
+
+/// A campaign whose segments have these rates or stresses, and the rows of its tables.
+fn shear_of_segments(imposed: [&str; 2]) -> [Vec<[f64; 2]>; 2] {
+    let [first, second] = imposed;
+    let text = format!(
+        "name = \"own\"\n[protocol]\ntime_step = 0.02\n\
+         [[protocol.segment]]\nstrain = 0.1\n{first}\n\
+         [[protocol.segment]]\nstrain = 0.1\n{second}\n\
+         [[grid]]\narea_fraction = 0.6\nfriction = 0.5\nroughness = 0.01\nseeds = 1\n\
+         spheres = 20\nhydrodynamics = \"ball-melrose\"\ntangential = \"coulomb\"\n"
+    );
+    let folder = folder("c.toml", &text);
+    let at = folder.path();
+    sweep(at, &["run", "c.toml", "--store", "s.sqlite", "-q"]);
+    let shear = |of: &serde_json::Value| {
+        ["shear_rate", "shear_stress"].map(|key| of[key].as_f64().unwrap_or(f64::NAN))
+    };
+    let segments = json(at, &["segments", "s.sqlite"]);
+    let segments = segments["points"][0]["segments"].as_array().unwrap();
+    let of_segments: Vec<[f64; 2]> = segments.iter().map(shear).collect();
+    let of_reports = ["1", "2"].map(|number| {
+        let of = ["report", "s.sqlite", "--segment", number];
+        let named = shear(&json(at, &of)["points"][0]);
+        // The table for people, the table of runs, and selections name it alike.
+        let imposed = usize::from(!named[1].is_nan());
+        let (key, value) = (["shear_rate", "shear_stress"][imposed], named[imposed]);
+        let asked = format!("{key}={value}");
+        let text = sweep(at, &[&of[..], &["--where", &asked]].concat());
+        assert!(
+            text.contains(&format!("only where {key} = {value}\n")),
+            "{text}"
+        );
+        sweep(
+            at,
+            &[&of[..], &["--csv", "p.csv", "--runs", "r.csv"]].concat(),
+        );
+        for file in ["p.csv", "r.csv"] {
+            let csv = std::fs::read_to_string(at.join(file)).unwrap();
+            let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+            let (names, cells) = (lines.next().unwrap(), lines.next().unwrap());
+            let place = names.iter().position(|name| *name == key).unwrap();
+            assert_eq!(cells[place].parse(), Ok(value), "{file}: {csv}");
+        }
+        named
+    });
+    [of_segments, of_reports.to_vec()]
+}
+
+#[test]
+fn a_segment_has_its_own_rate_or_stress_everywhere() {
+    for (imposed, wanted) in [
+        (
+            ["shear_rate = 0.1", "shear_rate = 100.0"],
+            [(0, 0.1), (0, 100.0)],
+        ),
+        (
+            ["shear_rate = 0.1", "shear_stress = 10.0"],
+            [(0, 0.1), (1, 10.0)],
+        ),
+        (
+            ["shear_stress = 0.1", "shear_stress = 10.0"],
+            [(1, 0.1), (1, 10.0)],
+        ),
+        (
+            ["shear_stress = 0.1", "shear_rate = 100.0"],
+            [(1, 0.1), (0, 100.0)],
+        ),
+    ] {
+        let tables = shear_of_segments(imposed);
+        for rows in &tables {
+            for (row, (place, value)) in rows.iter().zip(wanted) {
+                assert_eq!(row[place], value, "{imposed:?}: {tables:?}");
+                // A rate follows from a stress, and a stress is empty where a rate is imposed.
+                let rate = row[0] > 0.0;
+                assert!(rate && (place == 1 || row[1].is_nan()), "{tables:?}");
+            }
+        }
+    }
 }
