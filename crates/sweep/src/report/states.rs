@@ -19,16 +19,19 @@ pub(super) enum Flow {
     Jammed,
     /// No run was completed.
     Failed,
+    /// It flows, but no other point of its curve does, so that there is no slope.
+    Alone,
 }
 
 impl Flow {
     /// All of them, in the order of the legend.
-    pub(super) const ALL: [Self; 5] = [
+    pub(super) const ALL: [Self; 6] = [
         Self::Continuous,
         Self::Discontinuous,
         Self::ShearJammed,
         Self::Jammed,
         Self::Failed,
+        Self::Alone,
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -38,6 +41,7 @@ impl Flow {
             Self::ShearJammed => "shear-jammed",
             Self::Jammed => "jammed",
             Self::Failed => "failed",
+            Self::Alone => "flows, slope unknown",
         }
     }
 }
@@ -88,7 +92,9 @@ impl<'p> FlowCurve<'p> {
             None => (point.failed > 0).then_some(Flow::Failed),
             Some(_) => {
                 has_flowed = true;
-                Some(if slope >= 1.0 {
+                Some(if slope.is_nan() {
+                    Flow::Alone
+                } else if slope >= 1.0 {
                     Flow::Discontinuous
                 } else {
                     Flow::Continuous
@@ -222,6 +228,8 @@ mod tests {
             point(1.0, Some(9.0), [4, 0, 0]),
         ];
         assert_eq!(flows(&jammed)[0], Some(Flow::Jammed));
+        // Without a neighbour that flows there is no slope.
+        assert_eq!(flows(&jammed)[1], Some(Flow::Alone));
     }
 
     #[test]

@@ -252,3 +252,46 @@ fn a_start_that_is_a_store_or_elsewhere_is_refused_with_advice() {
     let error = refused(at, &["submit", "folded.toml", "--dry-run", "--tasks", "0"]);
     assert!(error.contains("write a whole number from 1"), "{error}");
 }
+
+#[test]
+fn every_onset_has_its_rows_and_its_curve() {
+    let campaign = CAMPAIGN
+        .replace(
+            "friction = [0.0, 0.3]",
+            "friction = 0.5\nfriction_onset = [\"critical-load\", \"reduced\", \"contact\"]",
+        )
+        .replace(
+            "[0.0, 0.1, inf]",
+            "[0.0, 0.1, inf]\ntangential = \"coulomb\"",
+        );
+    let folder = folder("folded.toml", &campaign);
+    let at = folder.path();
+    // Of nine points, the two at Γ = 0 where friction has a threshold are one, and at Γ = ∞ all,
+    // with which goes that of contact at Γ = 0.
+    let plan = json(at, &["plan", "folded.toml"]);
+    assert_eq!((&plan["cases"], &plan["folded"]), (&10.into(), &8.into()));
+    sweep(at, &["run", "folded.toml", "--quiet"]);
+    let report = json(at, &["report", "folded.toml"]);
+    let points = report["points"].as_array().unwrap();
+    let shown: Vec<String> = points
+        .iter()
+        .map(|point| format!("{} {}", point["friction_onset"], point["shear_rate"]))
+        .collect();
+    let mut wanted = Vec::new();
+    for onset in ["critical-load", "reduced", "contact"] {
+        wanted.extend(["0.0", "0.1", "\"inf\""].map(|rate| format!("\"{onset}\" {rate}")));
+    }
+    assert_eq!(shown, wanted);
+    let viscosity = |place: usize| points[place]["viscosity"].as_f64().unwrap().to_bits();
+    assert_eq!(viscosity(0), viscosity(3));
+    assert_eq!(
+        [viscosity(5), viscosity(8), viscosity(6)],
+        [viscosity(2); 3]
+    );
+    assert_ne!(viscosity(6), viscosity(0));
+    sweep(at, &["report", "folded.toml", "--figure", "f.svg"]);
+    let figure = std::fs::read_to_string(at.join("f.svg")).unwrap();
+    for onset in ["critical-load", "reduced", "contact"] {
+        assert!(figure.contains(&format!(">{onset}<")), "{figure}");
+    }
+}

@@ -379,8 +379,17 @@ impl<'r> FigureSource<'r> {
         let shared = self.shared(Some(along));
         let all: Vec<&Point> = points.iter().collect();
         let groups = grouped(&all, |axis| shared.is_along(axis));
-        let first = groups.iter().map(|group| &points[group[0]].params);
-        let labels = shared.labels(&first.collect::<Vec<_>>());
+        // Some laws have no effect at some points of a curve, which share their runs with others.
+        let effects = |params: &Params| {
+            AXES.iter()
+                .filter(|axis| axis.means_something(params))
+                .count()
+        };
+        let named = groups.iter().filter_map(|group| {
+            let params = group.iter().map(|place| &points[*place].params);
+            params.max_by_key(|params| effects(params))
+        });
+        let labels = shared.labels(&named.collect::<Vec<_>>());
         let sorted = groups.into_iter().map(|group| {
             let mut points: Vec<&Point> = group.into_iter().map(|place| &points[place]).collect();
             points.sort_by(|a, b| a.place(along).total_cmp(&b.place(along)));
@@ -689,6 +698,7 @@ impl<'r> FigureSource<'r> {
             Kind::Distribution => "relative viscosity η",
             Kind::Spectrum => "cycles in a strain of 1",
             Kind::Lissajous => "strain / γ₀",
+            _ if self.report.segment.is_some() => "strain since the start of the segment",
             _ => "strain",
         };
         Figure {

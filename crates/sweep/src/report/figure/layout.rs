@@ -321,6 +321,7 @@ impl PanelView<'_> {
     fn marks(&self, svg: &mut SvgWriter) {
         let [[left, top], [right, bottom]] = self.corners;
         let is_inside = |x: &f64| (left..=right).contains(x);
+        let mut crosses: Vec<[f64; 2]> = Vec::new();
         for curve in &self.panel.curves {
             let size = 0.8 * curve.marker_size;
             let missing = curve.missing.iter().map(|at| self.x(*at));
@@ -340,8 +341,19 @@ impl PanelView<'_> {
                 } else {
                     top + 2.0 * size
                 };
+                // Crosses of several curves at one place stand side by side, below each other at
+                // the edge.
+                let is_there = |other: &&[f64; 2]| (other[0] - x).hypot(other[1] - y) < 0.1;
+                let others = crosses.iter().filter(is_there).count();
+                crosses.push([x, y]);
+                let moved = 2.4 * size * others as f64;
+                let place = if height.is_finite() {
+                    [x + moved, y]
+                } else {
+                    [x, y + moved]
+                };
                 if is_inside(&x) {
-                    svg.marker(Marker::Cross, [x, y], size, curve.colour, 0.8);
+                    svg.marker(Marker::Cross, place, size, curve.colour, 0.8);
                 }
             }
             if let Some(x) = curve.discard.map(|strain| self.x(strain)).filter(is_inside) {
