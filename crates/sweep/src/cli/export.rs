@@ -3,7 +3,7 @@
 use super::Output;
 use super::output_file::{check_outputs, write_file};
 use super::place::{StoreArguments, positive};
-use crate::data::write_csv;
+use crate::data::{write_csv, write_units};
 use crate::error::Error;
 use crate::model::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
@@ -15,9 +15,10 @@ use std::path::PathBuf;
 /// Write the kept frames of one run, for OVITO or as tables
 ///
 /// `sweep run --trajectory` keeps the frames. Extended XYZ has one frame per sampled strain with
-/// the sheared cell, the run, species by size, numbers, radii, orientations (quaternions),
-/// stresslets, contact counts, velocities, angular velocities and unwrapped positions; contacts go
-/// to a table and to a file of bonds that OVITO loads.
+/// the sheared cell, the run, species by size (H the smallest radius, He the others), numbers from
+/// 0, radii, orientations (quaternions), stresslets, contact counts, velocities, angular velocities
+/// and unwrapped positions; contacts go to a table and to a file of bonds that OVITO loads. Units
+/// and meanings of tables go to files beside them.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
@@ -64,13 +65,22 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             write_file(path, output, |out| {
                 Ok(spheres(&frames, arguments.format, &filmed, out)?)
             })?;
-            if arguments.format == Form::Extxyz {
+            if arguments.format == Form::Csv {
+                let table = sphere_table(&with_steps(&frames));
+                write_file(&path.with_extension("units.csv"), output, |out| {
+                    Ok(write_units(&table, out)?)
+                })?;
+            } else {
                 write_file(&path.with_extension("bonds.dump"), output, |out| {
                     Ok(write_bonds(&with_steps(&frames), out)?)
                 })?;
             }
+            let table = contact_table(&with_steps(&frames));
             write_file(&path.with_extension("contacts.csv"), output, |out| {
-                Ok(write_csv(&contact_table(&with_steps(&frames)), out)?)
+                Ok(write_csv(&table, out)?)
+            })?;
+            write_file(&path.with_extension("contacts.units.csv"), output, |out| {
+                Ok(write_units(&table, out)?)
             })?;
             if output.json {
                 output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;

@@ -6,7 +6,7 @@ use sd_core::simulation::Frame;
 use std::io::{self, Write};
 
 /// Writes the contacts of frames, each with its step, as the dump of local data that LAMMPS writes
-/// and OVITO loads as bonds: numbers of both spheres from 1, normal and tangential force and the
+/// and OVITO loads as bonds: numbers of both spheres from 0, normal and tangential force and the
 /// quasi-force of rolling friction in mu·a²·rate (in a suspension the magnitudes of the last two),
 /// gap in a, and 1 frictionless, 2 rolling, 3 slipping.
 pub(crate) fn write_bonds(frames: &[(u64, &AnyFrame)], out: &mut dyn Write) -> io::Result<()> {
@@ -44,8 +44,8 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
         writeln!(
             out,
             "{} {} {} {} {} {} {}",
-            contact.i + 1,
-            contact.j + 1,
+            contact.i,
+            contact.j,
             contact.normal_force,
             S::amount(&contact.tangential_force),
             S::amount(&contact.rolling_force),
@@ -68,7 +68,7 @@ mod tests {
         write_bonds(&[(25, &frame()), (50, &frame())], &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         let half = "ITEM: NUMBER OF ENTRIES\n1\nITEM: BOX BOUNDS xy xz yz pp pp ff\n-2 8 -2\n0 8 0\n-1.5 1.5 0\n\
-                    ITEM: ENTRIES first second normal_force tangential_force rolling_force gap state\n1 2 12.5 -2 0.5 0.0078125 3\n";
+                    ITEM: ENTRIES first second normal_force tangential_force rolling_force gap state\n0 1 12.5 -2 0.5 0.0078125 3\n";
         assert_eq!(
             text,
             format!("ITEM: TIMESTEP\n25\n{half}ITEM: TIMESTEP\n50\n{half}")

@@ -24,10 +24,11 @@ pub(crate) struct FrameSource {
 /// per sphere.
 ///
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
-/// quaternions about z. Spheres of the smallest radius are of the species S, larger ones of the
-/// species L. A suspension fills a cell that is periodic along z too. Velocities (`velo`) and
-/// angular velocities include the background flow; `unwrapped` are positions followed from the
-/// start of the run over the edges of the cell.
+/// quaternions about z. Species are symbols of elements, as ASE reads no others: H is a sphere of
+/// the smallest radius, He a larger one. A suspension fills a cell that is periodic along z too.
+/// Velocities (`velo`) and angular velocities include the background flow at the centre in the
+/// cell, `pos`; `unwrapped` are positions followed from the start of the run over the edges of the
+/// cell. Spheres are numbered from 0, as in tables.
 pub(crate) fn write_extxyz(
     frames: &[(u64, &AnyFrame)],
     filmed: &FrameSource,
@@ -98,10 +99,10 @@ fn write_frame<S: Kept>(
     )?;
     for (number, centre) in frame.centres.iter().enumerate() {
         let radius = frame.radii[number];
-        let species = if radius > smallest { 'L' } else { 'S' };
+        let species = if radius > smallest { "He" } else { "H" };
         write!(out, "{species}")?;
         write_all(&in_space(centre.as_ref()), out)?;
-        write!(out, " {} {radius}", number + 1)?;
+        write!(out, " {number} {radius}")?;
         match S::orientation(&frame.orientations[number]) {
             &[w, x, y, z] => write_all(&[x, y, z, w], out)?,
             angles => {
@@ -178,9 +179,10 @@ mod tests {
         );
         assert_eq!(
             lines[2],
-            "S 1 2 0 1 1 0 0 0 1 0 1 -1 20.5 1 2.5 0.25 0 0 0 -0.5 9 2 0"
+            "H 1 2 0 0 1 0 0 0 1 0 1 -1 20.5 1 2.5 0.25 0 0 0 -0.5 9 2 0"
         );
-        assert!(lines[3].starts_with("L 3.5 2 0 2 1.5 "), "{}", lines[3]);
+        // Of two sizes, both have a symbol that ASE knows.
+        assert!(lines[3].starts_with("He 3.5 2 0 1 1.5 "), "{}", lines[3]);
     }
 
     #[test]
@@ -199,7 +201,7 @@ mod tests {
         assert!(lines[1].contains("pbc=\"T T T\""), "{}", lines[1]);
         // OVITO's order of a quaternion is x y z w.
         let wanted = [
-            1.0, 2.0, 7.9, 1.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5,
+            1.0, 2.0, 7.9, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 1.0, -1.0, 20.5, 0.25, -0.5, 1.0, 2.5,
             0.25, 1.0, 0.5, 0.0, -0.25, 9.0, 2.0, 7.9,
         ];
         let found: Vec<f64> = lines[2]

@@ -12,6 +12,37 @@ const STRESSLET: &str = "mu a^3 rate";
 /// Unit of forces.
 const FORCE: &str = "mu a^2 rate";
 
+/// The meaning of a column, whose name may end with a component.
+fn meaning(name: &str) -> &'static str {
+    let name = ["_w", "_xx", "_yy", "_xy", "_xz", "_yz", "_x", "_y", "_z"]
+        .iter()
+        .find_map(|component| name.strip_suffix(component))
+        .unwrap_or(name);
+    match name {
+        "step" => "steps from the start of the run",
+        "strain" => "strain from the start of the run",
+        "cell_side" => "side of the cell",
+        "cell_offset" => "shift along the flow of the images above",
+        "cell_cross_offset" => "shift along the vorticity of the images above",
+        "sphere" => "number of the sphere, from 0",
+        "i" => "number of the first sphere of the contact, from 0",
+        "j" => "number of the second sphere of the contact, from 0",
+        "x" | "y" | "z" => "centre, in the cell",
+        "unwrapped" => "centre, followed over the edges of the cell from the start of the run",
+        "radius" => "radius",
+        "orientation" => "rotation since the start of the run: an angle, or a quaternion",
+        "velocity" => "velocity, with that of the background at the centre in the cell",
+        "angular_velocity" => "angular velocity, with that of the background",
+        "stresslet" => "stresslet",
+        "normal" => "unit vector from the first sphere to the second",
+        "gap" => "gap between the surfaces of smooth spheres",
+        "normal_force" => "normal force, positive for repulsion",
+        "tangential_force" => "tangential force on the first sphere",
+        "rolling_force" => "quasi-force of rolling friction",
+        _ => "frictionless, rolling or slipping",
+    }
+}
+
 /// A table of frames, with a row per sphere or per contact.
 struct FrameTable<'f, S: Kept> {
     /// Step, frame, and index of the sphere or the contact in it.
@@ -46,7 +77,7 @@ impl<'f, S: Kept> FrameTable<'f, S> {
         let cells = rows.map(|(step, frame, row)| Some(cell(*step, frame, *row)));
         self.columns.push(DataColumn {
             unit,
-            ..DataColumn::of(name, kind, "", cells)
+            ..DataColumn::of(name, kind, meaning(name), cells)
         });
     }
 

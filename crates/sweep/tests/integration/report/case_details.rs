@@ -16,6 +16,7 @@ fn show_prints_a_run_by_number_and_by_key() {
         "seed 1",
         "strain 0.400 of 0.400",
         "20 samples, the last at strain 0.380",
+        "viscosity over tenths of this strain: ",
         "build",
     ] {
         assert!(text.contains(part), "{part} not in {text}");
