@@ -8,7 +8,7 @@ use sd_core::cell::Cell;
 use sd_core::model::SolverSettings;
 use sd_core::products::Resistance;
 use sd_core::transport::{ShortTime, short_time};
-use sd_core::{Bulk, Error, NearFields, Params, start};
+use sd_core::{Bulk, Error, Hydrodynamics, NearFields, Params, start};
 use serde_json::{Value as Json, json};
 use std::collections::HashMap;
 
@@ -44,13 +44,19 @@ impl TransportPoint {
     }
 
     /// The mean of a number for infinitely many spheres, where images change it and all spheres are
-    /// equal.
-    pub(crate) fn infinite(&self, name: &str) -> Option<f64> {
+    /// equal. Its interval is that of the number itself.
+    pub(crate) fn infinite(&self, name: &str) -> Option<Estimate> {
         let [of_diffusion, of_sedimentation] = self.corrections()?;
-        let mean = |of| self.estimate(of).map(|estimate| estimate.mean);
+        let with = |of, correction| {
+            let estimate = self.estimate(of)?;
+            Some(Estimate {
+                mean: estimate.mean + correction,
+                ..estimate
+            })
+        };
         match name {
-            "self_diffusion" => Some(mean(|s| s.self_diffusion)? + of_diffusion),
-            "sedimentation" => Some(mean(|s| s.sedimentation)? + of_sedimentation),
+            "self_diffusion" => with(|s| s.self_diffusion, of_diffusion),
+            "sedimentation" => with(|s| s.sedimentation, of_sedimentation),
             _ => None,
         }
     }
@@ -58,7 +64,11 @@ impl TransportPoint {
     /// What to add to self-diffusion and to sedimentation for infinitely many spheres, if all are
     /// equal: images of a sphere, 2L apart, hold it back in a fluid of viscosity η∞, by S(0) less
     /// in sedimentation (Ladd, J. Chem. Phys. 93, 3484, 1990); S(0) by Carnahan and Starling.
+    /// Without a far field images hold nothing back.
     fn corrections(&self) -> Option<[f64; 2]> {
+        if self.params.hydrodynamics != Hydrodynamics::StokesianDynamics {
+            return None;
+        }
         let phi = self
             .params
             .volume_fraction
@@ -72,9 +82,10 @@ impl TransportPoint {
 
     /// The axes, then the numbers, each with its 95 % interval.
     pub(crate) fn json(&self) -> Json {
+        // Whatever shears the runs, their starts are at rest.
         let axes = AXES
             .iter()
-            .filter(|axis| axis.means_something(&self.params))
+            .filter(|axis| !axis.is_of_shear() && axis.means_something(&self.params))
             .map(|axis| (axis.key.to_owned(), json!(axis.value(&self.params))));
         let mut object: serde_json::Map<String, Json> = axes.collect();
         object.insert("starts".into(), json!(self.starts.len()));
@@ -84,7 +95,8 @@ impl TransportPoint {
             let interval = estimate.and_then(|e| e.ci95);
             object.insert(format!("{name}_ci95"), json!(interval));
             if let Some(infinite) = self.infinite(name) {
-                object.insert(format!("{name}_infinite"), json!(infinite));
+                object.insert(format!("{name}_infinite"), json!(infinite.mean));
+                object.insert(format!("{name}_infinite_ci95"), json!(infinite.ci95));
             }
         }
         Json::Object(object)
@@ -142,4 +154,42 @@ fn of_start(params: &Params, seed: u64, tables: &NearFields) -> Result<ShortTime
         &SolverSettings::default(),
     )?;
     short_time(&mut resistance, &cell, &start.radii, seed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_far_field_holds_spheres_back() {
+        let point = |hydrodynamics| TransportPoint {
+            params: Params {
+                hydrodynamics,
+                volume_fraction: Some(0.2),
+                ..crate::test_support::params()
+            },
+            starts: [0.60, 0.64]
+                .map(|diffusion| ShortTime {
+                    self_diffusion: diffusion,
+                    rotation: 0.8,
+                    sedimentation: 0.3,
+                    viscosity: 1.8,
+                })
+                .to_vec(),
+        };
+        let of = point(Hydrodynamics::StokesianDynamics);
+        let infinite = of.infinite("self_diffusion").unwrap();
+        let images = LATTICE * (0.2 / of.params.spheres as f64).cbrt() / 1.8;
+        assert!((infinite.mean - 0.62 - images).abs() < 1e-12);
+        assert_eq!(
+            infinite.ci95,
+            of.estimate(|s| s.self_diffusion).unwrap().ci95
+        );
+        assert!(of.json()["self_diffusion_infinite_ci95"].is_number());
+        assert!(of.json()["shear_rate"].is_null());
+        let without = point(Hydrodynamics::BallMelrose);
+        assert_eq!(without.infinite("self_diffusion"), None);
+        assert_eq!(without.infinite("sedimentation"), None);
+        assert!(without.json()["self_diffusion_infinite"].is_null());
+    }
 }

@@ -9,6 +9,7 @@ use crate::report::table;
 use crate::system::exit;
 use crate::text::format::{NumberFormat, counted, significant, uncertain, wrapped};
 use crate::transport::{NUMBERS, TransportPoint, transport};
+use sd_core::{Hydrodynamics, Params};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -35,7 +36,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let certain = || campaign.certain().map(|(_, case)| &case.params);
     if certain().any(|params| params.volume_fraction.is_none()) {
         return Err(Error::Argument {
-            argument: "FILE",
+            argument: "CAMPAIGN",
             message: format!(
                 "{} has layers, whose diffusion in the fluid above and below depends on the size of the cell: \
                  `volume_fraction` in place of `area_fraction` makes suspensions",
@@ -77,16 +78,25 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             row.push(point.estimate(of).map_or_else(String::new, shown));
             if ["self_diffusion", "sedimentation"].contains(&name) {
                 let infinite = point.infinite(name);
-                row.push(infinite.map_or_else(String::new, |mean| significant(mean, 3)));
+                row.push(infinite.map_or_else(|| "–".into(), shown));
             }
         }
         row
     });
     writeln!(output.out, "{}", table(output.width, heads, rows))?;
-    let notes = "over the values of a sphere alone and of the fluid; mean over starts ± half the 95 % Student interval; N = ∞: \
-                 less the hold of periodic images on equal spheres. The force-torque-stresslet approximation of Stokesian \
-                 Dynamics makes U/U_0 too large in dense suspensions: docs/transport.md";
-    writeln!(output.out, "{}", wrapped(notes, output.width).trim_end())?;
+    let mut notes = "over the values of a sphere alone and of the fluid; mean over starts ± half the 95 % Student interval; N = ∞: \
+                     less the hold of periodic images on equal spheres, where the hydrodynamics have a far field."
+        .to_owned();
+    let has_far_field = |params: &Params| params.hydrodynamics == Hydrodynamics::StokesianDynamics;
+    if certain().any(has_far_field) {
+        notes += " The force-torque-stresslet approximation of Stokesian Dynamics makes U/U_0 too large in dense suspensions.";
+    }
+    if !certain().all(has_far_field) {
+        notes += " Without a far field spheres sink and diffuse as if alone but for near neighbours: only \
+                  `hydrodynamics` = \"stokesian-dynamics\" makes these numbers those of a suspension.";
+    }
+    notes += " See docs/transport.md";
+    writeln!(output.out, "{}", wrapped(&notes, output.width).trim_end())?;
     Ok(exit::DONE)
 }
 
