@@ -20,6 +20,7 @@ use sd_core::{
     Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents,
     VelocityGradient,
 };
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
 
@@ -62,15 +63,16 @@ pub struct Input<S: Written = Layer> {
 fn by_word<'de, D: Deserializer<'de>, T: Keywords>(deserializer: D) -> Result<T, D::Error> {
     let word = String::deserialize(deserializer)?;
     T::of_word(&word).ok_or_else(|| {
-        let known: Vec<String> = T::KEYWORDS
-            .iter()
-            .map(|known| format!("{:?}", known.word))
-            .collect();
-        serde::de::Error::custom(format!(
-            "{word:?} is not known, expected {}",
-            known.join(" or ")
-        ))
+        let known = words::<T>();
+        serde::de::Error::custom(format!("{word:?} is not known, expected {known}"))
     })
+}
+
+/// The words of a choice.
+fn words<T: Keywords>() -> String {
+    let known = T::KEYWORDS.iter();
+    let known: Vec<String> = known.map(|known| format!("{:?}", known.word)).collect();
+    known.join(" or ")
 }
 
 /// Why an [`Input`] was rejected.
@@ -119,10 +121,14 @@ pub(crate) type AnyProblem = InSpace<InstantProblem<Layer>, InstantProblem<Bulk>
 /// # Errors
 /// What is wrong with it, and where.
 pub(crate) fn read(bytes: &[u8]) -> Result<AnyProblem, InputError> {
+    // What is no JSON says nothing about the values.
+    if let Err(error) = serde_json::from_slice::<IgnoredAny>(bytes)
+        && !error.is_data()
+    {
+        return Err(malformed(&error));
+    }
     match serde_json::from_slice::<FirstCentre>(bytes) {
         Ok(first) if first.is_suspended() => Ok(InSpace::Suspension(read_in(bytes)?)),
-        // What is no JSON says nothing about the space.
-        Err(error) if !error.is_data() => Err(malformed(&error)),
         _ => Ok(InSpace::Layer(read_in(bytes)?)),
     }
 }
@@ -133,10 +139,14 @@ fn malformed(error: &serde_json::Error) -> InputError {
     let message = text
         .rsplit_once(" at line ")
         .map_or(text.as_str(), |(message, _)| message);
+    let mut message: String = message.chars().take(400).collect();
+    if message == "missing field `hydrodynamics`" {
+        message = format!("{message}: {}", words::<Hydrodynamics>());
+    }
     InputError::Json {
         line: error.line(),
         column: error.column(),
-        message: message.chars().take(400).collect(),
+        message,
     }
 }
 

@@ -339,8 +339,8 @@ impl<'r> Workers<'r> {
         let processes = self.store().processes()?;
         for process in processes {
             self.options.progress.note(&format!(
-                "waiting for {} runs of process {} on {}, last heartbeat {} ago; they continue here if it dies",
-                process.running,
+                "waiting for {} of process {} on {}, last heartbeat {} ago; they continue here if it dies",
+                crate::text::format::counted(process.running, "run"),
                 process.pid,
                 process.host,
                 crate::text::format::duration(process.silent_s)
@@ -356,7 +356,8 @@ impl<'r> Workers<'r> {
         let freed = store.release_dead()?;
         if freed > 0 {
             self.options.progress.note(&format!(
-                "{freed} cases of a dead process continue from their last checkpoints"
+                "{} of a dead process continue from their last checkpoints",
+                crate::text::format::counted(freed, "case")
             ));
         }
         store.check_campaign()?;

@@ -239,8 +239,18 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     let (merged, cases, out) = (&answer.merged, &answer.cases, &mut *output.out);
     writeln!(
         out,
-        "{} shards read: {} new results, {} failures, {} checkpoints; {} results known, with the same bits",
-        merged.shards, merged.results, merged.failures, merged.checkpoints, merged.duplicates
+        "{} read: {}, {}, {}; {}",
+        counted(merged.shards, "shard"),
+        counted(merged.results, "new result"),
+        counted(merged.failures, "failure"),
+        counted(merged.checkpoints, "checkpoint"),
+        match merged.duplicates {
+            0 => "no result was known before".into(),
+            known => format!(
+                "{} known before, with the same bits",
+                counted(known, "result")
+            ),
+        }
     )?;
     if merged.unreadable > 0 {
         writeln!(
@@ -271,6 +281,13 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
         )?;
     }
     write_builds(&answer.builds, out)?;
+    if answer.orphans > 0 {
+        writeln!(
+            out,
+            "{} in the store belong to other versions of the campaign file: `sweep prune` removes them",
+            counted(answer.orphans, "run")
+        )?;
+    }
     writeln!(
         out,
         "{} of {} cases are done, {} jammed, {} failed",

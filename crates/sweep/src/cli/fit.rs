@@ -68,6 +68,9 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     }
     let mut lines = vec![report.summary()];
     let rows = report.parameters().map(|(name, value, interval)| {
+        if report.is_undetermined(name) {
+            return [name.to_owned(), "not determined".into(), "–".into()];
+        }
         let interval = interval.map_or_else(
             || "–".to_owned(),
             |[low, high]| format!("{} to {}", significant(low, 4), significant(high, 4)),

@@ -76,7 +76,7 @@ fn text(plan: &Plan, width: Option<u16>) -> Result<String, std::fmt::Error> {
     if plan.folded > 0 {
         writeln!(
             out,
-            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor have its laws and Γ \
+            "{} more runs of the grids are identical to these: friction has no effect at Γ = 0, nor has its onset at Γ = ∞, nor have its laws and Γ \
              without friction",
             plan.folded
         )?;
@@ -154,6 +154,8 @@ fn kinds(kinds: &[RunKind], width: Option<u16>) -> String {
     let has_step = kinds
         .iter()
         .any(|kind| kind.time_step != kinds[0].time_step);
+    let differs = |of: fn(&RunKind) -> &str| kinds.iter().any(|kind| of(kind) != of(&kinds[0]));
+    let has_law = differs(|kind| kind.tangential) || kinds[0].tangential != "roll-slip";
     let cells = |name, steps: Option<String>, rest: [String; 6]| {
         let mut cells: Vec<String> = vec![name];
         cells.extend(steps);
@@ -168,7 +170,7 @@ fn kinds(kinds: &[RunKind], width: Option<u16>) -> String {
     );
     let rows = kinds.iter().map(|kind| {
         let mut name = format!("{}, {}", kind.hydrodynamics, kind.contact);
-        if kind.tangential != "roll-slip" {
+        if has_law {
             let _ = write!(name, ", {}", kind.tangential);
         }
         cells(

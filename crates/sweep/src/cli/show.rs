@@ -5,8 +5,14 @@ use super::place::StoreArguments;
 use crate::error::Error;
 use crate::model::axes::AXES;
 use crate::report::Starts;
+use crate::store::CaseDetails;
 use crate::system::exit;
-use crate::text::format::{duration, significant};
+use crate::text::format::{counted, duration, significant};
+use sd_core::Sample;
+use std::io::Write;
+
+/// Parts of a trace.
+const PARTS: usize = 10;
 
 /// Show one run: parameters, trace, counters, provenance, error
 ///
@@ -22,11 +28,26 @@ pub(crate) struct Arguments {
     case: String,
 }
 
+/// The trace: means of the viscosity over ten equal parts of the samples, or fewer parts.
+fn parts(samples: &[(u64, Sample)]) -> Vec<String> {
+    let part = |number: usize| {
+        let [from, to] = [number, number + 1].map(|end| end * samples.len() / PARTS);
+        let own = &samples[from..to];
+        let sum: f64 = own.iter().map(|(_, sample)| sample.viscosity).sum();
+        (!own.is_empty()).then(|| significant(sum / own.len() as f64, 3))
+    };
+    (0..PARTS).filter_map(part).collect()
+}
+
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let store = arguments.place.open(output)?;
     let details = store.details(&arguments.case)?;
     if output.json {
-        output.json(&details)?;
+        let mut object = serde_json::json!(details);
+        if details.params.volume_fraction.is_some() {
+            object["params"]["area_fraction"] = serde_json::Value::Null;
+        }
+        output.json(&object)?;
         return Ok(exit::DONE);
     }
     let out = &mut *output.out;
@@ -50,19 +71,46 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let strain = |steps: u64| steps as f64 * details.params.time_step;
     writeln!(
         out,
-        "{}: strain {:.3} of {:.3}, started {} times{}{}",
+        "{}: strain {:.3} of {:.3}, started {}{}{}",
         details.state,
         strain(details.steps_done),
         strain(details.steps),
-        details.attempts,
+        counted(details.attempts, "time"),
         details
             .resumed
-            .map_or_else(String::new, |n| format!(", resumed {n} times")),
+            .map_or_else(String::new, |n| format!(", resumed {}", counted(n, "time"))),
         details
             .cpu_time_s
             .or(details.wall_time_s)
             .map_or_else(String::new, |s| format!(", {} of computing", duration(s))),
     )?;
+    write_samples(&details, out)?;
+    for doubt in &details.doubts {
+        writeln!(out, "its numbers are doubtful, and not averaged: {doubt}")?;
+    }
+    if let Some(origin) = &details.origin {
+        writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
+    }
+    for failure in &details.failures {
+        let place = failure.pair.map_or_else(String::new, |(i, j)| {
+            format!(
+                ", pair {i}, {j}, gap {}",
+                failure
+                    .gap
+                    .map_or_else(|| "–".into(), |gap| significant(gap, 3))
+            )
+        });
+        writeln!(
+            out,
+            "attempt {} failed at step {}, strain {:.3}{place}: {}",
+            failure.attempt, failure.step, failure.strain, failure.error
+        )?;
+    }
+    Ok(exit::DONE)
+}
+
+/// Writes the trace and what the last sample has.
+fn write_samples(details: &CaseDetails, out: &mut dyn Write) -> std::io::Result<()> {
     if let Some((_, last)) = details.samples.last() {
         writeln!(
             out,
@@ -71,6 +119,12 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             last.strain,
             significant(last.viscosity, 4),
             &details.key[..8]
+        )?;
+        let parts = parts(&details.samples);
+        writeln!(
+            out,
+            "viscosity over tenths of this strain: {}",
+            parts.join(" ")
         )?;
     } else {
         writeln!(out, "no samples yet")?;
@@ -100,26 +154,5 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             details.frames
         )?;
     }
-    for doubt in &details.doubts {
-        writeln!(out, "its numbers are doubtful, and not averaged: {doubt}")?;
-    }
-    if let Some(origin) = &details.origin {
-        writeln!(out, "computed on {} by {}", origin.host, origin.program())?;
-    }
-    for failure in &details.failures {
-        let place = failure.pair.map_or_else(String::new, |(i, j)| {
-            format!(
-                ", pair {i}, {j}, gap {}",
-                failure
-                    .gap
-                    .map_or_else(|| "–".into(), |gap| significant(gap, 3))
-            )
-        });
-        writeln!(
-            out,
-            "attempt {} failed at step {}, strain {:.3}{place}: {}",
-            failure.attempt, failure.step, failure.strain, failure.error
-        )?;
-    }
-    Ok(exit::DONE)
+    Ok(())
 }

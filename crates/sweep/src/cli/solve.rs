@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::instant::{Amount, Answer, answer, read};
 use crate::report::table;
 use crate::system::exit;
-use crate::text::format::significant;
+use crate::text::format::{significant, wrapped};
 use sd_core::contact::ContactState;
 use std::path::PathBuf;
 
@@ -48,9 +48,9 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
     };
     let is_layer = instant.stresslet_xz.is_none();
     let heads = if is_layer {
-        "sphere u_x u_y ω S_xx S_yy S_xy"
+        "sphere u′_x u′_y ω′ S_xx S_yy S_xy"
     } else {
-        "sphere u_x u_y u_z ω_x ω_y ω_z S_xx S_yy S_xy S_xz S_yz"
+        "sphere u′_x u′_y u′_z ω′_x ω′_y ω′_z S_xx S_yy S_xy S_xz S_yz"
     };
     let velocities = instant.velocity_disturbance.iter().enumerate();
     let rows = velocities.map(|(sphere, velocity)| {
@@ -119,5 +119,8 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             writeln!(output.out, "{name} {}", digits(value))?;
         }
     }
+    let notes = "u′ and ω′: velocity and angular velocity less those of the background at the centre, in a × rate and rate; S: \
+                 stresslets in μ a³ × rate; gaps in a; forces in μ a² × rate; viscosities in μ, stresses in μ × rate";
+    writeln!(output.out, "{}", wrapped(notes, output.width).trim_end())?;
     Ok(())
 }

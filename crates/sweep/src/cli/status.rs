@@ -53,7 +53,11 @@ fn write_text(
 ) -> Result<(), Error> {
     let (c, file) = (&status.cases, arguments.place.file.display());
     let heads = ["cases", "done", "jammed", "failed", "running", "pending"];
-    let row = [c.total(), c.done, c.jammed, c.failed, c.running, c.pending];
+    // Those of a process that has ended wait for the next.
+    let ended = status.processes.iter().filter(|process| !process.alive);
+    let left: u64 = ended.map(|process| process.running).sum();
+    let (running, pending) = (c.running.saturating_sub(left), c.pending + left);
+    let row = [c.total(), c.done, c.jammed, c.failed, running, pending];
     let table = table(output.width, heads, [row]);
     let out = &mut *output.out;
     writeln!(
@@ -102,11 +106,15 @@ fn write_text(
     for process in &status.processes {
         writeln!(
             out,
-            "process {} on {}: {}, last heartbeat {} ago",
+            "process {} on {}: {}, {}",
             process.pid,
             process.host,
             counted(process.running, "case"),
-            duration(process.silent_s)
+            if process.alive {
+                format!("last heartbeat {} ago", duration(process.silent_s))
+            } else {
+                "but it has ended: `sweep run` continues them from their last checkpoints".into()
+            }
         )?;
     }
     write_tasks(&status.jobs, output.width, out, &arguments.place.file)?;

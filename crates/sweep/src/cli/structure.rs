@@ -10,7 +10,7 @@ use crate::system::exit;
 use crate::text::format::wrapped;
 use std::path::PathBuf;
 
-/// Print the structure of layers: contacts, clusters, percolation, rigid clusters, fabric
+/// Print structure: contacts, clusters, percolation, rigid clusters, fabric
 ///
 /// Averages over the frames that `sweep run --trajectory` keeps after the discarded strain, and
 /// over runs, with 95 % intervals. docs/structure.md defines the numbers. Reads only.

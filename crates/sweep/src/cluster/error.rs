@@ -53,6 +53,11 @@ pub enum ClusterError {
          `sweep submit CAMPAIGN.toml` recomputes what was lost with it, with the same digits"
     ))]
     Vanished { path: PathBuf },
+    #[error("no shards were found to merge into {}", store.display())]
+    #[diagnostic(help(
+        "nothing was written; name stores of the campaign, or folders into which tasks have published theirs"
+    ))]
+    NoShards { store: PathBuf },
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("`sweep submit CAMPAIGN.toml` makes a new plan for the open cases"))]
     Slices { path: PathBuf, reason: String },

@@ -1,6 +1,7 @@
 //! Joining shards into the store of their campaign.
 
 use super::{ClusterError, shard};
+use crate::model::campaign::Campaign;
 use crate::store::{Counts, Merged, MergedCases, Store, StoreError, StoreSource};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -11,6 +12,8 @@ pub(crate) struct Joined {
     #[serde(flatten)]
     pub(crate) merged: Merged,
     pub(crate) cases: Counts,
+    /// Runs of the store that belong to other versions of the campaign.
+    pub(crate) orphans: u64,
     /// Builds of the program that computed the results.
     pub(crate) builds: Vec<String>,
 }
@@ -44,26 +47,36 @@ pub(crate) fn join(store: &mut Store, shards: &[PathBuf]) -> Result<Joined, Stor
     Ok(Joined {
         merged: store.merge(MergedCases::All, shards)?,
         cases: store.counts()?,
+        orphans: store.orphans()?,
         builds: store.builds()?,
     })
 }
 
 /// Opens the store. A new one gets the campaign of the file given, or else that of the first
-/// readable shard.
+/// readable shard; it is not made for shards of several campaigns.
 pub(crate) fn store_for(source: &StoreSource, shards: &[PathBuf]) -> Result<Store, ClusterError> {
     let path = source.path();
     if path.exists() {
         return Ok(Store::open(path)?);
     }
+    let enter = |campaign: &Campaign| {
+        Store::readable(&campaign.name, shards)?;
+        Ok(Store::enter(path, campaign)?.0)
+    };
     if let Some(campaign) = source.campaign() {
-        return Ok(Store::enter(path, campaign)?.0);
+        return enter(campaign);
+    }
+    if shards.is_empty() {
+        return Err(ClusterError::NoShards {
+            store: path.to_owned(),
+        });
     }
     let mut first = None;
     for shard in shards {
         match Store::campaign_of(shard) {
             Ok(text) => {
                 let campaign = crate::campaign::parse(&shard.display().to_string(), text)?;
-                return Ok(Store::enter(path, &campaign)?.0);
+                return enter(&campaign);
             }
             Err(error) => first = first.or(Some(error)),
         }

@@ -154,7 +154,7 @@ pub static NUMBERS: &[Number] = {
         number("viscosity_stresslet_quartile_3", "mu").run("its third quartile in time", Of(|r| Some(r.viscosity_stresslet?.quartile_3))),
         number("normal_stress_difference", "mu rate")
             .sample("first normal stress difference, contacts included", Real(|s| &mut s.normal_stress_difference)).averaged()
-            .label("normal stress difference N₁"),
+            .label("stress difference N₁"),
         number("shear_rate", "1").sample("shear rate Γ: imposed, or what the imposed stress leaves", Real(|s| &mut s.shear_rate)),
         number("dissipation", "mu rate")
             .sample("dissipation over area and rate", Real(|s| &mut s.dissipation))
@@ -215,7 +215,7 @@ pub static NUMBERS: &[Number] = {
         number("cpu_time_s", "s").run("CPU time", Of(|r| Some(r.cpu_time_s))).point("mean CPU time of a run", Over(|r| mean(&r.values("cpu_time_s")))),
         number("resumed", "1").run("times it was resumed from a checkpoint", CountOf(|r| r.resumed)),
         number("finished_at", "ms").run("when it ended, since 1970", CountOf(|r| r.finished_at)),
-        number("seeds_wanted", "1").point("number of seeds used; with a stopping rule, those of complete batches", CountOver(|r| r.wanted())),
+        number("seeds_wanted", "1").point("seeds requested so far; where a precision is requested, those of the batches begun", CountOver(|r| r.wanted())),
         number("precision", "1").point("half width of the 95 % interval over the mean, of the requested quantity or the viscosity", Over(|r| r.precision())),
         number("discard", "1").point("strain discarded at the start of every run", Over(|r| r.of_each(|run| run.discard()).into_iter().reduce(f64::max))),
         number("drift", "1").point("(mean of second half − mean of first half) / mean of the viscosity, after the discarded strain", Over(|r| Some(r.drift()?.halves.mean))),
@@ -229,7 +229,7 @@ pub static NUMBERS: &[Number] = {
         number("correlation_strain", "1").point("strain after which the viscosity of a run counts as independent", Over(|r| mean(&r.of_each(|run| Some(run.steadiness()?.correlation * run.sample_every))))),
         number("effective_samples", "1").point("effective number of independent samples, all runs", Over(|r| r.of_each(|run| Some(run.number("samples")? / run.steadiness()?.correlation)).into_iter().reduce(|a, b| a + b))),
         number("n1", "mu rate").sample("first normal stress difference N₁, contacts included", Sum(|s| s.n1.total())).averaged(),
-        number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged().label("normal stress difference N₂"),
+        number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged().label("stress difference N₂"),
         number("particle_pressure", "mu rate").sample("particle pressure Π of contacts and repulsion, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
         number("shear_hydrodynamic", "mu rate").sample("shear stress of the stresslets", Part(|s| &mut s.shear.hydrodynamic)).averaged(),
         number("shear_normal_contact", "mu rate").sample("shear stress of the normal contact forces", Part(|s| &mut s.shear.normal_contact)).averaged(),
@@ -280,19 +280,19 @@ pub static NUMBERS: &[Number] = {
             .point("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
         number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without the isotropic stress of the fluid", Sum(|s| -s.yy().total())).averaged(),
         number("viscous_number", "1").label("viscous number J")
-            .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
+            .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
             .point("viscous number J = μ rate/P₂₂, mean over runs", MeanOver),
         number("macroscopic_friction", "1").label("macroscopic friction coefficient σ/P₂₂")
-            .run("macroscopic friction coefficient σ/P₂₂, of means in time; none in an oscillation", Of(|r| ratio(r.viscosity?.mean, r.steady_pressure_22()?)))
+            .run("macroscopic friction coefficient σ/P₂₂, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| ratio(r.viscosity?.mean, r.steady_pressure_22()?)))
             .point("macroscopic friction coefficient σ/P₂₂, mean over runs", MeanOver),
         number("normal_viscosity", "mu").label("normal viscosity η_n")
-            .run("normal viscosity η_n = P₂₂/rate, of means in time; none in an oscillation", Of(|r| r.steady_pressure_22()))
+            .run("normal viscosity η_n = P₂₂/rate, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.steady_pressure_22()))
             .point("normal viscosity η_n = P₂₂/rate, mean over runs", MeanOver),
         number("lambda_2", "1").label("normal stress ratio λ₂")
-            .run("normal stress ratio λ₂ = Σ_yy/Σ_xx, of means in time; none in an oscillation", Of(|r| r.normal_stress_ratio("sigma_yy")))
+            .run("normal stress ratio λ₂ = Σ_yy/Σ_xx, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.normal_stress_ratio("sigma_yy")))
             .point("normal stress ratio λ₂ = Σ_yy/Σ_xx, mean over runs", MeanOver),
         number("lambda_3", "1").label("normal stress ratio λ₃")
-            .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer or an oscillation", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
+            .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer, in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
             .point("normal stress ratio λ₃ = Σ_zz/Σ_xx, mean over runs", MeanOver),
         number("n1_over_stress", "1").label("N₁/σ")
             .run("first normal stress difference over the shear stress, N₁/σ, of means in time; none in an oscillation", Of(|r| r.over_stress("n1")))

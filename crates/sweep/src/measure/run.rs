@@ -133,13 +133,23 @@ impl RunData<'_> {
     /// ```text
     /// ∫ P dt/∫ rate dt = ∫ (P/rate) dγ/∫ dγ
     /// ```
+    ///
+    /// `None` where the stresslets make up more than half of it: they lack the pressure of the fluid.
     pub(super) fn steady_pressure_22(&self) -> Option<f64> {
-        self.mean("pressure_22").filter(|_| self.is_steady_shear())
+        let pressure = self
+            .mean("pressure_22")
+            .filter(|_| self.is_steady_shear())?;
+        let of_fluid = self.mean("sigma_yy_hydrodynamic")?.abs();
+        (of_fluid <= 0.5 * pressure.abs()).then_some(pressure)
     }
 
-    /// A mean normal stress over that along the flow, where that is a pressure.
+    /// A mean normal stress over that along the flow, where that is a pressure and not of the
+    /// stresslets for the most part.
     pub(super) fn normal_stress_ratio(&self, name: &str) -> Option<f64> {
         let along = self.mean("sigma_xx").filter(|_| self.is_steady_shear())?;
+        if self.mean("sigma_xx_hydrodynamic")?.abs() > 0.5 * along.abs() {
+            return None;
+        }
         ratio(-self.mean(name)?, -along)
     }
 
@@ -346,6 +356,14 @@ mod tests {
             assert_eq!(run.number(name), None, "{name}");
         }
         close(&run, "pressure_22", -2.0);
+        // Stresslets alone lack the pressure of the fluid.
+        let mut alone = stressed(&[(4.0, [0.0; 3])]);
+        alone[0].1.stress.n1.hydrodynamic = 0.9;
+        alone[0].1.stress.n2.hydrodynamic = 0.6;
+        let run = RunData::of(&steady, &alone, 0);
+        for name in names {
+            assert_eq!(run.number(name), None, "{name}");
+        }
     }
 
     #[test]

@@ -21,9 +21,12 @@ pub fn sample_table(samples: &[(u64, Sample)]) -> Vec<DataColumn> {
     table
 }
 
-/// Runs with their results, one row each: key, state, axes, seed, numbers.
+/// Runs with their results, one row each: key, number, state, axes, seed, numbers.
 pub(crate) fn run_table(runs: &[&PointRun]) -> Vec<DataColumn> {
     let mut table = vec![key_column(runs.iter().map(|run| run.key.as_str()))];
+    let numbers = runs.iter().map(|run| Some(Value::Count(run.position + 1)));
+    let meaning = "number of the run in the campaign file, from 1";
+    table.push(DataColumn::of("case", Kind::Count, meaning, numbers));
     let states = runs.iter().map(|run| Some(run.state.name().into()));
     let meaning = "pending, running, done, jammed or failed";
     table.push(words("state", meaning, states));

@@ -59,6 +59,8 @@ struct PointRuns {
     /// Of those that are averaged.
     viscosities: Vec<f64>,
     jammed: usize,
+    /// Those that ended, whether averaged or not.
+    runs: usize,
 }
 
 impl FitReport {
@@ -79,7 +81,7 @@ impl FitReport {
             let is_jammed = run.state == State::Jammed;
             let is_averaged = run.is_sound() || (report.with_doubtful && run.is_doubtful());
             let viscosity = run.number("viscosity").filter(|_| is_averaged);
-            if !is_jammed && viscosity.is_none() {
+            if !is_jammed && run.state != State::Done {
                 continue;
             }
             let key = identity(&run.params);
@@ -89,16 +91,21 @@ impl FitReport {
                     params: (*run.params).clone(),
                     viscosities: Vec::new(),
                     jammed: 0,
+                    runs: 0,
                 }
             });
             entry.jammed += usize::from(is_jammed);
+            entry.runs += 1;
             entry.viscosities.extend(viscosity);
         }
         let points = order.iter().filter_map(|key| runs.remove(key));
         let (jammed, points): (Vec<PointRuns>, Vec<PointRuns>) =
             points.partition(|point| point.jammed > point.viscosities.len());
-        let mut points: Vec<(Params, Vec<f64>)> = points
+        // Others may have doubtful runs alone.
+        let points = points
             .into_iter()
+            .filter(|point| !point.viscosities.is_empty());
+        let mut points: Vec<(Params, Vec<f64>)> = points
             .map(|point| (point.params, point.viscosities))
             .collect();
         // Whatever the order of the file, since the bootstrap draws point by point.
@@ -140,6 +147,11 @@ impl FitReport {
     pub fn parameters(&self) -> impl Iterator<Item = (&'static str, f64, Option<[f64; 2]>)> {
         let interval = |k: usize| self.fit.intervals.map(|intervals| intervals[k]);
         (0..PARAMETERS).map(move |k| (NAMES[k], self.fit.values[k], interval(k)))
+    }
+
+    /// Whether the points do not determine a parameter.
+    pub fn is_undetermined(&self, name: &str) -> bool {
+        self.fit.undetermined.contains(&name)
     }
 
     /// Warnings about parameters that the points do not determine, and about points that are not in
@@ -342,7 +354,7 @@ impl LeftOut {
             fraction: fraction(&point.params),
             stress,
             jammed: point.jammed,
-            runs: point.jammed + point.viscosities.len(),
+            runs: point.runs,
         }
     }
 }

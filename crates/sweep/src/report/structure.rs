@@ -56,7 +56,7 @@ choices! {
 }
 
 /// Views of the table.
-const VIEWS: [View<'_>; 18] = [
+const VIEWS: [View<'_>; 19] = [
     ("runs", "runs", 3, 0),
     ("frames", "frames", 3, 4),
     ("coordination", "contacts\nof a sphere", 3, 0),
@@ -64,6 +64,7 @@ const VIEWS: [View<'_>; 18] = [
     ("largest_cluster", "largest\ncluster", 3, 1),
     ("percolating_x", "percolates\nalong x", 3, 2),
     ("percolating_y", "percolates\nalong y", 3, 2),
+    ("percolating_z", "percolates\nalong z", 3, 2),
     ("core_fraction", "core", 3, 2),
     ("rigid_fraction", "rigid", 3, 2),
     ("rattlers", "rattlers", 3, 3),

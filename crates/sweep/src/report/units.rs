@@ -5,6 +5,7 @@
 //! length          a                          force           F_crit
 //! viscosity       mu                         shear rate      rate = Γ F_crit/(6π mu a²)
 //! stress          mu rate, F_crit/a²         velocity        a rate
+//! displacement    a (squared: a²)            diffusivity     a² rate
 //! stiffness       F_crit/a, 6π mu a rate     dashpot         mu a
 //! ```
 //! Without the critical load F_crit there is no time scale, so rates and stresses are not
@@ -132,6 +133,7 @@ impl Units {
             "a" => return Some(("m", Some(radius))),
             "mu" => return Some(("Pa s", Some(viscosity))),
             "mu²" => return Some(("Pa² s²", Some(viscosity * viscosity))),
+            "a²" => return Some(("m²", Some(radius * radius))),
             "mu a" => return Some(("N s/m", Some(viscosity * radius))),
             _ => {}
         }
@@ -146,6 +148,7 @@ impl Units {
             "F/a" => ("N/m", Some(load / radius)),
             "mu rate" => ("Pa", rate.map(|rate| viscosity * rate)),
             "a rate" => ("m/s", rate.map(|rate| radius * rate)),
+            "a² rate" => ("m²/s", rate.map(|rate| radius * radius * rate)),
             RATE => ("1/s", Some(unit_of_rate)),
             _ => return None,
         })
@@ -226,6 +229,7 @@ impl Units {
                 "" | "1" | "mu" => name.to_owned(),
                 "mu rate" => format!("{name} (μ × rate)"),
                 "a rate" => format!("{name} (a × rate)"),
+                "a² rate" => format!("{name} (a² × rate)"),
                 unit => format!("{name} ({unit})"),
             }
         } else {
@@ -239,7 +243,7 @@ impl Units {
     /// # Errors
     /// [`ReportError::Argument`] if it needs the critical load and none is given.
     pub(super) fn reach(&self, name: &str, unit: &str) -> Result<(), ReportError> {
-        let needs_load = ["mu rate", "F_crit/a²", "a rate"].contains(&unit);
+        let needs_load = ["mu rate", "F_crit/a²", "a rate", "a² rate"].contains(&unit);
         match self.0 {
             Some(physical) if needs_load && physical.critical_load.is_none() => {
                 Err(refused(format!(
@@ -340,6 +344,10 @@ mod tests {
         };
         let stiffness = units.factor("F/a", flow).unwrap() / 3.0;
         assert!((stiffness / factor("F/a") - 1.0).abs() < 1e-12);
+        // A diffusivity is a velocity times a length.
+        let [diffusivity, velocity] = ["a² rate", "a rate"].map(factor);
+        assert!((diffusivity / (velocity * factor("a")) - 1.0).abs() < 1e-12);
+        assert!((factor("a²") / factor("a").powi(2) - 1.0).abs() < 1e-12);
         for plateau in [0.0, f64::INFINITY] {
             let at = At::rate(Some(plateau));
             assert_eq!(units.factor("mu rate", at), None);

@@ -91,9 +91,27 @@ impl Store {
         cases: MergedCases,
         shards: &[PathBuf],
     ) -> Result<Merged, StoreError> {
-        let name = self.campaign_name()?;
-        let mut merged = Merged::default();
-        let mut readable = Vec::new();
+        let (readable, damaged) = Self::readable(&self.campaign_name()?, shards)?;
+        let mut merged = Merged {
+            damaged,
+            ..Merged::default()
+        };
+        let entered = self.entered()?;
+        for path in readable {
+            self.merge_one(cases, path, &entered, &mut merged)?;
+        }
+        Ok(merged)
+    }
+
+    /// The readable shards, and the others.
+    ///
+    /// # Errors
+    /// A shard of another campaign than that of this name.
+    pub(crate) fn readable<'s>(
+        name: &str,
+        shards: &'s [PathBuf],
+    ) -> Result<(Vec<&'s PathBuf>, Vec<Damaged>), StoreError> {
+        let (mut readable, mut damaged) = (Vec::new(), Vec::new());
         for path in shards {
             // Closed again: there may be thousands.
             match Store::open_shard(path).map(|shard| shard.campaign_name()) {
@@ -101,19 +119,15 @@ impl Store {
                     return Err(StoreError::OtherCampaign {
                         path: path.clone(),
                         found,
-                        wanted: name,
+                        wanted: name.to_owned(),
                     });
                 }
                 // The key of a case tells what it is, where the name cannot be read.
                 Ok(_) => readable.push(path),
-                Err(error) => merged.damaged.push(Damaged::of(path, &error)),
+                Err(error) => damaged.push(Damaged::of(path, &error)),
             }
         }
-        let entered = self.entered()?;
-        for path in readable {
-            self.merge_one(cases, path, &entered, &mut merged)?;
-        }
-        Ok(merged)
+        Ok((readable, damaged))
     }
 
     /// Merges one shard in one transaction.

@@ -9,6 +9,7 @@ use crate::system::process::{ProcessIdentity, ProcessState};
 use rusqlite::Connection;
 use rusqlite::types::Value;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
 /// The processes, with the columns that describe one.
 pub(super) const SEALED: Sealed = Sealed {
@@ -61,6 +62,13 @@ impl ActiveProcess {
             (other, life == ProcessState::Alive)
         });
         Ok(judged.collect())
+    }
+
+    /// The numbers of those that live.
+    pub(super) fn living(connection: &Connection) -> rusqlite::Result<HashSet<i64>> {
+        let others = Self::others(connection, 0)?.into_iter();
+        let living = others.filter(|(_, is_alive)| *is_alive);
+        Ok(living.map(|(process, _)| process.id).collect())
     }
 
     /// One that lives.

@@ -3,7 +3,7 @@
 use super::digest::DigestMismatch;
 use super::entered::{self, Entered};
 use super::points::{self, params};
-use super::processes::{self, program};
+use super::processes::{self, ActiveProcess, program};
 use super::runs::{Attempt, ListedRun};
 use super::statements::{Statements, json};
 use super::{Store, StoreError, rules, runs, samples};
@@ -19,7 +19,7 @@ use rusqlite::{Connection, Row};
 use sd_core::{Params, Sample};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 impl Store {
@@ -474,6 +474,8 @@ pub struct ProcessLine {
     pub silent_s: f64,
     /// Cases it owns.
     pub running: u64,
+    /// Whether it still lives.
+    pub alive: bool,
 }
 
 impl Store {
@@ -490,11 +492,8 @@ impl Store {
     /// # Errors
     /// An I/O or SQLite error.
     pub fn work(&self) -> Result<Work, StoreError> {
-        let heard_since = process::now()
-            - i64::try_from(process::HEARTBEAT_LIMIT.as_millis()).unwrap_or(i64::MAX);
         let read = || {
-            let alive = "SELECT id FROM processes WHERE ended_at IS NULL AND heartbeat >= ?1";
-            let alive: HashSet<i64> = self.connection.values(alive, [heard_since])?;
+            let alive = ActiveProcess::living(&self.connection)?;
             // Summed here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
                 "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
@@ -625,12 +624,32 @@ impl Store {
 
     /// Processes that own cases.
     pub(crate) fn processes(&self) -> Result<Vec<ProcessLine>, StoreError> {
-        self.named(
-            "SELECT p.host, p.pid, max(?1 - p.heartbeat, 0) / 1000.0 AS silent_s,
-                 count(*) AS running
-             FROM processes p JOIN cases c ON c.owner = p.id
-             WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
-            [process::now()],
-        )
+        #[derive(Deserialize)]
+        struct Owner {
+            id: i64,
+            host: String,
+            pid: u32,
+            silent_s: f64,
+            running: u64,
+        }
+        let read = || {
+            let owners: Vec<Owner> = self.connection.named(
+                "SELECT p.id, p.host, p.pid, max(?1 - p.heartbeat, 0) / 1000.0 AS silent_s,
+                     count(*) AS running
+                 FROM processes p JOIN cases c ON c.owner = p.id
+                 WHERE c.state = 'running' GROUP BY p.id ORDER BY p.id",
+                [process::now()],
+            )?;
+            let alive = ActiveProcess::living(&self.connection)?;
+            let lines = owners.into_iter().map(|owner| ProcessLine {
+                host: owner.host,
+                pid: owner.pid,
+                silent_s: owner.silent_s,
+                running: owner.running,
+                alive: alive.contains(&owner.id),
+            });
+            Ok(lines.collect())
+        };
+        self.read(read())
     }
 }

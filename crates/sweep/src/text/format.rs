@@ -116,7 +116,8 @@ choices! {
 
 /// A number and half its interval, both with the same decimals.
 pub fn uncertain(value: f64, half: f64, format: NumberFormat) -> String {
-    if !half.is_finite() || half <= 0.0 || !value.is_finite() {
+    // Rounding alone is no interval.
+    if !half.is_finite() || half <= 1e-12 * value.abs() || !value.is_finite() {
         return significant(value, 4);
     }
     let shift = match exponent(value.abs().max(half)) {
@@ -166,7 +167,8 @@ pub fn duration(seconds: f64) -> String {
         return "–".into();
     }
     if seconds < 10.0 {
-        return format!("{seconds:.1} s");
+        // Without the sign of a negative zero.
+        return format!("{:.1} s", seconds + 0.0);
     }
     #[expect(
         clippy::cast_possible_truncation,
@@ -267,6 +269,12 @@ pub fn count(value: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounding_has_neither_a_sign_nor_an_interval() {
+        assert_eq!(duration(-0.0), "0.0 s");
+        assert_eq!(uncertain(1.0, 2e-16, NumberFormat::Plain), "1.000");
+    }
 
     #[test]
     fn whole_words_wrap_to_the_next_line() {

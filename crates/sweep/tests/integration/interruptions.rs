@@ -583,3 +583,19 @@ fn a_store_cut_off_while_it_is_used_is_given_up_by_the_advice_of_the_error() {
         assert_eq!(run(at, report).status.code(), Some(0));
     }
 }
+
+#[test]
+fn killed_processes_are_not_said_to_run() {
+    let directory = directory_with(QUICK);
+    let mut child = start(directory.path());
+    wait_for_steps(directory.path(), 4);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let status = run(directory.path(), &["status", "small.toml"]);
+    let text = String::from_utf8(status.stdout).unwrap();
+    assert!(text.contains("but it has ended"), "{text}");
+    let status = run(directory.path(), &["status", "small.toml", "--json"]);
+    let status: serde_json::Value = serde_json::from_slice(&status.stdout).unwrap();
+    let processes = status["processes"].as_array().unwrap();
+    assert!(!processes.is_empty() && processes.iter().all(|process| process["alive"] == false));
+}

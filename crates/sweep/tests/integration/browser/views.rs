@@ -121,7 +121,7 @@ fn check(seen: &Value, report: &Value, window: Window) {
         ("words", "ν = 0.3"),
         ("friction", "friction coefficient ν"),
         ("friction", "Γ = ∞"),
-        ("n2", "normal stress difference N₂ (μ × rate)"),
+        ("n2", "stress difference N₂ (μ × rate)"),
         ("contacts", "rolling"),
         ("flow", "shear stress σ* (Fcrit/a²)"),
         ("trace", "seed 2"),

@@ -162,7 +162,7 @@ fn figures_have_them_on_both_axes_and_in_their_words() {
     has(&asked(&by_rate), "Γ = 26.53 1/s");
     // Plateaus have a result but no stress in pascal: they are left out and not marked as missing.
     let svg = asked(&[&ONE[..], &["--quantity", "normal_stress_difference"]].concat());
-    has(&svg, "normal stress difference N₁ (Pa)");
+    has(&svg, "stress difference N₁ (Pa)");
     for word in ["no result", "∞"] {
         assert!(!words(&svg).contains(&word), "{word}: {:?}", words(&svg));
     }

@@ -137,6 +137,17 @@ fn other_builds_are_named_and_other_campaigns_refused() {
         &cluster.not_ok(2, &["merge", "small.toml", "results/else.sqlite"]),
         &["is the store of campaign \"else\", not of \"small\""],
     );
+    // No store is made before all shards are known to belong together.
+    let (right, wrong) = ("results/small.sqlite", "results/else.sqlite");
+    cluster.not_ok(2, &["merge", "new.sqlite", right, wrong]);
+    cluster.not_ok(2, &["merge", "new.sqlite", wrong, right]);
+    std::fs::create_dir(cluster.home().join("empty")).unwrap();
+    contains(
+        &cluster.not_ok(2, &["merge", "new.sqlite", "empty"]),
+        &["no shards were found to merge into new.sqlite"],
+    );
+    assert!(!cluster.home().join("new.sqlite").exists());
+    contains(&cluster.ok(&["merge", "new.sqlite", right]), &["6 of 6"]);
 }
 
 #[test]
