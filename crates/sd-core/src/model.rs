@@ -5,6 +5,7 @@
 
 mod builder;
 mod contact_laws;
+mod flow_type;
 mod hydrodynamics;
 pub(crate) mod parameters;
 mod published_units;
@@ -20,6 +21,7 @@ pub use crate::law::{
 };
 pub use builder::ParamsBuilder;
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
+pub use flow_type::FlowType;
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
 pub use published_units::PublishedUnits;
@@ -107,7 +109,10 @@ pub struct Params {
     /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
-    /// Sense of the shear: 1, or −1 for the opposite direction.
+    /// Type of the imposed flow. Rates are then √(2 E:E), of which strains are the integral.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flow: FlowType,
+    /// Sense of the flow: 1, or −1 for the opposite direction.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub direction: f64,
     /// Whether no shear is imposed, and the fluid is at rest but for the spheres. The unit of time
@@ -169,6 +174,7 @@ impl Params {
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
         shear_stress: None,
+        flow: FlowType::Shear,
         direction: 1.0,
         at_rest: false,
         start: None,

@@ -1,6 +1,7 @@
 //! Runs: start layers, time stepping, simulation; single instants and pairs.
 
 mod balance;
+pub(crate) mod cell_path;
 pub(crate) mod compiled;
 pub(crate) mod instant;
 pub mod pair;

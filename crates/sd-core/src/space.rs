@@ -4,7 +4,7 @@ pub mod bulk;
 pub mod cell;
 pub(crate) mod flow;
 pub(crate) mod incident;
-mod lattice;
+pub(crate) mod lattice;
 mod layer;
 pub mod modes;
 pub(crate) mod neighbours;

@@ -88,6 +88,7 @@ pub(crate) fn suspension(strain: f64, place: [f64; 3]) -> AnyFrame {
     InSpace::Suspension(Frame {
         strain,
         side: 8.0,
+        vectors: Vec::new(),
         offset: -2.0,
         cross_offset: 0.0,
         radii: vec![1.0, 1.0],
@@ -115,6 +116,7 @@ pub(crate) fn frame() -> AnyFrame {
     InSpace::Layer(Frame {
         strain: 0.5,
         side: 8.0,
+        vectors: Vec::new(),
         offset: -2.0,
         cross_offset: 0.0,
         radii: vec![1.0, 1.5],

@@ -21,6 +21,8 @@ use serde::{Deserialize, Serialize};
 const LAYER: u8 = 5;
 /// First byte of a stored frame of a suspension.
 const SUSPENSION: u8 = 6;
+/// What a frame in a lattice that is no sheared cell adds to its first byte; its vectors follow.
+const IN_LATTICE: u8 = 2;
 
 /// Why bytes are not a usable frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -297,7 +299,13 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
             .map(single)
             .collect(),
     };
-    postcard::to_extend(&stored, vec![S::VERSION])
+    let mut bytes = vec![S::VERSION];
+    if !frame.is_sheared() {
+        bytes[0] += IN_LATTICE;
+        let numbers = frame.vectors.iter().flat_map(AsRef::as_ref);
+        bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
+    }
+    postcard::to_extend(&stored, bytes)
 }
 
 /// A frame from bytes.
@@ -306,14 +314,28 @@ fn encode_in<S: Kept>(frame: &Frame<S>) -> Result<Vec<u8>, postcard::Error> {
 /// [`FrameError`] if they are not a whole frame of this version.
 pub fn decode(bytes: &[u8]) -> Result<AnyFrame, FrameError> {
     let (version, content) = bytes.split_first().ok_or(FrameError::Unreadable)?;
-    let stored = || postcard::from_bytes::<Stored>(content).ok();
     let frame = match *version {
-        LAYER => stored().and_then(|stored| decode_in(&stored).map(InSpace::Layer)),
-        SUSPENSION => stored().and_then(|stored| decode_in(&stored).map(InSpace::Suspension)),
         1..LAYER => return Err(FrameError::Earlier),
+        LAYER => decode_in(&[], content).map(InSpace::Layer),
+        SUSPENSION => decode_in(&[], content).map(InSpace::Suspension),
+        LAYER_IN_LATTICE => decode_in_lattice(content).map(InSpace::Layer),
+        SUSPENSION_IN_LATTICE => decode_in_lattice(content).map(InSpace::Suspension),
         _ => None,
     };
     frame.ok_or(FrameError::Unreadable)
+}
+
+/// First bytes of frames in lattices.
+const LAYER_IN_LATTICE: u8 = LAYER + IN_LATTICE;
+const SUSPENSION_IN_LATTICE: u8 = SUSPENSION + IN_LATTICE;
+
+/// A frame after the vectors of its lattice.
+fn decode_in_lattice<S: Kept>(bytes: &[u8]) -> Option<Frame<S>> {
+    let length = S::DIMENSIONS * S::DIMENSIONS * size_of::<f64>();
+    let (vectors, content) = bytes.split_at_checked(length)?;
+    let (numbers, _) = vectors.as_chunks();
+    let numbers: Vec<f64> = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+    decode_in(&numbers, content)
 }
 
 /// Frames with their steps.
@@ -347,7 +369,8 @@ fn few<T: Default + AsMut<[f64]>>(numbers: &[f64]) -> T {
     all
 }
 
-fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
+fn decode_in<S: Kept>(vectors: &[f64], content: &[u8]) -> Option<Frame<S>> {
+    let stored: Stored = postcard::from_bytes(content).ok()?;
     let oriented = S::DIMENSIONS + S::ORIENTATION;
     let of_sphere = oriented + S::STRAINS;
     let n = stored.spheres.len() / of_sphere;
@@ -395,6 +418,7 @@ fn decode_in<S: Kept>(stored: &Stored) -> Option<Frame<S>> {
     let frame = Frame {
         strain: stored.strain,
         side: f64::from(stored.side),
+        vectors: vectors.chunks_exact(S::DIMENSIONS).map(few).collect(),
         offset: f64::from(stored.offset),
         cross_offset: f64::from(stored.cross_offset),
         unwrapped: unwrapped.iter().map(|x| few(x)).collect(),

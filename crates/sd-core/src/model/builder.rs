@@ -1,7 +1,7 @@
 //! Parameters from the values that are given: the others get their defaults, or are named.
 
 use super::{
-    ContactScheme, Hydrodynamics, PARAMETERS, Parameter, Params, Refusal, Segment, Sizes,
+    ContactScheme, FlowType, Hydrodynamics, PARAMETERS, Parameter, Params, Refusal, Segment, Sizes,
     StartFrom, parameters,
 };
 use crate::error::Error;
@@ -157,7 +157,12 @@ impl ParamsBuilder {
         self.with([], |p| p.at_rest = true)
     }
 
-    /// Sense of the shear: 1 (the default), or −1 for the opposite direction.
+    /// Type of the imposed flow: [`FlowType::Shear`] by default.
+    pub fn flow(self, flow: FlowType) -> Self {
+        self.with(["flow"], |p| p.flow = flow)
+    }
+
+    /// Sense of the flow: 1 (the default), or −1 for the opposite direction.
     pub fn direction(self, direction: f64) -> Self {
         self.with(["direction"], |p| p.direction = direction)
     }

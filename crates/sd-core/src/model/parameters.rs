@@ -11,7 +11,7 @@ pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
-use super::{ContactLaws, ContactScheme, Params, segments};
+use super::{ContactLaws, ContactScheme, FlowType, Params, segments};
 use crate::error::Refusal;
 use crate::law::{Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
@@ -121,6 +121,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
         });
     }
     check_suspension(params)?;
+    check_flow(params)?;
     for parameter in &PARAMETERS {
         parameter.check(params)?;
     }
@@ -183,6 +184,34 @@ fn check_suspension(params: &Params) -> Result<(), Refusal> {
             "a layer".into(),
             "cannot begin a suspension",
             "\"equilibrium\", or nothing for the packing that the seed makes",
+        );
+    }
+    Ok(())
+}
+
+/// Refuses a flow that the space or the start of a run does not have.
+fn check_flow(params: &Params) -> Result<(), Refusal> {
+    let refuse = |problem: &str, allowed: &str, because| {
+        Err(Refusal {
+            key: "flow",
+            value: format!("{:?}", params.flow.to_string()),
+            problem: problem.into(),
+            allowed: allowed.into(),
+            because: Some(because),
+        })
+    };
+    if params.volume_fraction.is_none() && !params.flow.is_planar() {
+        return refuse(
+            "is a flow in space, and a layer lies in a plane",
+            "\"shear\", \"planar-extension\" or a mixture of the two, or a suspension, which has a `volume_fraction`",
+            "area_fraction",
+        );
+    }
+    if params.flow != FlowType::Shear && params.given_layer().is_some() {
+        return refuse(
+            "needs a cell that is not the square one of a given layer, which it would flatten",
+            "\"shear\", or no given layer: the seed then makes one in the right cell",
+            "start",
         );
     }
     Ok(())
@@ -269,7 +298,7 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
         return refuse(
             "direction",
             params.direction.to_string(),
-            "is no sense of the shear",
+            "is no sense of the flow",
             "1 or -1".into(),
             "direction",
         );

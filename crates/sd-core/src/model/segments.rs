@@ -1,6 +1,6 @@
 //! Protocols in time: the imposed shear in each segment of a run.
 
-use super::{Params, StiffnessUnit};
+use super::{FlowType, Params, StiffnessUnit};
 use crate::error::Refusal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -14,7 +14,10 @@ pub struct Segment {
     /// Strain of the run at its start, a multiple of the time step; strain in the reverse direction
     /// counts as positive.
     pub start: f64,
-    /// Sense of the shear, 1 or −1; in an oscillation that of its first quarter.
+    /// Type of its flow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<FlowType>,
+    /// Sense of the flow, 1 or −1; in an oscillation that of its first quarter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
     /// Imposed shear rate Γ; in an oscillation the largest of a cycle.
@@ -69,16 +72,32 @@ pub struct CrossStrain {
 pub struct Imposed {
     /// Number of the segment, from 0.
     pub segment: usize,
-    /// Sense of the shear, 1 or −1; 0 in fluid at rest.
+    /// Type of the flow.
+    pub flow: FlowType,
+    /// Sense of the flow, 1 or −1; 0 in fluid at rest.
     pub direction: f64,
     /// Step of the run at which shear in this sense started, in this segment.
     pub since: u64,
     /// Net number of forward steps up to then.
     pub net_steps: i64,
+    /// Net number of forward steps in the segments before.
+    pub(crate) net_steps_before: i64,
+    /// Cross strain gained in the segments before.
+    pub(crate) cross_before: f64,
     /// Mean shear rate over the step, over the largest of the segment: 1 except in an oscillation.
     pub rate_share: f64,
     /// Strain along the vorticity.
     pub cross: CrossStrain,
+}
+
+/// What a segment of a run, or a run without segments, has done to the spheres by its flow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Displacement {
+    pub(crate) flow: FlowType,
+    /// Net strain in the sense of the flow.
+    pub(crate) strain: f64,
+    /// Cross strain gained.
+    pub(crate) cross: f64,
 }
 
 /// Time steps in a strain that is a whole number of them.
@@ -138,6 +157,15 @@ impl Segment {
                 "has no meaning: a layer has no vorticity direction".into(),
                 "suspensions, which have a `volume_fraction`".into(),
                 None,
+            );
+        }
+        if self.flow.unwrap_or(params.flow) != FlowType::Shear {
+            return refuse(
+                "cross_shear",
+                written,
+                "is imposed across a flow that is no shear".into(),
+                "`flow` = \"shear\" in this segment".into(),
+                Some("flow"),
             );
         }
         if self.amplitude.is_some() {
@@ -265,9 +293,12 @@ impl Params {
     pub fn imposed(&self, step: u64) -> Imposed {
         let steady = Imposed {
             segment: 0,
+            flow: self.flow,
             direction: if self.at_rest { 0.0 } else { self.direction },
             since: 0,
             net_steps: 0,
+            net_steps_before: 0,
+            cross_before: 0.0,
             rate_share: 1.0,
             cross: CrossStrain::default(),
         };
@@ -313,10 +344,13 @@ impl Params {
         };
         let imposed = Imposed {
             segment: before.len(),
+            flow: current.flow.unwrap_or(self.flow),
             direction: direction(current),
             since: first(current),
             net_steps,
+            net_steps_before: net_steps,
             cross,
+            cross_before: crossed_before,
             ..steady
         };
         let Some(quarter) = current.quarter(self.time_step) else {
@@ -338,6 +372,42 @@ impl Params {
             rate_share: 1.0 / (quarter * passed),
             ..imposed
         }
+    }
+
+    /// What the segments before this one do, each as a whole; none for a run without segments.
+    pub(crate) fn displacements_before(&self, segment: usize) -> Vec<Displacement> {
+        let pairs = self.segments.iter().zip(self.segments.iter().skip(1));
+        let each = pairs.take(segment).map(|(one, next)| {
+            let steps = next.first_step(self.time_step) - one.first_step(self.time_step);
+            let net = one.displacement(steps, self.time_step) as f64 * self.time_step;
+            let cross = one.cross_shear.map_or(0.0, |cross| {
+                cross.strain_after(steps as f64 * self.time_step)
+            });
+            Displacement {
+                flow: one.flow.unwrap_or(self.flow),
+                strain: one.direction.unwrap_or(self.direction) * net,
+                cross,
+            }
+        });
+        each.collect()
+    }
+
+    /// The types of flow of the segments, or of a run without segments.
+    pub(crate) fn flow_types(&self) -> Vec<FlowType> {
+        let segments = self.segments.iter();
+        let each: Vec<_> = segments.map(|one| one.flow.unwrap_or(self.flow)).collect();
+        if each.is_empty() {
+            vec![self.flow]
+        } else {
+            each
+        }
+    }
+
+    /// Whether the run is sheared throughout, so that its cell is a sheared one.
+    pub fn is_sheared(&self) -> bool {
+        self.flow_types()
+            .iter()
+            .all(|flow| *flow == FlowType::Shear)
     }
 
     /// The run without its last segment, and the step at which that starts; `None` for a single
@@ -451,7 +521,7 @@ impl Params {
 
     /// Copies the shear that another run imposes in a step.
     pub(crate) fn copy_shear(&mut self, run: &Self, imposed: &Imposed) {
-        self.direction = imposed.direction;
+        (self.flow, self.direction) = (imposed.flow, imposed.direction);
         let Some(segment) = run.segments.get(imposed.segment) else {
             return;
         };
@@ -468,6 +538,15 @@ impl Params {
 }
 
 impl Imposed {
+    /// Net strain and cross strain gained in the segment at a strain of the run within the step.
+    pub(crate) fn gained(&self, strain: f64, time_step: f64) -> [f64; 2] {
+        let before = self.net_steps_before as f64 * time_step;
+        [
+            self.net_strain(strain, time_step) - before,
+            self.cross.at(strain) - self.cross_before,
+        ]
+    }
+
     /// Rate of the cross shear in the step, over that of the primary shear: γ_z gained over γ.
     pub fn cross_rate(&self) -> f64 {
         self.cross.rate

@@ -23,6 +23,7 @@ use crate::model::{
     ContactScheme, DEEPEST_OVERLAP, Imposed, Keywords as _, Params, Refusal, SolverSettings,
 };
 use crate::procedure::ContactList;
+use crate::run::cell_path::{CellPath, planned_cell};
 use crate::run::spaces::Starts;
 use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
@@ -59,11 +60,16 @@ pub struct Simulation<S: Starts = Layer> {
     pub(crate) imposed: Imposed,
     /// Steps done.
     steps: u64,
-    /// Side of the square or cubic cell, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub(crate) side: f64,
+    /// The lattice, unless the run is sheared throughout.
+    path: Option<Box<CellPath<S>>>,
     state: State<S>,
-    /// Cells along each lattice vector by which the spheres have left the first cell.
+    /// Cells along each lattice vector by which the spheres have left the first cell of a sheared
+    /// run.
     images: Vec<S::Image>,
+    /// Vectors by which the spheres have left their places in the lattice of a run in another flow.
+    shifts: Vec<S::Vector>,
     /// What the current step changes, as it was before.
     before: Before<S>,
     /// Contact laws at the present critical load.
@@ -91,6 +97,11 @@ pub struct Simulation<S: Starts = Layer> {
     frame: Option<Box<Frame<S>>>,
     /// Pairs in contact before the stage, under the procedure.
     contact_list_before: ContactList,
+}
+
+/// The background flow of a step.
+fn background<S: Space>(params: &Params, imposed: &Imposed) -> VelocityGradient<S> {
+    VelocityGradient::of_type(params.flow, params.direction).with_cross_shear(imposed.cross_rate())
 }
 
 /// What a step changes, as it was before the step.
@@ -136,7 +147,12 @@ impl<S: Starts> Simulation<S> {
         params.validate()?;
         S::check(params)?;
         snapshot.check(params)?;
-        let cell = Cell::equal_sides(snapshot.side, 0.0)?;
+        let imposed = params.imposed(snapshot.steps.saturating_sub(1));
+        let cell = planned_cell::<S>(params, snapshot.side)?;
+        let mut path = CellPath::new(params, snapshot.side)?.map(Box::new);
+        if let Some(path) = &mut path {
+            path.enter(params, imposed.segment)?;
+        }
         let method = Method::of(params);
         let mut solver = method.solver(
             params.hydrodynamics,
@@ -149,7 +165,6 @@ impl<S: Starts> Simulation<S> {
         solver.start_far_field_from(&snapshot.far_field);
         solver.resistance.expect_contacts(params.roughness);
         let mut stepper = Stepper::default();
-        let imposed = params.imposed(snapshot.steps.saturating_sub(1));
         let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
         let params = params.in_step(&imposed);
         let shear_control = ShearControl::new(&params, snapshot.critical_load);
@@ -164,6 +179,8 @@ impl<S: Starts> Simulation<S> {
             };
         }
         snapshot.images.resize(params.spheres, S::Image::default());
+        let mut shifts: Vec<_> = snapshot.shifts.iter().map(S::vector).collect();
+        shifts.resize(params.spheres, S::Vector::default());
         Ok(Self {
             before: Before {
                 state: State::default(),
@@ -177,18 +194,19 @@ impl<S: Starts> Simulation<S> {
             imposed,
             steps: snapshot.steps,
             side: snapshot.side,
+            path,
             state: State {
                 centres: snapshot.centres.iter().map(S::vector).collect(),
                 orientations: snapshot.orientations,
             },
             images: snapshot.images,
+            shifts,
             laws: shear_control.laws(&params),
             first: Vec::with_capacity(S::MODES * params.spheres),
             motion: Vec::with_capacity(S::MODES * params.spheres),
             shear_control,
             forces: AppliedForces::default(),
-            background: VelocityGradient::<S>::simple_shear(params.direction)
-                .with_cross_shear(imposed.cross_rate()),
+            background: background(&params, &imposed),
             offset: params.given_layer().map_or(0.0, |layer| layer.offset),
             memory: snapshot.memory,
             counters: snapshot.counters,
@@ -202,12 +220,24 @@ impl<S: Starts> Simulation<S> {
         })
     }
 
-    /// The cell at a strain of the current step; with segments, valid while the shear of the last
+    /// The cell at a strain of the current step; with segments, valid while the flow of the last
     /// step continues.
     ///
     /// # Errors
     /// Those of [`Cell::periodic`] for a strain that is not finite.
     pub fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
+        if let Some(path) = &self.path {
+            let [net, cross] = self.imposed.gained(strain, self.params.time_step);
+            let segment = self.imposed.segment;
+            return match &self.run {
+                Some(run) if !path.is_in(segment) => {
+                    let mut path = path.clone();
+                    path.enter(run, segment)?;
+                    path.at(net, cross)
+                }
+                _ => path.at(net, cross),
+            };
+        }
         let [offset, cross_offset] = self.travelled_at(strain);
         Cell::equal_sides(self.side, offset)?.with_cross_offset(cross_offset)
     }
@@ -315,7 +345,12 @@ impl<S: Starts> Simulation<S> {
         centres: &'c [S::Vector],
     ) -> impl Iterator<Item = S::Vector> + use<'c, '_, S> {
         let [along, cross] = self.travelled_at(strain);
-        centres.iter().zip(&self.images).map(move |(&x, image)| {
+        let since = strain - self.time();
+        let places = centres.iter().zip(&self.images).zip(&self.shifts);
+        places.map(move |((&x, image), shift)| {
+            if self.path.is_some() {
+                return x + self.background.carried(shift, since);
+            }
             let mut x = x;
             for k in 0..S::DIMENSIONS {
                 x[k] += f64::from(image[k]) * self.side;
@@ -329,8 +364,18 @@ impl<S: Starts> Simulation<S> {
         })
     }
 
-    /// Moves all spheres into the cell of the strain reached, and counts the cells moved by.
+    /// Moves all spheres into the cell of the strain reached, and counts the cells moved by, or in
+    /// another flow than shear adds the vectors.
     fn wrap(&mut self, cell: &Cell<S>) {
+        if self.path.is_some() {
+            let dt = self.params.time_step;
+            for (x, shift) in self.state.centres.iter_mut().zip(&mut self.shifts) {
+                let before = *x;
+                *x = cell.wrap(before);
+                *shift = self.background.carried(shift, dt) + (before - *x);
+            }
+            return;
+        }
         // Whole sides by which the shifts of the cell's images differ from those travelled.
         let sides = self.travelled_at(self.time()).map(|shift| {
             #[expect(clippy::cast_possible_truncation, reason = "strains are below 2^31")]
@@ -389,7 +434,7 @@ impl<S: Starts> Simulation<S> {
         self.solver.resistance.radii()
     }
 
-    /// Side of the square or cubic cell, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub fn side(&self) -> f64 {
         self.side
     }
@@ -461,6 +506,10 @@ impl<S: Starts> Simulation<S> {
             centres: self.state.centres.iter().map(S::point).collect(),
             orientations: self.state.orientations.clone(),
             images: self.images.clone(),
+            shifts: match &self.path {
+                Some(_) => self.shifts.iter().map(S::point).collect(),
+                None => Vec::new(),
+            },
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
             far_field: self.solver.far_field(),

@@ -9,9 +9,10 @@ mod packing;
 pub use given::fit;
 
 use crate::error::Error;
-use crate::hydrodynamics::resistance::Resistance;
+use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::model::{Keywords as _, Params, Refusal, StartFrom, StartLayer};
-use crate::space::cell::{Cell, LUBRICATION_RANGE};
+use crate::run::cell_path::CellPath;
+use crate::space::cell::{Cell, LUBRICATION_RANGE, needed};
 use crate::space::modes::Vec2;
 use crate::space::{Bulk, Layer, Space};
 use crate::stage::Method;
@@ -60,7 +61,7 @@ pub struct Start<S: Space = Layer> {
     pub springs: Vec<(u32, u32, S::Tangent)>,
     /// Stretches of the springs of rolling friction.
     pub rolling_springs: Vec<(u32, u32, S::Tangent)>,
-    /// Side of the square cell, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub side: f64,
 }
 
@@ -107,7 +108,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
     if params.given_layer().is_none() {
         check_density(params)?;
     }
-    let (side, needed) = match radii_and_side(params) {
+    let (shape, side, needed) = match radii_and_side(params) {
         Ok((radii, _)) => {
             check_cutoff(params, &radii)?;
             return match params.given_layer() {
@@ -115,7 +116,14 @@ pub fn check(params: &Params) -> Result<(), Error> {
                 None => Ok(()),
             };
         }
-        Err(Error::CellTooSmall { side, needed, .. }) => (side, needed),
+        Err(Error::CellTooSmall { side, needed, .. }) => {
+            (format!("a cell {side:.3} wide"), side, needed)
+        }
+        Err(Error::LatticeTooShort { shortest, needed }) => (
+            format!("a lattice whose shortest vector is {shortest:.3} at times in this `flow`"),
+            shortest,
+            needed,
+        ),
         Err(other) => return Err(other),
     };
     let (key, kind, fraction, power) = fraction_of(params);
@@ -141,7 +149,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
         key: "spheres",
         value: params.spheres.to_string(),
         problem: format!(
-            "at `{key}` = {fraction}{of_sizes} make a cell {side:.3} wide, less than {needed:.3}, twice the range of pairs under {model}, \
+            "at `{key}` = {fraction}{of_sizes} make {shape}, less than {needed:.3}, twice the range of pairs under {model}, \
              which is {range} radii of the largest sphere"
         ),
         allowed: format!(
@@ -251,11 +259,17 @@ fn least_spheres(params: &Params, mut side: f64, mut needed: f64) -> usize {
         let wanted = (more.spheres as f64 * (needed / side).powi(power)).ceil() as usize;
         more.spheres = wanted.max(more.spheres + 1);
         match radii_and_side(&more) {
-            Err(Error::CellTooSmall {
-                side: wide,
-                needed: least,
-                ..
-            }) => (side, needed) = (wide, least),
+            Err(
+                Error::CellTooSmall {
+                    side: wide,
+                    needed: least,
+                    ..
+                }
+                | Error::LatticeTooShort {
+                    shortest: wide,
+                    needed: least,
+                },
+            ) => (side, needed) = (wide, least),
             _ => break,
         }
     }
@@ -279,7 +293,7 @@ fn number_of_large(params: &Params) -> usize {
 /// Radii and cell side, without packing.
 ///
 /// # Errors
-/// [`Error::CellTooSmall`].
+/// [`Error::CellTooSmall`]; [`Error::LatticeTooShort`] in a flow that is no shear.
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     let radii = match &params.sizes {
         Some(sizes) => sizes.radii(params.spheres),
@@ -288,17 +302,40 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     let side = if let Some(fraction) = params.volume_fraction {
         let volume: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
         let side = (volume / fraction).cbrt();
-        let range = Resistance::<Bulk>::range(params.hydrodynamics);
-        Cell::<Bulk>::equal_sides(side, 0.0)?.check_range(&radii, range)?;
+        check_range::<Bulk>(params, &radii, side)?;
         side
     } else {
         let area: f64 = radii.iter().map(|a| PI * a * a).sum();
         let side = (area / params.area_fraction).sqrt();
-        let range = Resistance::<Layer>::range(params.hydrodynamics);
-        Cell::<Layer>::equal_sides(side, 0.0)?.check_range(&radii, range)?;
+        check_range::<Layer>(params, &radii, side)?;
         side
     };
     Ok((radii, side))
+}
+
+/// Refuses a cell of this side, or a lattice of the same content, in which a sphere could have two
+/// images of one neighbour in range, at the start or in the flow of the run.
+fn check_range<S: Fluid>(params: &Params, radii: &[f64], side: f64) -> Result<(), Error> {
+    let range = Resistance::<S>::range(params.hydrodynamics);
+    let Some(shortest) = CellPath::<S>::shortest(params, side)? else {
+        return Cell::<S>::equal_sides(side, 0.0)?.check_range(radii, range);
+    };
+    let needed = needed(radii, range);
+    if shortest < needed {
+        return Err(Error::LatticeTooShort { shortest, needed });
+    }
+    Ok(())
+}
+
+/// The cell of a run at strain 0, with this side or the same content.
+///
+/// # Errors
+/// Those of [`Cell::periodic`].
+pub(crate) fn first_cell<S: Space>(params: &Params, side: f64) -> Result<Cell<S>, Error> {
+    match CellPath::new(params, side)? {
+        Some(path) => path.at(0.0, 0.0),
+        None => Cell::equal_sides(side, 0.0),
+    }
 }
 
 /// Radii of mean 1, the large ones first.
@@ -374,7 +411,7 @@ fn pack<S: Space>(
 ) -> Result<Start<S>, Error> {
     check_density(params)?;
     let (radii, side) = radii_and_side(params)?;
-    let cell = Cell::equal_sides(side, 0.0)?;
+    let cell = first_cell(params, side)?;
     let mut packing = Packing::<S>::new(cell, radii, params.roughness);
     packing
         .pack(fraction, density, seed)

@@ -181,8 +181,7 @@ impl<S: Space> Cell<S> {
         let Self::Periodic(lattice) = self else {
             return Ok(());
         };
-        let largest = radii.iter().copied().fold(0.0, f64::max);
-        let needed = 2.0 * range * largest;
+        let needed = needed(radii, range);
         if !lattice.is_sheared_cell() {
             let shortest = 2.0 * lattice.reach();
             if shortest < needed {
@@ -201,6 +200,12 @@ impl<S: Space> Cell<S> {
         }
         Ok(())
     }
+}
+
+/// The width of a cell in which no sphere has two images of one neighbour within a range.
+pub(crate) fn needed(radii: &[f64], range: f64) -> f64 {
+    let largest = radii.iter().copied().fold(0.0, f64::max);
+    2.0 * range * largest
 }
 
 #[cfg(test)]

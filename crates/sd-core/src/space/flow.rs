@@ -2,9 +2,13 @@
 
 use super::{Layer, Space};
 use crate::error::{Error, Refusal};
+use crate::model::FlowType;
 
 /// Trace of a velocity gradient, relative to its numbers, that is taken for rounding.
 const TRACE_TOLERANCE: f64 = 1e-12;
+
+/// Terms of the exponential's series, at most: enough for strains of tens.
+const MAX_ORDER: u32 = 200;
 
 /// The imposed linear flow `u∞(x) = L·x = E∞·x + Ω∞ × x`, in shear rates.
 ///
@@ -97,6 +101,37 @@ impl<S: Space> VelocityGradient<S> {
         flow
     }
 
+    /// The flow of a type with this rate; that of a negative rate is the opposite one.
+    ///
+    /// ```
+    /// use sd_core::model::FlowType;
+    /// use sd_core::{Bulk, VelocityGradient};
+    ///
+    /// let uniaxial = VelocityGradient::<Bulk>::of_type(FlowType::Uniaxial, 3.0_f64.sqrt());
+    /// let [xx, yy, zz, ..] = uniaxial.rate_of_strain();
+    /// assert!((xx - 1.0).abs() < 1e-15 && (yy + 0.5).abs() < 1e-15 && (zz + 0.5).abs() < 1e-15);
+    /// ```
+    pub fn of_type(flow: FlowType, rate: f64) -> Self {
+        let third = 3.0_f64.sqrt().recip();
+        let diagonal = match flow {
+            FlowType::Shear => return Self::simple_shear(rate),
+            FlowType::PlanarExtension => return Self::planar_extension(0.5 * rate),
+            FlowType::Mixture(ratio) => {
+                let shear = rate / (2.0 * ratio).hypot(1.0);
+                let mut flow = Self::planar_extension(ratio * shear);
+                flow.rows[0][1] = shear;
+                return flow;
+            }
+            FlowType::Uniaxial => [third, -0.5 * third, -0.5 * third],
+            FlowType::Biaxial => [0.5 * third, 0.5 * third, -third],
+        };
+        let mut flow = Self::at_rest();
+        for (k, of_axis) in diagonal.into_iter().enumerate().take(S::DIMENSIONS) {
+            flow.rows[k][k] = of_axis * rate;
+        }
+        flow
+    }
+
     /// The flow with an additional cross shear, `u∞ = rate y ẑ`, in a suspension; a layer has no
     /// vorticity direction.
     #[must_use]
@@ -105,6 +140,20 @@ impl<S: Space> VelocityGradient<S> {
             self.rows[2][1] += rate;
         }
         self
+    }
+
+    /// Where the flow takes a vector within a time: `exp(L t) x`.
+    pub(crate) fn carried(&self, x: &S::Vector, time: f64) -> S::Vector {
+        // The series of the exponential; that of a shear ends after one term.
+        let (mut carried, mut term) = (*x, *x);
+        for order in 1..=MAX_ORDER {
+            term = self.velocity(&term) * (time / f64::from(order));
+            carried += term;
+            if S::norm_squared(&term) <= f64::EPSILON.powi(2) * S::norm_squared(&carried) {
+                break;
+            }
+        }
+        carried
     }
 
     /// Rows of L.

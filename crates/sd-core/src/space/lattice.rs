@@ -14,9 +14,12 @@
 //! a₀ = (l₀, 0, 0)      a₁ = (offset, l₁, cross offset)      a₂ = (tilt, 0, l₂)
 //! ```
 
+mod recurrent;
+
+pub(crate) use recurrent::RecurrentLattice;
+
 use super::{Layer, Space, VelocityGradient};
 use crate::error::{Error, Refusal};
-use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
 
 /// Vectors whose volume is smaller than this, relative to the product of their lengths, count as
@@ -206,8 +209,8 @@ impl<S: Space> Lattice<S> {
         self.tilt
     }
 
-    /// Whether it is a sheared cell.
-    pub(crate) fn is_sheared_cell(&self) -> bool {
+    /// Whether it is a sheared cell: sides along the axes, of which the second may be inclined.
+    pub fn is_sheared_cell(&self) -> bool {
         self.is_sheared_cell
     }
 
@@ -239,18 +242,7 @@ impl<S: Space> Lattice<S> {
     /// `H exp(Lᵀ t)`.
     #[must_use]
     pub fn deform(&self, flow: &VelocityGradient<S>, time: f64) -> Self {
-        let mut rows = self.vectors;
-        for row in &mut rows {
-            // The series of the exponential; that of a shear ends after one term.
-            let mut term = *row;
-            for order in 1..=MAX_ORDER {
-                term = flow.velocity(&term) * (time / f64::from(order));
-                *row += term;
-                if S::norm_squared(&term) <= f64::EPSILON.powi(2) * S::norm_squared(row) {
-                    break;
-                }
-            }
-        }
+        let rows = self.vectors.map(|row| flow.carried(&row, time));
         let stays =
             |k: usize| (0..S::DIMENSIONS).all(|j| j == k || rows[k][j] == 0.0) && rows[k][k] > 0.0;
         let is_sheared = stays(0) && (S::DIMENSIONS < 3 || stays(2)) && rows[1][1] > 0.0;
@@ -440,66 +432,8 @@ impl<S: Space> Lattice<S> {
     }
 }
 
-impl Lattice<Layer> {
-    /// A square of that side which returns to itself, again and again, under planar extension along
-    /// x: its vectors stand at 31.7175° to the axes (Kraynik & Reinelt, Int. J. Multiphase Flow 18,
-    /// 1045, 1992). Its shortest vector stays above 0.9457 sides.
-    ///
-    /// # Errors
-    /// [`Error::Refused`] unless the side is positive and finite.
-    pub fn for_planar_extension(side: f64) -> Result<Self, Error> {
-        Self::new(&recurrent_square().map(|a| a * side))
-    }
-}
-
-impl Lattice<super::Bulk> {
-    /// A prism of that side and depth along z which returns to itself, again and again, under
-    /// planar extension along x and y; its square cross-section is that of
-    /// [`Lattice::for_planar_extension`] in a layer.
-    ///
-    /// # Errors
-    /// [`Error::Refused`] unless the side and the depth are positive and finite.
-    pub fn for_planar_extension(side: f64, depth: f64) -> Result<Self, Error> {
-        let [first, second] = recurrent_square().map(|a| Vector3::new(a.x, a.y, 0.0) * side);
-        Self::new(&[first, second, Vector3::new(0.0, 0.0, depth)])
-    }
-
-    /// The lattice of a volume for flows along the axes, uniaxial and biaxial extension among them:
-    /// the integers of a cubic number field.
-    ///
-    /// ```text
-    /// (1, 1, 1), (t₁, t₂, t₃), (t₁², t₂², t₃²),  t_i = 2 cos(2πi/7):    |x y z| ≥ V/7 for each of its vectors
-    /// ```
-    /// Its shortest vector stays above 0.9054 V^(1/3).
-    ///
-    /// # Errors
-    /// [`Error::Refused`] unless the volume is positive and finite.
-    pub fn for_diagonal_flow(volume: f64) -> Result<Self, Error> {
-        let roots = Vector3::new(1.0, 2.0, 3.0).map(|i| 2.0 * (2.0 * PI * i / 7.0).cos());
-        // The volume of the integers is 7.
-        let scale = (volume / 7.0).cbrt();
-        let rows = [Vector3::repeat(1.0), roots, roots.component_mul(&roots)];
-        let [a, b, c] = rows.map(|row| row * scale);
-        if a.dot(&b.cross(&c)) < 0.0 {
-            Self::new(&[a, c, b])
-        } else {
-            Self::new(&[a, b, c])
-        }
-    }
-}
-
 /// Numbers of vectors in vectors of the same basis.
 const IDENTITY: [[i32; 3]; 3] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-
-/// Terms of the exponential's series, at most: enough for any step in which the lattice keeps its
-/// meaning.
-const MAX_ORDER: u32 = 100;
-
-/// The unit square at `atan((√5 − 1)/2)` to the axes.
-fn recurrent_square() -> [Vector2<f64>; 2] {
-    let (sin, cos) = (0.5 * (5.0_f64.sqrt() - 1.0)).atan().sin_cos();
-    [Vector2::new(cos, sin), Vector2::new(-sin, cos)]
-}
 
 /// An offset within half a side.
 pub(super) fn wrapped(offset: f64, side: f64) -> f64 {
@@ -581,7 +515,7 @@ fn reduced<S: Space>(mut basis: [S::Vector; 3]) -> [S::Vector; 3] {
 mod tests {
     use super::*;
     use crate::space::{Bulk, cell::Cell};
-    use nalgebra::Matrix3;
+    use nalgebra::{Matrix3, Vector3};
     use rand::{RngExt as _, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -703,49 +637,8 @@ mod tests {
         assert!(endless.contains("not finite"), "{endless}");
     }
 
-    /// The shortest vector under a flow for ten units of time, over the side of a square or cube of
-    /// the same content.
-    fn worst<S: Space>(start: Lattice<S>, flow: &VelocityGradient<S>) -> f64 {
-        let side = start.content().powf(1.0 / S::DIMENSIONS as f64);
-        let (mut lattice, mut worst) = (start, f64::INFINITY);
-        for _ in 0..5000 {
-            lattice = lattice.deform(flow, 0.002);
-            worst = worst.min(lattice.shortest() / side);
-            assert!((lattice.content() / start.content() - 1.0).abs() < 1e-10);
-        }
-        worst
-    }
-
     fn extension(xx: f64, yy: f64) -> VelocityGradient<Bulk> {
         VelocityGradient::from_parts(&[xx, yy, 0.0, 0.0, 0.0], &Vector3::zeros())
-    }
-
-    #[test]
-    fn lattices_that_survive_extension_keep_their_shortest_vectors() {
-        let planar = VelocityGradient::planar_extension(1.0);
-        let found = worst(
-            Lattice::<Layer>::for_planar_extension(10.0).unwrap(),
-            &planar,
-        );
-        assert!((found - 0.9457).abs() < 1e-4, "{found}");
-        for (xx, yy) in [(1.0, -0.5), (-1.0, 0.5), (1.0, -1.0), (0.3, 0.5)] {
-            let found = worst(
-                Lattice::for_diagonal_flow(1000.0).unwrap(),
-                &extension(xx, yy),
-            );
-            assert!(found > 0.9054, "{xx} {yy}: {found}");
-        }
-        // The planar lattice recurs.
-        let start = Lattice::<Bulk>::for_planar_extension(10.0, 11.0).unwrap();
-        let period = (0.5 * (3.0 + 5.0_f64.sqrt())).ln();
-        let later = start.deform(&extension(1.0, -1.0), period);
-        for a in later.vectors() {
-            let coordinates = start.coordinates(a);
-            assert!(
-                coordinates.iter().all(|x| (x - x.round()).abs() < 1e-12),
-                "{a}"
-            );
-        }
     }
 
     #[test]

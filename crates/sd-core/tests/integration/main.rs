@@ -9,6 +9,7 @@ mod contact_laws;
 mod contact_problems;
 mod cross_shear;
 mod examples;
+mod flows;
 mod imposed_stress;
 mod incident_flow;
 mod interrupted;

@@ -115,6 +115,7 @@ impl Record {
             centres: self.centres.clone(),
             orientations: vec![0.0; self.params.spheres],
             images: Vec::new(),
+            shifts: Vec::new(),
             memory,
             near_pairs: Vec::new(),
             far_field: Vec::new(),

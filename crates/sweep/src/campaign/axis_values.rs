@@ -7,13 +7,17 @@ use super::reader::{
 };
 use crate::data::Value;
 use crate::model::axes::{Axis, interned};
-use sd_core::model::{Distribution, Form, Keywords as _, Range, Refusal, Sizes};
+use sd_core::model::{Distribution, FlowType, Form, Keywords as _, Range, Refusal, Sizes};
 use std::ops;
 use toml::Spanned;
 use toml::de::DeValue;
 
 /// The key of sizes.
 pub(super) const SIZES: &str = "sizes";
+/// The key of the type of flow.
+pub(super) const FLOW: &str = "flow";
+/// What is allowed of it.
+const FLOWS: &str = "\"shear\", \"planar-extension\", \"uniaxial\", \"biaxial\" or a mixture such as { shear = 1.0, extension = 0.5 }";
 /// The key of a radius, which distinguishes a list of species from a list of values.
 const RADIUS: &str = "radius";
 /// Keys of fractions: of number, of area and of volume, with the power of the radius in them.
@@ -36,10 +40,32 @@ pub(super) fn axis_values(written: Entry<'_>, axis: &Axis, faults: &Faults) -> O
     })
 }
 
+/// Reads a type of flow: its keyword, the text of a mixture as tables have it, or its two rates.
+pub(super) fn flow(written: Entry<'_>) -> Result<FlowType, Problem> {
+    let refused = |refusal: Refusal| {
+        let problem = format!("`{FLOW}` = {} {}", refusal.value, refusal.problem);
+        Problem::at(&written.span(), problem, refusal.allowed).of_value(FLOW, &refusal.value)
+    };
+    match written.get_ref() {
+        DeValue::String(text) => text.parse().map_err(refused),
+        DeValue::Table(_) => with_keys(written, [FLOW, "`flow`"], FLOWS, &["shear", "extension"], |table| {
+            let rate = |key: &'static str| {
+                let Some(written) = table.get(key) else {
+                    return Ok(0.0);
+                };
+                number(written, key, &ANY, "a rate from 0")
+            };
+            FlowType::mixture(rate("shear")?, rate("extension")?).map_err(refused)
+        }),
+        _ => Err(wrong_type(written, FLOW, FLOWS)),
+    }
+}
+
 /// A value of an axis.
 pub(super) fn of_axis(written: Entry<'_>, axis: &Axis) -> Result<Value, Problem> {
     match &axis.form {
         Form::Choice(_) if axis.key == SIZES => sizes(written),
+        Form::Choice(_) if axis.key == FLOW => flow(written).map(|flow| interned(&flow.to_string())),
         Form::Choice(choice) => {
             let words: Vec<&str> = (choice.words)().iter().map(|word| word.word).collect();
             word(written, axis.key, &words).map(Value::Word)
@@ -82,7 +108,7 @@ fn distribution(written: Entry<'_>) -> Result<Sizes, Problem> {
         .iter()
         .map(|word| word.word)
         .collect();
-    with_keys(written, &names, |table| {
+    with_keys(written, [SIZES, "`sizes`"], ALLOWED, &names, |table| {
         let mut given = Distribution::ALL
             .iter()
             .filter_map(|distribution| Some((*distribution, table.get(distribution.word())?)));
@@ -103,7 +129,7 @@ fn species(list: &[Spanned<DeValue<'_>>], span: &ops::Range<usize>) -> Result<Si
     let mut all = Vec::with_capacity(list.len());
     let mut power = None;
     for written in list {
-        let one = with_keys(written, &known, |table| {
+        let one = with_keys(written, [SIZES, "`sizes`"], ALLOWED, &known, |table| {
             let mut fractions = FRACTIONS
                 .iter()
                 .filter_map(|(key, power)| Some((*key, *power, table.get(key)?)));
@@ -136,17 +162,19 @@ fn species(list: &[Spanned<DeValue<'_>>], span: &ops::Range<usize>) -> Result<Si
 /// Reads a table with these keys alone.
 fn with_keys<T>(
     written: Entry<'_>,
+    [key, name]: [&'static str; 2],
+    allowed: &str,
     known: &[&'static str],
     read: impl FnOnce(&Reader<'_>) -> Result<T, Problem>,
 ) -> Result<T, Problem> {
     let DeValue::Table(entries) = written.get_ref() else {
-        return Err(wrong_type(written, SIZES, ALLOWED));
+        return Err(wrong_type(written, key, allowed));
     };
     let faults = Faults::default();
     let found = read(&Reader::new(
         entries,
         written.span(),
-        "`sizes`",
+        name,
         known,
         &faults,
     ));

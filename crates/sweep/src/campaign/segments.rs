@@ -1,5 +1,6 @@
 //! Reads and checks the segments of a protocol, `[[protocol.segment]]`.
 
+use super::axis_values::{FLOW, flow};
 use super::error::Problem;
 use super::reader::{Located, Reader, Values};
 use crate::data::Value;
@@ -41,6 +42,7 @@ impl<'t> WrittenSegment<'t> {
         let discard = table.number("discard", &DISCARDED, STRAIN);
         let [direction, shear_rate, shear_stress] =
             ["direction", "shear_rate", "shear_stress"].map(|key| imposed(&table, key));
+        let flow = table.get(FLOW).and_then(|written| table.faults.ok(flow(written)));
         let known = ["amplitude", "cycles", "average_last"];
         let example = "{ amplitude = 0.5, cycles = 6 }";
         let oscillation = table.table("oscillation", "oscillation", &known, example);
@@ -66,6 +68,7 @@ impl<'t> WrittenSegment<'t> {
             segment: PlannedSegment {
                 imposed: Segment {
                     start,
+                    flow,
                     direction,
                     shear_rate,
                     shear_stress,
@@ -203,6 +206,7 @@ impl<'t> WrittenSegment<'t> {
 pub(super) fn read<'t>(protocol: &Reader<'t>) -> Vec<WrittenSegment<'t>> {
     let known = [
         "strain",
+        FLOW,
         "direction",
         "shear_rate",
         "shear_stress",

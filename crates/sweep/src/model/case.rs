@@ -1,6 +1,7 @@
 //! One case: all inputs that determine the result of a run, its key, its state, its cost.
 
 use crate::model::protocol::Protocol;
+use sd_core::model::FlowType;
 use sd_core::{ContactScheme, Hydrodynamics, Method, Params};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write as _};
@@ -71,13 +72,17 @@ impl Case {
         } else {
             "frictionless".into()
         };
+        let flow = match p.flow {
+            FlowType::Shear => String::new(),
+            other => format!(" {other}"),
+        };
         let shear = match p.shear_stress {
             Some(stress) => format!(" σ*={stress}"),
             None if acts || p.shear_rate != 0.0 => format!(" Γ={}", p.shear_rate),
             None => String::new(),
         };
         format!(
-            "{fraction} {friction} h={}{shear} N={} seed {}",
+            "{fraction} {friction} h={}{flow}{shear} N={} seed {}",
             p.roughness, p.spheres, self.seed
         )
     }

@@ -4,7 +4,7 @@
 use crate::model::spaces::{AnySnapshot, of_either};
 use sd_core::instant::look_ahead;
 use sd_core::simulation::SchemeMemory;
-use sd_core::{ContactScheme, Params, Snapshot, Space};
+use sd_core::{ContactScheme, Params, Snapshot, Space, VelocityGradient};
 use serde_json::json;
 
 /// The input of `sweep solve` for one state of a layer or a suspension.
@@ -48,20 +48,22 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
         }
     }
     let at_start = p.given_layer().map_or(0.0, |layer| layer.offset);
-    let spin = -0.5 * imposed.direction;
-    let mut rate_of_strain = json!({"xx": 0.0, "yy": 0.0, "xy": 0.5 * imposed.direction});
+    let flow = VelocityGradient::<S>::of_type(p.flow, p.direction);
+    let flow = flow.with_cross_shear(imposed.cross_rate());
+    let [xx, yy, _, xy, xz, yz] = flow.rate_of_strain();
+    let mut rate_of_strain = json!({"xx": xx, "yy": yy, "xy": xy});
+    let row = |k: usize| S::point(&flow.rows()[k]);
+    let spin = 0.5 * (row(1)[0] - row(0)[1]);
     let mut angular_velocity = json!(spin);
     if S::DIMENSIONS > 2 {
-        let cross = 0.5 * imposed.cross_rate();
-        rate_of_strain["xz"] = json!(0.0);
-        rate_of_strain["yz"] = json!(cross);
-        angular_velocity = json!([cross, 0.0, spin]);
+        (rate_of_strain["xz"], rate_of_strain["yz"]) = (json!(xz), json!(yz));
+        let about_x = 0.5 * (row(2)[1] - row(1)[2]);
+        let about_y = 0.5 * (row(0)[2] - row(2)[0]);
+        angular_velocity = json!([about_x, about_y, spin]);
     }
     let mut input = json!({
         "centres": snapshot.centres,
         "radii": snapshot.radii,
-        "cell": vec![snapshot.side; S::DIMENSIONS],
-        "offset": at_start + run.net_strain(snapshot.steps) * snapshot.side,
         "background": {
             "rate_of_strain": rate_of_strain,
             "angular_velocity": angular_velocity,
@@ -69,9 +71,16 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,
     });
-    let cross_strain = run.cross_strain(snapshot.steps);
-    if cross_strain != 0.0 {
-        input["cross_offset"] = json!(cross_strain * snapshot.side);
+    if run.is_sheared() {
+        input["cell"] = json!(vec![snapshot.side; S::DIMENSIONS]);
+        input["offset"] = json!(at_start + run.net_strain(snapshot.steps) * snapshot.side);
+        let cross_strain = run.cross_strain(snapshot.steps);
+        if cross_strain != 0.0 {
+            input["cross_offset"] = json!(cross_strain * snapshot.side);
+        }
+    } else if let Ok(cell) = snapshot.cell(run) {
+        let vectors = cell.lattice().map(|lattice| lattice.vectors().iter().map(S::point));
+        input["lattice"] = json!(vectors.map(Iterator::collect::<Vec<_>>));
     }
     input.to_string()
 }

@@ -68,8 +68,11 @@ impl RunStructure {
         }
     }
 
-    /// Adds the profiles of a frame; `direction` is the sense of its shear.
+    /// Adds the profiles of a frame in a sheared cell; `direction` is the sense of its shear.
     pub(crate) fn add_profiles<S: Space>(&mut self, frame: &Frame<S>, direction: f64) {
+        if !frame.is_sheared() {
+            return;
+        }
         if self.profiles.is_empty() {
             let axes = 1..S::DIMENSIONS;
             self.profiles = axes

@@ -5,6 +5,8 @@
 //! image above in y is shifted along x by the offset, and wrapping this offset changes the count
 //! along x of every winding with a component along y: so only windings without one determine
 //! percolation along the flow. Under cross shear the same holds along the vorticity.
+//!
+//! In a flow that is no shear the axes are the vectors of its reduced lattice, the shortest first.
 
 use super::network::{Link, Network};
 use sd_core::Space;
@@ -71,10 +73,11 @@ pub(crate) fn clusters<'n, S: Space>(
             known.push(around);
         }
     }
-    let is_crossed = network.cell.cross_offset() != 0.0;
+    let is_sheared = network.is_sheared();
+    let is_crossed = is_sheared && network.cell.cross_offset() != 0.0;
     let mut percolates = [false; 3];
     for windings in &windings {
-        for (axis, along) in directions(windings, is_crossed).into_iter().enumerate() {
+        for (axis, along) in directions(windings, [is_sheared, is_crossed]).into_iter().enumerate() {
             percolates[axis] |= along;
         }
     }
@@ -103,17 +106,17 @@ fn difference(a: Winding, b: Winding) -> Winding {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The axes along which these windings lead, in a cell with or without cross shear.
-fn directions(windings: &[Winding], is_crossed: bool) -> [bool; 3] {
+/// The axes along which these windings lead, in a cell with or without shear and cross shear.
+fn directions(windings: &[Winding], [is_sheared, is_crossed]: [bool; 2]) -> [bool; 3] {
     let up = windings.iter().find(|winding| winding[1] != 0);
-    let along = |axis: usize, is_sheared: bool| {
+    let along = |axis: usize, is_inclined: bool| {
         windings.iter().any(|winding| match up {
             // Eliminates the upward component of a winding by means of another.
-            Some(up) if is_sheared => winding[axis] * up[1] != up[axis] * winding[1],
+            Some(up) if is_inclined => winding[axis] * up[1] != up[axis] * winding[1],
             _ => winding[axis] != 0,
         })
     };
-    [along(0, true), up.is_some(), along(2, is_crossed)]
+    [along(0, is_sheared), up.is_some(), along(2, is_crossed)]
 }
 
 #[cfg(test)]
@@ -197,22 +200,22 @@ mod tests {
         let alone = of(cell(2.5), (0..4).map(row).collect(), &ring);
         assert_eq!(alone.percolates, [true, false, false]);
         // One winding (1, 1) is an inclined column, whatever the label of its image.
-        assert_eq!(directions(&[[1, 1, 0]], false), [false, true, false]);
+        assert_eq!(directions(&[[1, 1, 0]], [true, false]), [false, true, false]);
         assert_eq!(
-            directions(&[[0, 1, 0], [0, 2, 0]], false),
+            directions(&[[0, 1, 0], [0, 2, 0]], [true, false]),
             [false, true, false]
         );
         assert_eq!(
-            directions(&[[0, 1, 0], [1, 1, 0]], false),
+            directions(&[[0, 1, 0], [1, 1, 0]], [true, false]),
             [true, true, false]
         );
-        assert_eq!(directions(&[[3, 0, 0]], false), [true, false, false]);
-        assert_eq!(directions(&[], false), [false; 3]);
+        assert_eq!(directions(&[[3, 0, 0]], [true, false]), [true, false, false]);
+        assert_eq!(directions(&[], [true, false]), [false; 3]);
         // Along the vorticity too where the images above are shifted along it.
-        assert_eq!(directions(&[[0, 1, 1]], false), [false, true, true]);
-        assert_eq!(directions(&[[0, 1, 1]], true), [false, true, false]);
+        assert_eq!(directions(&[[0, 1, 1]], [true, false]), [false, true, true]);
+        assert_eq!(directions(&[[0, 1, 1]], [true, true]), [false, true, false]);
         assert_eq!(
-            directions(&[[0, 1, 1], [0, 1, 0]], true),
+            directions(&[[0, 1, 1], [0, 1, 0]], [true, true]),
             [false, true, true]
         );
     }

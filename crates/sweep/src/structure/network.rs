@@ -1,11 +1,11 @@
 //! The spheres of an instant and their loaded contacts.
 
 use sd_core::Space;
-use sd_core::cell::Cell;
+use sd_core::cell::{Cell, Lattice};
 use sd_core::contact::ContactState;
 use sd_core::simulation::Frame;
 
-/// Spheres in their sheared periodic cell, and their loaded contacts.
+/// Spheres in their periodic cell, and their loaded contacts.
 #[derive(Debug, Clone)]
 pub(crate) struct Network<S: Space> {
     /// The cell.
@@ -50,6 +50,11 @@ impl<S: Space> Link<S> {
 }
 
 impl<S: Space> Network<S> {
+    /// Whether its cell is a sheared one, which is periodic along y.
+    pub(crate) fn is_sheared(&self) -> bool {
+        self.cell.lattice().is_none_or(Lattice::is_sheared_cell)
+    }
+
     /// The network of spheres and of pairs with a normal force, a friction force and a state each.
     /// Pairs refer to nearest images: spheres in contact are closer than half a side of the cell.
     pub(crate) fn new(
@@ -110,8 +115,7 @@ impl<S: Space> TryFrom<&Frame<S>> for Network<S> {
     type Error = sd_core::Error;
 
     fn try_from(frame: &Frame<S>) -> Result<Self, Self::Error> {
-        let cell =
-            Cell::equal_sides(frame.side, frame.offset)?.with_cross_offset(frame.cross_offset)?;
+        let cell = frame.cell()?;
         let centres = frame.centres.iter().map(S::vector).collect();
         let contacts = frame.contacts.iter().filter(|c| c.normal_force > 0.0);
         let pairs = contacts.map(|c| {

@@ -60,7 +60,11 @@ fn bonds<S: Space>(network: &Network<S>, side: f64, mut each: impl FnMut(usize, 
     let largest = radii.iter().copied().fold(0.0, f64::max);
     // Rows of the cell along the flow, each at least as high as the longest bond.
     let rows = crate::text::format::count((side / (2.0 * BOND * largest)).floor());
-    let rows = if rows < 3 { 1 } else { rows };
+    let rows = if rows < 3 || !network.is_sheared() {
+        1
+    } else {
+        rows
+    };
     let mut of_row = vec![Vec::new(); rows];
     for (sphere, x) in centres.iter().enumerate() {
         let row = crate::text::format::count(((x[1] / side).rem_euclid(1.0) * rows as f64).floor());

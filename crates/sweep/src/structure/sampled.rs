@@ -27,17 +27,22 @@ pub(crate) fn sampled<S: Space>(
 ) -> StructureSample {
     let (side, is_layer) = (frame.side, S::DIMENSIONS == 2);
     let or_nan = |is: bool, of: &dyn Fn() -> f64| if is { of() } else { f64::NAN };
-    let has_z = !is_layer && !reference.has_cross_shear;
-    let disturbances = frame.velocities.iter().zip(&frame.centres);
-    let disturbances = disturbances.map(|(u, x)| u[0] - reference.direction * x[1]);
+    // Other cells have no period along an axis, and other flows carry spheres along all of them.
+    let has_y = network.is_sheared();
+    let has_z = has_y && !is_layer && !reference.has_cross_shear;
+    let localised = || {
+        let disturbances = frame.velocities.iter().zip(&frame.centres);
+        let disturbances = disturbances.map(|(u, x)| u[0] - reference.direction * x[1]);
+        localisation(network, side, disturbances)
+    };
     StructureSample {
-        layering: layering(network, side),
+        layering: or_nan(has_y, &|| layering(network, side)),
         psi_6: or_nan(is_layer, &|| psi_6(network, side)),
         q_6: or_nan(!is_layer, &|| q_6(network, side)),
-        localisation: localisation(network, side, disturbances),
-        concentration_y: concentration(network, side, 1),
+        localisation: or_nan(has_y, &localised),
+        concentration_y: or_nan(has_y, &|| concentration(network, side, 1)),
         concentration_z: or_nan(has_z, &|| concentration(network, side, 2)),
-        displacement_yy: displacement(frame, reference.start, 1),
+        displacement_yy: or_nan(has_y, &|| displacement(frame, reference.start, 1)),
         displacement_zz: or_nan(has_z, &|| displacement(frame, reference.start, 2)),
         hyperstaticity: hyperstaticity(network),
     }

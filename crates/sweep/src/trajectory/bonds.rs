@@ -1,5 +1,6 @@
 //! Contacts as bonds between spheres, in a separate file, since extended XYZ has no bonds.
 
+use super::extxyz::in_space;
 use super::{Kept, state_number};
 use crate::model::spaces::{AnyFrame, of_either};
 use sd_core::simulation::Frame;
@@ -25,7 +26,16 @@ fn write_frame<S: Kept>(step: u64, frame: &Frame<S>, out: &mut dyn Write) -> io:
         2 => ("ff", -height, height),
         _ => ("pp", 0.0, side),
     };
-    if cross == 0.0 {
+    if !frame.is_sheared() {
+        writeln!(out, "ITEM: BOX BOUNDS abc origin pp pp {ends}")?;
+        for vector in frame.lattice() {
+            let [x, y, z] = in_space(vector.as_ref());
+            writeln!(out, "{x} {y} {z} 0")?;
+        }
+        if S::DIMENSIONS < 3 {
+            writeln!(out, "0 0 {} {low}", high - low)?;
+        }
+    } else if cross == 0.0 {
         // LAMMPS names the ends of the box around the tilted cell.
         writeln!(out, "ITEM: BOX BOUNDS xy xz yz pp pp {ends}")?;
         let (left, right) = (tilt.min(0.0), side + tilt.max(0.0));

@@ -20,7 +20,7 @@ pub(crate) struct FrameSource {
     pub key: String,
 }
 
-/// Writes frames, each with its step, as extended XYZ: the sheared cell and the run, then one line
+/// Writes frames, each with its step, as extended XYZ: the periodic cell and the run, then one line
 /// per sphere.
 ///
 /// The layer lies at z = 0 in a cell two radii high that is not periodic in z. Orientations are
@@ -78,21 +78,24 @@ fn write_frame<S: Kept>(
         touching[contact.j] += 1;
     }
     let is_layer = S::DIMENSIONS == 2;
-    let (side, offset, cross_offset) = (frame.side, frame.offset, frame.cross_offset);
-    let (height, bottom) = if is_layer {
+    let vectors = frame.lattice();
+    let mut numbers: Vec<f64> = vectors.iter().flat_map(|a| in_space(a.as_ref())).collect();
+    let mut bottom = 0.0;
+    if is_layer {
         let height = 2.0 * frame.radii.iter().copied().fold(1.0, f64::max);
-        (height, -0.5 * height)
-    } else {
-        (side, 0.0)
-    };
+        numbers.extend([0.0, 0.0, height]);
+        bottom = -0.5 * height;
+    }
+    let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
     let angle = if is_layer { ":angle:R:1" } else { "" };
     let smallest = frame.radii.iter().copied().fold(f64::INFINITY, f64::min);
     writeln!(out, "{}", frame.centres.len())?;
     writeln!(
         out,
-        "Lattice=\"{side} 0 0 {offset} {side} {cross_offset} 0 0 {height}\" Origin=\"0 0 {bottom}\" \
+        "Lattice=\"{}\" Origin=\"0 0 {bottom}\" \
          Properties=species:S:1:pos:R:3:id:I:1:radius:R:1:orientation:R:4{angle}:stresslet:R:{}:contacts:I:1\
          :velo:R:3:angular_velocity:R:3:unwrapped:R:3 pbc=\"T T {}\" strain={} step={step}{about}",
+        numbers.join(" "),
         S::STRAINS,
         if is_layer { "F" } else { "T" },
         frame.strain,
@@ -133,7 +136,7 @@ fn write_all(numbers: &[f64], out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// A point of a layer is at z = 0.
-fn in_space(point: &[f64]) -> [f64; 3] {
+pub(super) fn in_space(point: &[f64]) -> [f64; 3] {
     [point[0], point[1], point.get(2).copied().unwrap_or(0.0)]
 }
 

@@ -97,16 +97,27 @@ impl<'f, S: Kept> FrameTable<'f, S> {
 }
 
 /// The spheres of frames and their cell, whose lattice vectors are `(cell_side, 0)` and
-/// `(cell_offset, cell_side)`, in a suspension `(cell_offset, cell_side, cell_cross_offset)`;
-/// orientations as angles, or as quaternions.
+/// `(cell_offset, cell_side)`, in a suspension `(cell_offset, cell_side, cell_cross_offset)`, and in
+/// a flow that is no shear are in columns of their own; orientations as angles, or as quaternions.
 fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     let mut table = FrameTable::of(frames, |frame| frame.centres.len());
-    table.numbers(&["cell_side"], "a", |f, _| from_ref(&f.side));
-    table.numbers(&["cell_offset"], "a", |f, _| from_ref(&f.offset));
-    if S::DIMENSIONS > 2 {
-        table.numbers(&["cell_cross_offset"], "a", |f, _| {
-            from_ref(&f.cross_offset)
-        });
+    if frames.iter().all(|(_, frame)| frame.is_sheared()) {
+        table.numbers(&["cell_side"], "a", |f, _| from_ref(&f.side));
+        table.numbers(&["cell_offset"], "a", |f, _| from_ref(&f.offset));
+        if S::DIMENSIONS > 2 {
+            table.numbers(&["cell_cross_offset"], "a", |f, _| {
+                from_ref(&f.cross_offset)
+            });
+        }
+    } else {
+        let names = [
+            ["lattice_1_x", "lattice_1_y", "lattice_1_z"],
+            ["lattice_2_x", "lattice_2_y", "lattice_2_z"],
+            ["lattice_3_x", "lattice_3_y", "lattice_3_z"],
+        ];
+        for (row, names) in names.iter().enumerate().take(S::DIMENSIONS) {
+            table.numbers(&names[..S::DIMENSIONS], "a", |f, _| f.vectors[row].as_ref());
+        }
     }
     table.add("sphere", "1", Kind::Count, |_, _, i| Value::Count(i as u64));
     let centre = ["x", "y", "z"];

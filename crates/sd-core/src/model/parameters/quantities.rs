@@ -95,13 +95,13 @@ pub(super) static SHEAR_STRESS: Quantity = Quantity {
     note: "in F_crit/a²; for the plateaus impose `shear_rate` = 0 or inf",
 };
 
-/// Sense of the shear.
+/// Sense of the flow.
 pub(super) static DIRECTION: Quantity = Quantity {
     key: "direction",
     unit: "1",
-    meaning: "sense of the shear",
+    meaning: "sense of the flow",
     range: Range::from_to(-1.0, 1.0),
-    note: "1, or -1 for a layer that is sheared the other way",
+    note: "1, or -1 for the opposite flow",
 };
 
 /// What a run begins with.

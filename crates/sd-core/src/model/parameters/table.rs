@@ -21,7 +21,7 @@ use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNES
 use crate::law::{FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
 use crate::model::{
-    ContactLaws, ContactScheme, Distribution, Hydrodynamics, LeadingOrder, StartFrom,
+    ContactLaws, ContactScheme, Distribution, FlowType, Hydrodynamics, LeadingOrder, StartFrom,
 };
 
 /// All parameters of a run, in the order of columns and of nested loops.
@@ -35,7 +35,7 @@ use crate::model::{
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 28] = [
+pub static PARAMETERS: [Parameter; 29] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -335,6 +335,24 @@ pub static PARAMETERS: [Parameter; 28] = [
             ..NEEDED
         }),
         ..number(&START)
+    },
+    Parameter {
+        key: "flow",
+        meaning: "type of the imposed flow",
+        has_meaning: |p| !p.at_rest,
+        form: Form::Choice(Choice {
+            words: || FlowType::keywords().to_vec(),
+            default: "shear",
+            get: |p| match p.flow {
+                FlowType::Mixture(_) => p.flow.to_string().into(),
+                single => single.word().into(),
+            },
+            set: |p, word| {
+                p.flow = word.parse()?;
+                Ok(())
+            },
+        }),
+        ..CHOICE
     },
     Parameter {
         form: Form::Number(Number {

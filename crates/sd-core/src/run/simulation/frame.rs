@@ -3,9 +3,10 @@
 use super::Simulation;
 use crate::contact::ContactState;
 use crate::contact::laws::StageKind;
+use crate::error::Error;
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::cell::Cell;
+use crate::space::cell::{Cell, Lattice};
 use crate::space::{Layer, Space};
 
 /// The spheres at one instant of a run.
@@ -14,8 +15,11 @@ pub struct Frame<S: Space = Layer> {
     /// Strain of the sampled stage, at the start or the middle of the step; in fluid at rest the
     /// time.
     pub strain: f64,
-    /// Side of the square or cubic cell, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub side: f64,
+    /// The vectors of the lattice, in a; empty for a sheared cell, which has the offsets in their
+    /// place.
+    pub vectors: Vec<S::Point>,
     /// Offset of the upper image cell, in a, wrapped into [−side/2, side/2).
     pub offset: f64,
     /// Its offset along the vorticity, in a, wrapped likewise; 0 without cross shear.
@@ -40,8 +44,8 @@ pub struct Frame<S: Space = Layer> {
 }
 
 impl<S: Space> Frame<S> {
-    /// Lattice vectors of the periodic cell, in a: along the flow, across it, and in a suspension
-    /// along the vorticity.
+    /// Lattice vectors of the periodic cell, in a; of a sheared cell along the flow, across it, and
+    /// in a suspension along the vorticity.
     ///
     /// ```
     /// use sd_core::simulation::Frame;
@@ -50,6 +54,9 @@ impl<S: Space> Frame<S> {
     /// assert_eq!(frame.lattice(), [[10.0, 0.0], [-3.0, 10.0]]);
     /// ```
     pub fn lattice(&self) -> Vec<S::Point> {
+        if !self.vectors.is_empty() {
+            return self.vectors.clone();
+        }
         let vector = |k: usize| {
             let mut vector = S::Point::default();
             vector[k] = self.side;
@@ -62,6 +69,23 @@ impl<S: Space> Frame<S> {
             vector
         };
         (0..S::DIMENSIONS).map(vector).collect()
+    }
+
+    /// The periodic cell.
+    ///
+    /// # Errors
+    /// Those of [`Cell::periodic`] and [`Lattice::new`].
+    pub fn cell(&self) -> Result<Cell<S>, Error> {
+        if self.vectors.is_empty() {
+            return Cell::equal_sides(self.side, self.offset)?.with_cross_offset(self.cross_offset);
+        }
+        let vectors: Vec<_> = self.vectors.iter().map(S::vector).collect();
+        Ok(Cell::Periodic(Lattice::new(&vectors)?))
+    }
+
+    /// Whether its cell is a sheared one.
+    pub fn is_sheared(&self) -> bool {
+        self.vectors.is_empty()
     }
 }
 
@@ -142,6 +166,12 @@ impl<S: Starts> Simulation<S> {
     /// Fills in the frame at the stage solved last.
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
         let cell = self.cell_at(stage.time).unwrap_or(Cell::Unbounded);
+        let (vectors, offsets) = match (&self.path, cell.lattice()) {
+            (Some(_), Some(lattice)) => {
+                (lattice.vectors().iter().map(S::point).collect(), [0.0; 2])
+            }
+            _ => (Vec::new(), [cell.offset(), cell.cross_offset()]),
+        };
         // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.time();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
@@ -160,8 +190,9 @@ impl<S: Starts> Simulation<S> {
         let frame = Frame {
             strain: stage.time,
             side: self.side,
-            offset: cell.offset(),
-            cross_offset: cell.cross_offset(),
+            vectors,
+            offset: offsets[0],
+            cross_offset: offsets[1],
             radii: self.solver.resistance.radii().to_vec(),
             centres: centres.iter().map(S::point).collect(),
             unwrapped: self

@@ -57,7 +57,7 @@ impl<S: Starts> Simulation<S> {
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
         let content = (0..S::DIMENSIONS).map(|_| self.side).product();
-        let primary = VelocityGradient::<S>::simple_shear(self.params.direction);
+        let primary = VelocityGradient::of_type(self.params.flow, self.params.direction);
         let flow = self.background.into();
         let mut stress = self.stress.stress(&self.solver, &flow, &primary, content);
         if self.params.at_rest {

@@ -5,7 +5,7 @@
 //! stage, see [`crate::run::balance`]; strain remains the independent variable, and a step takes
 //! the time strain/rate.
 
-use super::{SchemeMemory, Simulation};
+use super::{SchemeMemory, Simulation, background};
 use crate::contact::laws::{ForceLaw, Laws};
 use crate::contact::{Quality, SolvePass, Status};
 use crate::error::Error;
@@ -13,7 +13,6 @@ use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::VelocityGradient;
 use crate::space::cell::Cell;
 use std::f64::consts::PI;
 
@@ -213,12 +212,12 @@ impl<S: Starts> Simulation<S> {
         if imposed == self.imposed {
             return;
         }
-        let (stress, direction) = (self.params.shear_stress, self.params.direction);
+        let stress = self.params.shear_stress;
+        let flow = (self.params.flow, self.params.direction);
         self.params.copy_shear(run, &imposed);
         self.imposed = imposed;
-        self.background = VelocityGradient::<S>::simple_shear(self.params.direction)
-            .with_cross_shear(imposed.cross_rate());
-        if self.params.direction != direction
+        self.background = background(&self.params, &imposed);
+        if (self.params.flow, self.params.direction) != flow
             && let SchemeMemory::Procedure { velocities, .. } = &mut self.memory
         {
             // Velocities of the last step no longer indicate which pairs approach.

@@ -8,15 +8,17 @@ use crate::contact::springs::Springs;
 use crate::error::Error;
 use crate::model::{ContactScheme, Params, StartLayer};
 use crate::procedure::ContactList;
+use crate::run::cell_path::CellPath;
 use crate::run::spaces::Starts;
 use crate::run::start::{self, Start};
+use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
 use crate::space::{Layer, Space};
 use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 4;
+pub const SNAPSHOT_VERSION: u32 = 5;
 
 /// The state needed by the next step. Restored with the same parameters, a run continues with the
 /// same bits.
@@ -29,7 +31,7 @@ pub struct Snapshot<S: Space = Layer> {
     pub steps: u64,
     /// Radii, in a.
     pub radii: Vec<f64>,
-    /// Side of the square or cubic cell, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub side: f64,
     /// Centres, in a.
     pub centres: Vec<S::Point>,
@@ -39,6 +41,10 @@ pub struct Snapshot<S: Space = Layer> {
     /// [`crate::Simulation::unwrapped`]; empty: none.
     #[serde(default)]
     pub images: Vec<S::Image>,
+    /// Vectors by which the spheres have left their places in the lattice of a flow that is no
+    /// shear, in a; empty: none.
+    #[serde(default)]
+    pub shifts: Vec<S::Point>,
     /// Memory of contacts.
     pub memory: SchemeMemory<S>,
     /// Ordered pairs of the near part's pattern, if the resistance is stored pair by pair: they
@@ -166,7 +172,8 @@ impl<S: Space> SchemeMemory<S> {
 }
 
 impl Snapshot {
-    /// The start layer for another run. `params` are those of this run.
+    /// The start layer for another run in shear. `params` are those of this run, which must be
+    /// sheared too.
     ///
     /// ```
     /// use sd_core::{Layer, NearFields, Simulation};
@@ -216,6 +223,26 @@ impl Snapshot {
     }
 }
 
+impl<S: Space> Snapshot<S> {
+    /// The periodic cell of the next step of the run with these parameters.
+    ///
+    /// # Errors
+    /// Those of [`Cell::periodic`].
+    pub fn cell(&self, params: &Params) -> Result<Cell<S>, Error> {
+        let imposed = params.imposed(self.steps);
+        let strain = self.steps as f64 * params.time_step;
+        let Some(mut path) = CellPath::new(params, self.side)? else {
+            let before = params.given_layer().map_or(0.0, |layer| layer.offset);
+            let offset = before + params.net_strain(self.steps) * self.side;
+            let cross = params.cross_strain(self.steps) * self.side;
+            return Cell::equal_sides(self.side, offset)?.with_cross_offset(cross);
+        };
+        path.enter(params, imposed.segment)?;
+        let [net, cross] = imposed.gained(strain, params.time_step);
+        path.at(net, cross)
+    }
+}
+
 impl<S: Starts> Snapshot<S> {
     /// The start of a run: the layer or suspension of a seed, or a given layer.
     ///
@@ -252,6 +279,7 @@ impl<S: Starts> Snapshot<S> {
             centres: start.centres.iter().map(S::point).collect(),
             orientations: start.orientations,
             images: Vec::new(),
+            shifts: Vec::new(),
             memory,
             near_pairs: Vec::new(),
             far_field: Vec::new(),
@@ -272,6 +300,9 @@ impl<S: Starts> Snapshot<S> {
         }
         if !(self.images.is_empty() || self.images.len() == n) {
             return refuse("images of another number of spheres");
+        }
+        if !(self.shifts.is_empty() || self.shifts.len() == n) {
+            return refuse("shifts of another number of spheres");
         }
         if let Some(reason) = self.memory.fault(&params.contact, n) {
             return refuse(reason);

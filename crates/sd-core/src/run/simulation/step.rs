@@ -5,9 +5,11 @@ use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::StageKind;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
+use crate::hydrodynamics::resistance::Resistance;
 use crate::run::spaces::Starts;
 use crate::run::steppers::{Midpoint, Stages, State, Stepper};
 use crate::space::Space;
+use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 
 /// Outcome of an attempt at a step.
@@ -108,6 +110,7 @@ impl<S: Starts> Simulation<S> {
     /// Makes a step. If it fails, the state is anywhere within it.
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         self.impose(self.steps);
+        self.enter_segment()?;
         let (time, dt) = (self.time(), self.params.time_step);
         let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);
@@ -136,6 +139,7 @@ impl<S: Starts> Simulation<S> {
         self.state = state;
         let advance = result?;
         let end = self.cell_at(self.time_of(self.steps + 1))?;
+        self.check_lattice(&end)?;
         let sample = self.count_step(&record);
         if advance == Advance::Blocked {
             self.state.copy_from(&self.before.state);
@@ -146,6 +150,25 @@ impl<S: Starts> Simulation<S> {
         self.steps += 1;
         self.wrap(&end);
         Ok(sample)
+    }
+
+    /// Moves the path of the lattice to the segment of the current step.
+    fn enter_segment(&mut self) -> Result<(), Error> {
+        let segment = self.imposed.segment;
+        match (&mut self.path, &self.run) {
+            (Some(path), Some(run)) if !path.is_in(segment) => path.enter(run, segment),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a lattice in which a sphere could have two images of one neighbour in range, in a
+    /// flow in which it does not recur.
+    fn check_lattice(&self, cell: &Cell<S>) -> Result<(), Error> {
+        if self.path.as_ref().is_none_or(|path| path.recurs()) {
+            return Ok(());
+        }
+        let range = Resistance::<S>::range(self.params.hydrodynamics);
+        cell.check_range(self.radii(), range)
     }
 
     /// Whether contacts jam the spheres: whether loaded, non-sliding contacts constrain as many

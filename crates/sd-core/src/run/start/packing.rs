@@ -146,8 +146,9 @@ impl<S: Space> Packing<S> {
             return;
         };
         for x in &mut self.centres {
-            for (k, length) in lattice.lengths().iter().enumerate() {
-                x[k] = random.random::<f64>() * length;
+            *x = S::Vector::default();
+            for vector in lattice.reduced_vectors() {
+                *x += *vector * random.random::<f64>();
             }
         }
     }

@@ -1,7 +1,7 @@
 //! How axes are shown: symbols, examples, scales, and the columns of tables.
 
 use super::Axis;
-use sd_core::model::Form;
+use sd_core::model::{FlowType, Form};
 use sd_core::{ContactLaws, Params, StiffnessUnit};
 
 impl Axis {
@@ -79,6 +79,7 @@ impl Axis {
             ("friction_onset", _) => *laws != ContactLaws::PAPER,
             ("stiffness_unit", _) => laws.stiffness_unit != StiffnessUnit::CriticalLoad,
             ("start", _) => params.start.is_some(),
+            ("flow", _) => params.flow != FlowType::Shear,
             ("direction", _) => params.direction != 1.0,
             (
                 "size_ratio" | "rolling_friction" | "dashpot" | "repulsion" | "adhesion",

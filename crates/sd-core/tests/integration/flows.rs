@@ -1,0 +1,436 @@
+//! Runs in extension and mixtures: their lattice, energy, reversal, viscosity of dilute and dense
+//! suspensions, imposed stress, interruption.
+
+use sd_core::instant::{Configuration, InstantContacts, solve};
+use sd_core::model::{FlowType, Segment};
+use sd_core::simulation::Frame;
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, Error, Hydrodynamics, Layer, LeadingOrder, NearFields,
+    Params, RunSpace, Simulation, Snapshot, Space, TangentialLaw, VelocityGradient, start,
+};
+use std::f64::consts::PI;
+
+const FULL: Hydrodynamics = Hydrodynamics::StokesianDynamics;
+const BALL_MELROSE: Hydrodynamics = Hydrodynamics::BallMelrose;
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+const MIXTURE: FlowType = FlowType::Mixture(0.7);
+const OF_SPACE: [FlowType; 4] = [
+    FlowType::PlanarExtension,
+    FlowType::Uniaxial,
+    FlowType::Biaxial,
+    MIXTURE,
+];
+
+/// Rough, frictional, rigid spheres.
+fn suspension(flow: FlowType, spheres: usize, fraction: f64) -> Params {
+    let params = Params::builder()
+        .spheres(spheres)
+        .volume_fraction(fraction)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(LUBRICATION)
+        .flow(flow);
+    params.build().unwrap()
+}
+
+fn layer(flow: FlowType, spheres: usize, fraction: f64) -> Params {
+    let params = Params::builder()
+        .spheres(spheres)
+        .area_fraction(fraction)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(BALL_MELROSE)
+        .flow(flow);
+    params.build().unwrap()
+}
+
+fn begun<S: RunSpace>(params: &Params, seed: u64) -> Simulation<S> {
+    Simulation::new(params, seed, &NearFields::default()).unwrap()
+}
+
+/// The same bits after an interruption, in every method.
+fn check_interrupted<S: RunSpace>(params: &Params) {
+    let mut run = begun::<S>(params, 1);
+    for _ in 0..8 {
+        run.step().unwrap();
+    }
+    let mut resumed =
+        Simulation::from_snapshot(params, run.snapshot(), &NearFields::default()).unwrap();
+    for _ in 0..6 {
+        assert_eq!(run.step().unwrap(), resumed.step().unwrap());
+    }
+    let [a, b] = [&run, &resumed].map(Simulation::snapshot);
+    assert_eq!(a, b);
+    assert!(run.unwrapped().eq(resumed.unwrapped()));
+}
+
+#[test]
+fn an_interrupted_run_continues_with_the_same_bits() {
+    for flow in OF_SPACE {
+        for hydrodynamics in [FULL, BALL_MELROSE, LUBRICATION] {
+            let dilute = Params {
+                hydrodynamics,
+                ..suspension(flow, 64, 0.3)
+            };
+            check_interrupted::<Bulk>(&dilute);
+        }
+        if flow.is_planar() {
+            for (spheres, hydrodynamics) in [(40, FULL), (130, FULL), (40, BALL_MELROSE)] {
+                check_interrupted::<Layer>(&Params {
+                    hydrodynamics,
+                    ..layer(flow, spheres, 0.6)
+                });
+            }
+        }
+    }
+    let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+    for contact in [ContactScheme::Procedure, ContactScheme::Laws(springs)] {
+        check_interrupted::<Layer>(&Params {
+            contact,
+            shear_rate: 10.0,
+            ..layer(FlowType::PlanarExtension, 40, 0.65)
+        });
+    }
+}
+
+/// Twenty Hencky strains without a failed step, whose lattices never have a vector shorter than
+/// that at the start.
+fn check_long<S: RunSpace>(params: &Params, hencky: f64) {
+    let mut run = begun::<S>(params, 1);
+    let shortest = |run: &Simulation<S>| {
+        let cell = run.cell_at(run.time()).unwrap();
+        cell.lattice().unwrap().shortest()
+    };
+    let least = shortest(&run);
+    let stretching = VelocityGradient::<S>::of_type(params.flow, 1.0).rate_of_strain()[0];
+    while run.strain() * stretching < hencky {
+        run.step().unwrap();
+        assert!(shortest(&run) > least * (1.0 - 1e-9));
+    }
+    let content = run.cell_at(run.time()).unwrap().content().unwrap();
+    let start = run.side().powi(i32::try_from(S::DIMENSIONS).unwrap());
+    assert!((content / start - 1.0).abs() < 1e-12);
+    assert_eq!(run.counters().jammed_steps, 0);
+}
+
+#[test]
+fn twenty_hencky_strains_without_a_failed_step() {
+    for flow in [FlowType::PlanarExtension, FlowType::Uniaxial] {
+        check_long::<Bulk>(&suspension(flow, 30, 0.45), 20.0);
+    }
+}
+
+#[test]
+fn layers_survive_planar_extension_and_mixtures() {
+    for flow in [FlowType::PlanarExtension, MIXTURE] {
+        check_long::<Layer>(&layer(flow, 40, 0.6), 4.0);
+    }
+}
+
+/// The instant after some steps of a run, solved by itself.
+fn instant<S: RunSpace>(run: &Simulation<S>, params: &Params) -> Configuration<S> {
+    let n = params.spheres;
+    Configuration {
+        centres: run.centres().to_vec(),
+        radii: run.radii().to_vec(),
+        cell: run.cell_at(run.time()).unwrap(),
+        hydrodynamics: params.hydrodynamics,
+        background: VelocityGradient::of_type(params.flow, params.direction).into(),
+        forces: vec![S::Vector::default(); n],
+        torques: vec![S::Spin::default(); n],
+    }
+}
+
+/// Work of the stress at unit rate is spent by the fluid and the contacts, and the run has the
+/// viscosity of the instant.
+fn check_energy<S: RunSpace>(params: &Params) {
+    let mut run = begun::<S>(params, 2);
+    for _ in 0..40 {
+        run.step().unwrap();
+    }
+    let configuration = instant(&run, params);
+    let contacts = InstantContacts::of_run(params, params.time_step);
+    let solved = solve(&configuration, &contacts, &NearFields::default()).unwrap();
+    let stress = solved.stress.unwrap();
+    let spent = stress.dissipation * stress.volume + solved.contact_power();
+    let work = (stress.viscosity - 1.0) * stress.volume;
+    assert!(solved.contacts.iter().any(|c| c.normal_force > 0.0));
+    assert!(
+        (work / spent - 1.0).abs() < 1e-7,
+        "{}: {work} {spent}",
+        params.flow
+    );
+    // Σ:E/(2 E:E) by components, which is the additional viscosity at rate 1.
+    let e = VelocityGradient::<S>::of_type(params.flow, 1.0).rate_of_strain();
+    let s = &stress.components;
+    let full = [s.xx(), s.yy(), s.zz(), s.xy, s.xz, s.yz].map(|part| part.total());
+    let pairs = full.iter().zip(&e).enumerate();
+    let work = pairs.map(|(k, (s, e))| if k < 3 { s * e } else { 2.0 * s * e });
+    assert!((work.sum::<f64>() / (stress.viscosity - 1.0) - 1.0).abs() < 1e-10);
+}
+
+#[test]
+fn energy_balances_in_every_flow() {
+    for flow in OF_SPACE {
+        for hydrodynamics in [FULL, BALL_MELROSE, LUBRICATION] {
+            check_energy::<Bulk>(&Params {
+                hydrodynamics,
+                ..suspension(flow, 76, 0.45)
+            });
+        }
+        if flow.is_planar() {
+            check_energy::<Layer>(&layer(flow, 40, 0.7));
+        }
+    }
+}
+
+#[test]
+fn spheres_without_contacts_return_with_the_flow() {
+    for flow in OF_SPACE {
+        let back = Segment {
+            start: 1.0,
+            direction: Some(-1.0),
+            ..Segment::default()
+        };
+        let mut params = Params {
+            hydrodynamics: BALL_MELROSE,
+            ..suspension(flow, 20, 0.05)
+        };
+        params.segments = vec![Segment::default(), back];
+        let mut run = begun::<Bulk>(&params, 3);
+        let before: Vec<_> = run.unwrapped().collect();
+        let mut farthest: f64 = 0.0;
+        for step in 0..200 {
+            let sample = run.step().unwrap();
+            assert_eq!(sample.contacts, 0);
+            if step == 99 {
+                farthest = run
+                    .unwrapped()
+                    .zip(&before)
+                    .map(|(x, y)| (x - y).norm())
+                    .fold(0.0, f64::max);
+            }
+        }
+        let distances = run.unwrapped().zip(&before).map(|(x, y)| (x - y).norm());
+        let error = distances.fold(0.0, f64::max);
+        assert!(farthest > 2.0 && error < 1e-6, "{flow}: {farthest} {error}");
+    }
+}
+
+#[test]
+fn spheres_are_followed_from_cell_to_cell() {
+    let params = suspension(FlowType::Uniaxial, 30, 0.3);
+    let mut run = begun::<Bulk>(&params, 1);
+    let gradient = VelocityGradient::<Bulk>::of_type(params.flow, 1.0);
+    for _ in 0..100 {
+        let before: Vec<_> = run.unwrapped().collect();
+        let shifts: Vec<_> = before
+            .iter()
+            .zip(run.centres())
+            .map(|(x, y)| x - y)
+            .collect();
+        run.step().unwrap();
+        let moved = run.unwrapped().zip(&before).map(|(x, y)| x - y);
+        let errors = moved.zip(&shifts).zip(run.velocities());
+        let errors = errors.map(|((moved, shift), velocity)| {
+            let velocity = Bulk::translation(velocity) + gradient.velocity(shift);
+            (moved - velocity * params.time_step).norm() / (1.0 + shift.norm())
+        });
+        // Of single spheres the velocity changes within a step.
+        let mean = errors.sum::<f64>() / 30.0;
+        assert!(mean < 1e-3, "{mean}");
+    }
+    let content = run.cell_at(run.time()).unwrap();
+    for (x, y) in run.unwrapped().zip(run.centres()) {
+        assert!(content.nearest(x - y).0.norm() < 1e-9);
+    }
+}
+
+#[test]
+fn dilute_suspensions_have_einsteins_viscosity_in_every_flow() {
+    for flow in OF_SPACE {
+        let params = Params {
+            hydrodynamics: FULL,
+            ..suspension(flow, 20, 0.01)
+        };
+        let mut run = begun::<Bulk>(&params, 1);
+        let viscosity = run.step().unwrap().viscosity;
+        // Pairs add some 7 φ².
+        let slope = (viscosity - 1.0) / 0.01;
+        assert!((slope - 2.5).abs() < 0.1, "{flow}: {slope}");
+    }
+}
+
+#[test]
+fn an_imposed_stress_is_borne_in_extension() {
+    for flow in [FlowType::PlanarExtension, FlowType::Uniaxial] {
+        let stressed = Params {
+            shear_rate: 0.0,
+            shear_stress: Some(2.0),
+            ..suspension(flow, 30, 0.45)
+        };
+        let mut run = begun::<Bulk>(&stressed, 1);
+        for _ in 0..30 {
+            let sample = run.step().unwrap();
+            let stress = sample.viscosity * sample.shear_rate / (6.0 * PI);
+            assert!((stress / 2.0 - 1.0).abs() < 1e-6, "{stress}");
+        }
+    }
+}
+
+/// The mean viscosity of some runs of frictionless spheres after a strain.
+fn viscosity(flow: FlowType, fraction: f64) -> f64 {
+    let params = Params {
+        friction: 0.0,
+        shear_rate: 0.0,
+        ..suspension(flow, 60, fraction)
+    };
+    let (mut sum, mut count) = (0.0, 0.0);
+    for seed in 1..=2 {
+        let mut run = begun::<Bulk>(&params, seed);
+        while run.strain() < 5.0 {
+            let sample = run.step().unwrap();
+            if sample.strain >= 1.0 {
+                sum += sample.viscosity;
+                count += 1.0;
+            }
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn frictionless_spheres_are_as_viscous_in_extension_as_in_shear() {
+    let shear = viscosity(FlowType::Shear, 0.45);
+    for flow in [FlowType::PlanarExtension, FlowType::Uniaxial] {
+        let ratio = viscosity(flow, 0.45) / shear;
+        assert!((ratio - 1.0).abs() < 0.12, "{flow}: {ratio}");
+    }
+}
+
+/// The lattice of a frame is that of its flow, and holds its contacts.
+#[test]
+fn frames_have_the_lattice() {
+    let params = suspension(FlowType::Biaxial, 30, 0.45);
+    let mut run = begun::<Bulk>(&params, 1);
+    for _ in 0..60 {
+        run.step().unwrap();
+    }
+    let (_, frame): (_, Frame<Bulk>) = run.step_with_frame().unwrap();
+    assert!(!frame.is_sheared() && !frame.contacts.is_empty());
+    let cell = frame.cell().unwrap();
+    for contact in &frame.contacts {
+        let [x, y] = [contact.i, contact.j].map(|k| Bulk::vector(&frame.centres[k]));
+        let (near, _) = cell.nearest(y - x);
+        let gap = near.norm() - frame.radii[contact.i] - frame.radii[contact.j];
+        assert!((gap - contact.gap).abs() < 1e-9);
+    }
+    let sheared = Params {
+        flow: FlowType::Shear,
+        ..params
+    };
+    let (_, frame) = begun::<Bulk>(&sheared, 1).step_with_frame().unwrap();
+    assert!(frame.is_sheared());
+}
+
+/// A suspension sheared first, then stretched; the lattice moves on from one to the other.
+#[test]
+fn segments_may_have_different_flows() {
+    let stretched = Segment {
+        start: 0.5,
+        flow: Some(FlowType::PlanarExtension),
+        ..Segment::default()
+    };
+    let params = Params {
+        segments: vec![Segment::default(), stretched],
+        ..suspension(FlowType::Shear, 60, 0.4)
+    };
+    params.validate().unwrap();
+    start::check(&params).unwrap();
+    let mut run = begun::<Bulk>(&params, 1);
+    for step in 0..150 {
+        let before = run.cell_at(run.time()).unwrap();
+        run.step().unwrap();
+        let gradient = VelocityGradient::<Bulk>::of_type(
+            if step < 50 {
+                FlowType::Shear
+            } else {
+                FlowType::PlanarExtension
+            },
+            0.01,
+        );
+        let moved = before.lattice().unwrap().deform(&gradient, 1.0);
+        let cell = run.cell_at(run.time()).unwrap();
+        for a in moved.vectors() {
+            assert!(cell.nearest(*a).0.norm() < 1e-8);
+        }
+    }
+    // The viscosity is that of the flow of the segment.
+    let mut configuration = instant(&run, &params);
+    configuration.background = VelocityGradient::planar_extension(0.5).into();
+    let contacts = InstantContacts::of_run(&params, params.time_step);
+    let solved = solve(&configuration, &contacts, &NearFields::default()).unwrap();
+    let ratio = run.step().unwrap().viscosity / solved.stress.unwrap().viscosity;
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    // The reverse order: the square cell collapses, which is known before the run.
+    let sheared = Segment {
+        start: 3.0,
+        flow: Some(FlowType::Shear),
+        ..Segment::default()
+    };
+    let other = Params {
+        segments: vec![Segment::default(), sheared],
+        ..suspension(FlowType::PlanarExtension, 60, 0.4)
+    };
+    let [first, second] = [&params, &other].map(|params| start::check(params));
+    first.unwrap();
+    let refused = second.err().map(|error| error.to_string());
+    assert!(refused.is_none_or(|text| text.contains("at times in this `flow`")));
+}
+
+#[test]
+fn flows_that_the_space_or_the_start_does_not_have_are_refused() {
+    let flat = Params {
+        flow: FlowType::Uniaxial,
+        ..layer(FlowType::Shear, 40, 0.6)
+    };
+    let error = flat.validate().unwrap_err().to_string();
+    assert!(
+        error.contains("flow") && error.contains("volume_fraction"),
+        "{error}"
+    );
+    let sheared = layer(FlowType::Shear, 40, 0.6);
+    let given = Snapshot::<Layer>::start(&sheared, 1)
+        .unwrap()
+        .layer(&sheared);
+    let begun = Params {
+        flow: FlowType::PlanarExtension,
+        start: Some(given.into()),
+        ..sheared
+    };
+    let error = begun.validate().unwrap_err().to_string();
+    assert!(error.contains("given layer"), "{error}");
+    // The least number of spheres is said before the run.
+    let few = Params {
+        hydrodynamics: BALL_MELROSE,
+        ..suspension(FlowType::Uniaxial, 30, 0.45)
+    };
+    let Err(Error::Refused(refusal)) = start::check(&few) else {
+        panic!("a cell of thirty spheres");
+    };
+    let text = refusal.to_string();
+    let least = text
+        .split("at least ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
+    let least: usize = least.unwrap().parse().unwrap();
+    let at = |spheres| {
+        start::check(&Params {
+            spheres,
+            ..few.clone()
+        })
+    };
+    assert!(at(least).is_ok() && at(least - 1).is_err(), "{text}");
+}
