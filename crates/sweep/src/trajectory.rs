@@ -334,7 +334,10 @@ fn decode_in_lattice<S: Kept>(bytes: &[u8]) -> Option<Frame<S>> {
     let length = S::DIMENSIONS * S::DIMENSIONS * size_of::<f64>();
     let (vectors, content) = bytes.split_at_checked(length)?;
     let (numbers, _) = vectors.as_chunks();
-    let numbers: Vec<f64> = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+    let numbers: Vec<f64> = numbers
+        .iter()
+        .map(|bytes| f64::from_le_bytes(*bytes))
+        .collect();
     decode_in(&numbers, content)
 }
 

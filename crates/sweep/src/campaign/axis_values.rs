@@ -48,15 +48,21 @@ pub(super) fn flow(written: Entry<'_>) -> Result<FlowType, Problem> {
     };
     match written.get_ref() {
         DeValue::String(text) => text.parse().map_err(refused),
-        DeValue::Table(_) => with_keys(written, [FLOW, "`flow`"], FLOWS, &["shear", "extension"], |table| {
-            let rate = |key: &'static str| {
-                let Some(written) = table.get(key) else {
-                    return Ok(0.0);
+        DeValue::Table(_) => with_keys(
+            written,
+            [FLOW, "`flow`"],
+            FLOWS,
+            &["shear", "extension"],
+            |table| {
+                let rate = |key: &'static str| {
+                    let Some(written) = table.get(key) else {
+                        return Ok(0.0);
+                    };
+                    number(written, key, &ANY, "a rate from 0")
                 };
-                number(written, key, &ANY, "a rate from 0")
-            };
-            FlowType::mixture(rate("shear")?, rate("extension")?).map_err(refused)
-        }),
+                FlowType::mixture(rate("shear")?, rate("extension")?).map_err(refused)
+            },
+        ),
         _ => Err(wrong_type(written, FLOW, FLOWS)),
     }
 }
@@ -65,7 +71,9 @@ pub(super) fn flow(written: Entry<'_>) -> Result<FlowType, Problem> {
 pub(super) fn of_axis(written: Entry<'_>, axis: &Axis) -> Result<Value, Problem> {
     match &axis.form {
         Form::Choice(_) if axis.key == SIZES => sizes(written),
-        Form::Choice(_) if axis.key == FLOW => flow(written).map(|flow| interned(&flow.to_string())),
+        Form::Choice(_) if axis.key == FLOW => {
+            flow(written).map(|flow| interned(&flow.to_string()))
+        }
         Form::Choice(choice) => {
             let words: Vec<&str> = (choice.words)().iter().map(|word| word.word).collect();
             word(written, axis.key, &words).map(Value::Word)
@@ -171,13 +179,7 @@ fn with_keys<T>(
         return Err(wrong_type(written, key, allowed));
     };
     let faults = Faults::default();
-    let found = read(&Reader::new(
-        entries,
-        written.span(),
-        name,
-        known,
-        &faults,
-    ));
+    let found = read(&Reader::new(entries, written.span(), name, known, &faults));
     match faults.all().into_iter().next() {
         Some(problem) => Err(problem),
         None => found,

@@ -42,7 +42,9 @@ impl<'t> WrittenSegment<'t> {
         let discard = table.number("discard", &DISCARDED, STRAIN);
         let [direction, shear_rate, shear_stress] =
             ["direction", "shear_rate", "shear_stress"].map(|key| imposed(&table, key));
-        let flow = table.get(FLOW).and_then(|written| table.faults.ok(flow(written)));
+        let flow = table
+            .get(FLOW)
+            .and_then(|written| table.faults.ok(flow(written)));
         let known = ["amplitude", "cycles", "average_last"];
         let example = "{ amplitude = 0.5, cycles = 6 }";
         let oscillation = table.table("oscillation", "oscillation", &known, example);

@@ -1,3 +1,4 @@
+mod flows;
 mod hostile;
 mod segments;
 mod sizes;

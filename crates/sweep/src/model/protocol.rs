@@ -51,7 +51,10 @@ impl PlannedSegment {
     pub(crate) fn imposed_words(&self) -> String {
         let mut words = vec![match self.imposed.amplitude {
             Some(amplitude) => format!("oscillation γ0 {}", short(amplitude, 6)),
-            None => self.imposed.flow.map_or("shear".to_owned(), |flow| flow.to_string()),
+            None => self
+                .imposed
+                .flow
+                .map_or("shear".to_owned(), |flow| flow.to_string()),
         }];
         let back = self.imposed.direction.filter(|direction| *direction < 0.0);
         words.extend(back.map(|_| "backwards".to_owned()));

@@ -79,7 +79,9 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
             input["cross_offset"] = json!(cross_strain * snapshot.side);
         }
     } else if let Ok(cell) = snapshot.cell(run) {
-        let vectors = cell.lattice().map(|lattice| lattice.vectors().iter().map(S::point));
+        let vectors = cell
+            .lattice()
+            .map(|lattice| lattice.vectors().iter().map(S::point));
         input["lattice"] = json!(vectors.map(Iterator::collect::<Vec<_>>));
     }
     input.to_string()

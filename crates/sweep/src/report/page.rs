@@ -438,11 +438,21 @@ fn picture<S: Kept>(frame: &Frame<S>) -> Value {
         })
         .collect();
     let mut picture = json!({"strain": rounded(frame.strain), "offset": rounded(frame.offset), "x": places, "contacts": contacts});
-    if S::DIMENSIONS > 2 {
-        let heights = frame
-            .centres
+    if !frame.is_sheared() {
+        let vectors = frame.lattice();
+        let rows = vectors
             .iter()
-            .map(|x| rounded(x[2].rem_euclid(frame.side)));
+            .map(|a| a.as_ref().iter().copied().map(rounded).collect());
+        picture["lattice"] = rows.collect::<Vec<Value>>().into();
+    }
+    if S::DIMENSIONS > 2 {
+        let heights = frame.centres.iter().map(|x| {
+            rounded(if frame.is_sheared() {
+                x[2].rem_euclid(frame.side)
+            } else {
+                x[2]
+            })
+        });
         picture["z"] = heights.collect();
     }
     picture

@@ -120,14 +120,16 @@ fn drawn<S: Kept>(
     let centres = network.centres.iter().map(|x| network.cell.wrap(*x));
     let centres: Vec<S::Vector> = centres.collect();
     let is_deep = S::DIMENSIONS > 2;
-    let shown = in_slab::<S>(&centres, view.slab, frame.side)?;
     // Spheres from back to front; in a layer they do not overlap, and lines are above all of them.
+    let vectors = lattice(frame);
     let mut order: Vec<(usize, [f64; 3])> = Vec::new();
     for (sphere, centre) in centres.iter().enumerate() {
         let depth = if is_deep { centre[2] } else { 0.0 };
-        let images = images(frame, [centre[0], centre[1], depth], network.radii[sphere]);
+        let place = [centre[0], centre[1], depth];
+        let images = images(frame, &vectors, place, network.radii[sphere]);
         order.extend(images.into_iter().map(|image| (sphere, image)));
     }
+    let shown = in_slab::<S>(&order, centres.len(), view.slab, frame.side)?;
     order.retain(|(_, image)| {
         let within = |[low, high]: [f64; 2]| (low..=high).contains(&image[2]);
         view.slab.is_none_or(within)
@@ -248,14 +250,15 @@ fn nearest<S: Kept>(frames: &[&Frame<S>], strain: Option<f64>) -> Result<usize, 
     Ok(nearest.unwrap_or(last))
 }
 
-/// Spheres with centres in a slab.
+/// Spheres of which an image has its centre in a slab.
 fn in_slab<S: Kept>(
-    centres: &[S::Vector],
+    images: &[(usize, [f64; 3])],
+    spheres: usize,
     slab: Option<[f64; 2]>,
     side: f64,
 ) -> Result<Vec<bool>, ReportError> {
     let Some([low, high]) = slab else {
-        return Ok(vec![true; centres.len()]);
+        return Ok(vec![true; spheres]);
     };
     let refused = |message| Err(ReportError::argument("slab", message));
     if !(low < high && low.is_finite() && high.is_finite()) {
@@ -264,10 +267,10 @@ fn in_slab<S: Kept>(
     if S::DIMENSIONS < 3 {
         return refused("a layer has no depth: slabs are cut from suspensions".to_owned());
     }
-    let shown: Vec<bool> = centres
-        .iter()
-        .map(|x| (low..=high).contains(&x[2]))
-        .collect();
+    let mut shown = vec![false; spheres];
+    for (sphere, image) in images {
+        shown[*sphere] |= (low..=high).contains(&image[2]);
+    }
     if !shown.contains(&true) {
         let side = significant(side, 4);
         return refused(format!(
@@ -277,18 +280,51 @@ fn in_slab<S: Kept>(
     Ok(shown)
 }
 
-/// The images of a sphere that are visible in the cell. Those above and below have another depth
-/// under cross shear.
-fn images<S: Kept>(frame: &Frame<S>, [x, y, z]: [f64; 3], radius: f64) -> Vec<[f64; 3]> {
-    let (side, offset, cross) = (frame.side, frame.offset, frame.cross_offset);
-    let cells = (-1..=1).flat_map(|row| (-2..=2).map(move |column| [column, row].map(f64::from)));
-    let all = cells.map(|[column, row]| {
-        let depth = (z + row * cross).rem_euclid(side);
-        [x + column * side + row * offset, y + row * side, depth]
+/// Lattice vectors of a frame, in a; the third one of a layer is zero.
+fn lattice<S: Kept>(frame: &Frame<S>) -> [[f64; 3]; 3] {
+    let mut vectors = [[0.0; 3]; 3];
+    for (vector, given) in vectors.iter_mut().zip(frame.lattice()) {
+        vector[..S::DIMENSIONS].copy_from_slice(given.as_ref());
+    }
+    vectors
+}
+
+/// The images of a sphere that are visible in a square window, in a suspension the front of a cube.
+/// In a sheared cell these are the cell itself.
+fn images<S: Kept>(
+    frame: &Frame<S>,
+    [a, b, c]: &[[f64; 3]; 3],
+    place: [f64; 3],
+    radius: f64,
+) -> Vec<[f64; 3]> {
+    let (side, is_sheared) = (frame.side, frame.is_sheared());
+    let is_deep = S::DIMENSIONS > 2;
+    // Lattices are as wide as the window, but for a factor of two.
+    let most = if is_sheared {
+        [2, 1, 0]
+    } else {
+        [4, 4, if is_deep { 4 } else { 0 }]
+    };
+    let [columns, rows, planes] = most.map(|most: i32| -most..=most);
+    let cells = planes.flat_map(|plane| {
+        let columns = columns.clone();
+        rows.clone()
+            .flat_map(move |row| columns.clone().map(move |column| [column, row, plane]))
+    });
+    let all = cells.map(|cell| {
+        let [m, n, l] = cell.map(f64::from);
+        let mut image: [f64; 3] =
+            std::array::from_fn(|k| place[k] + m * a[k] + n * b[k] + l * c[k]);
+        if is_sheared && is_deep {
+            // Those above and below have another depth under cross shear.
+            image[2] = image[2].rem_euclid(side);
+        }
+        image
     });
     let is_seen = |image: &[f64; 3]| {
         let mut seen = image[..2].iter();
         seen.all(|x| (-radius..=side + radius).contains(x))
+            && (is_sheared || !is_deep || (0.0..side).contains(&image[2]))
     };
     all.filter(is_seen).collect()
 }

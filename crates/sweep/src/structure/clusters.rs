@@ -77,7 +77,10 @@ pub(crate) fn clusters<'n, S: Space>(
     let is_crossed = is_sheared && network.cell.cross_offset() != 0.0;
     let mut percolates = [false; 3];
     for windings in &windings {
-        for (axis, along) in directions(windings, [is_sheared, is_crossed]).into_iter().enumerate() {
+        for (axis, along) in directions(windings, [is_sheared, is_crossed])
+            .into_iter()
+            .enumerate()
+        {
             percolates[axis] |= along;
         }
     }
@@ -200,7 +203,10 @@ mod tests {
         let alone = of(cell(2.5), (0..4).map(row).collect(), &ring);
         assert_eq!(alone.percolates, [true, false, false]);
         // One winding (1, 1) is an inclined column, whatever the label of its image.
-        assert_eq!(directions(&[[1, 1, 0]], [true, false]), [false, true, false]);
+        assert_eq!(
+            directions(&[[1, 1, 0]], [true, false]),
+            [false, true, false]
+        );
         assert_eq!(
             directions(&[[0, 1, 0], [0, 2, 0]], [true, false]),
             [false, true, false]
@@ -209,7 +215,10 @@ mod tests {
             directions(&[[0, 1, 0], [1, 1, 0]], [true, false]),
             [true, true, false]
         );
-        assert_eq!(directions(&[[3, 0, 0]], [true, false]), [true, false, false]);
+        assert_eq!(
+            directions(&[[3, 0, 0]], [true, false]),
+            [true, false, false]
+        );
         assert_eq!(directions(&[], [true, false]), [false; 3]);
         // Along the vorticity too where the images above are shifted along it.
         assert_eq!(directions(&[[0, 1, 1]], [true, false]), [false, true, true]);

@@ -18,6 +18,7 @@ mod documentation;
 mod draw;
 mod extreme;
 mod fit;
+mod flows;
 mod folded;
 mod harness;
 mod interruptions;

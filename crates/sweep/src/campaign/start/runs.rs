@@ -87,6 +87,15 @@ pub(super) fn layers(
             ),
         ]);
     }
+    if !first.params.is_sheared() {
+        return Err([
+            format!(
+                "the runs of that point of {} are no shear, and their cells are not square",
+                store.display()
+            ),
+            "a point with `flow` = \"shear\", or no `start`".to_owned(),
+        ]);
+    }
     runs.iter()
         .map(|run| match Checkpoint::decode(&run.state) {
             Ok(end) => {

@@ -91,11 +91,23 @@ function picture() {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.setTransform(scale, 0, 0, -scale, 0, canvas.height);
   const n = f.x.length / 3, radius = i => movie.radii[movie.radii.length === 1 ? 0 : i];
+  /* Of a lattice that is no sheared cell, a square, or a cube, as large as the cell is cut out. */
+  const [a, b, c] = f.lattice ?? [], depths = c ? 4 : 0;
+  const cut = (i, reach, paint) => {
+    for (let l = -depths; l <= depths; l++) for (let m = -4; m <= 4; m++) for (let k = -4; k <= 4; k++) {
+      const pz = c ? f.z[i] + m * a[2] + k * b[2] + l * c[2] : 0;
+      if (pz < 0 || pz >= side) continue;
+      const px = f.x[3 * i] + m * a[0] + k * b[0] + (c ? l * c[0] : 0), py = f.x[3 * i + 1] + m * a[1] + k * b[1] + (c ? l * c[1] : 0);
+      if (px > -reach && px < side + reach && py > -reach && py < side + reach) paint(px, py, pz);
+    }
+  };
   const wrap = (x, y) => { const rows = Math.floor(y / side); x -= rows * f.offset; y -= rows * side; return [x - Math.floor(x / side) * side, y]; };
-  const images = (x, y, reach, paint) => {
+  const images = (i, reach, paint) => {
+    if (a) return cut(i, reach, paint);
+    const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), z = f.z ? f.z[i] : 0;
     for (let row = -1; row <= 1; row++) for (let column = -2; column <= 2; column++) {
       const px = x + column * side + row * f.offset, py = y + row * side;
-      if (px > -reach && px < side + reach && py > -reach && py < side + reach) paint(px, py);
+      if (px > -reach && px < side + reach && py > -reach && py < side + reach) paint(px, py, z);
     }
   };
   const kind = $('paint').value, numbers = kind ? measure(kind, n, radius) : null, [low, high] = kind ? ends_of(kind, n, radius) : [0, 1];
@@ -103,22 +115,21 @@ function picture() {
   const paper = ink('--paper'), soft = ink('--soft');
   pen.lineWidth = .06;
   /* A suspension is viewed along the vorticity: the nearest spheres are drawn last. */
-  const order = Array.from({ length: n }, (_, i) => i);
-  if (f.z) order.sort((i, j) => f.z[i] - f.z[j]);
-  for (const i of order) {
-    const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), angle = f.x[3 * i + 2], a = radius(i), part = kind ? (numbers[i] - low) / (high - low) : 0;
-    images(x, y, a, (px, py) => {
-      pen.beginPath(); pen.arc(px, py, a, 0, 7); pen.fillStyle = kind ? heat(part) : paper; pen.fill(); pen.strokeStyle = soft; pen.stroke();
-      pen.strokeStyle = kind ? (part > .55 ? '#111' : '#fff') : soft;
-      pen.beginPath(); pen.moveTo(px + .35 * a * Math.cos(angle), py + .35 * a * Math.sin(angle)); pen.lineTo(px + .85 * a * Math.cos(angle), py + .85 * a * Math.sin(angle)); pen.stroke();
-    });
+  const order = [];
+  for (let i = 0; i < n; i++) images(i, radius(i), (px, py, pz) => order.push([i, px, py, pz]));
+  order.sort((one, other) => one[3] - other[3]);
+  for (const [i, px, py] of order) {
+    const angle = f.x[3 * i + 2], r = radius(i), part = kind ? (numbers[i] - low) / (high - low) : 0;
+    pen.beginPath(); pen.arc(px, py, r, 0, 7); pen.fillStyle = kind ? heat(part) : paper; pen.fill(); pen.strokeStyle = soft; pen.stroke();
+    pen.strokeStyle = kind ? (part > .55 ? '#111' : '#fff') : soft;
+    pen.beginPath(); pen.moveTo(px + .35 * r * Math.cos(angle), py + .35 * r * Math.sin(angle)); pen.lineTo(px + .85 * r * Math.cos(angle), py + .85 * r * Math.sin(angle)); pen.stroke();
   }
   const colours = [soft, ink('--rolling'), ink('--slipping')];
   pen.lineCap = 'round';
   for (const [i, j, state, nx, ny, force] of f.contacts) {
-    const [x, y] = wrap(f.x[3 * i], f.x[3 * i + 1]), r = radius(i) + radius(j);
+    const r = radius(i) + radius(j);
     pen.strokeStyle = colours[state]; pen.lineWidth = Math.min(.06 + .34 * force / movie.force, .55);
-    images(x, y, 2 * r, (px, py) => { pen.beginPath(); pen.moveTo(px, py); pen.lineTo(px + r * nx, py + r * ny); pen.stroke(); });
+    images(i, 2 * r, (px, py) => { pen.beginPath(); pen.moveTo(px, py); pen.lineTo(px + r * nx, py + r * ny); pen.stroke(); });
   }
   $('scrub').value = at;
   $('scrub').setAttribute('aria-valuetext', `strain ${f.strain.toFixed(2)}`);

@@ -1,0 +1,137 @@
+//! Campaigns in extension: from the file to reports, pictures and exports, interrupted and resumed.
+
+use crate::harness::{command, folder, send, spawn};
+use assert_cmd::Command;
+use rustix::process::Signal;
+use std::path::Path;
+use std::time::Duration;
+
+const CAMPAIGN: &str = r#"name = "flows"
+[protocol]
+strain = 0.3
+discard = 0.1
+checkpoint_every = 0.05
+observe = ["network"]
+[[grid]]
+volume_fraction = 0.45
+flow = ["planar-extension", "uniaxial", { shear = 1.0, extension = 0.7 }]
+friction = 0.5
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 30
+hydrodynamics = "lubrication"
+[[grid]]
+area_fraction = 0.7
+flow = "planar-extension"
+friction = 0.5
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 40
+hydrodynamics = "ball-melrose"
+"#;
+
+fn sweep(directory: &Path, arguments: &[&str]) -> String {
+    let done = Command::from_std(command(directory, arguments))
+        .assert()
+        .code(0);
+    String::from_utf8(done.get_output().stdout.clone()).unwrap()
+}
+
+/// The samples of all runs.
+fn samples(directory: &Path) -> Vec<Vec<rusqlite::types::Value>> {
+    let store = rusqlite::Connection::open(directory.join("results/flows.sqlite")).unwrap();
+    let query =
+        "SELECT c.key, s.step, s.viscosity, s.normal_stress_difference, s.contacts, s.minimum_gap
+         FROM samples s JOIN cases c ON c.id = s.case_id ORDER BY c.key, s.step";
+    let mut statement = store.prepare(query).unwrap();
+    let rows = statement
+        .query_map([], |row| (0..6).map(|n| row.get(n)).collect())
+        .unwrap();
+    rows.map(Result::unwrap).collect()
+}
+
+#[test]
+fn extension_goes_from_the_file_to_reports_pictures_and_exports() {
+    let whole = folder("flows.toml", CAMPAIGN);
+    sweep(
+        whole.path(),
+        &["run", "flows.toml", "--quiet", "--trajectory"],
+    );
+    let parts = folder("flows.toml", CAMPAIGN);
+    for pause in [150, 400] {
+        let mut process = spawn(
+            parts.path(),
+            &["run", "flows.toml", "--quiet", "--workers", "1"],
+        );
+        std::thread::sleep(Duration::from_millis(pause));
+        send(&process, Signal::INT);
+        process.wait().unwrap();
+    }
+    sweep(parts.path(), &["run", "flows.toml", "--quiet"]);
+    let samples = samples(whole.path());
+    assert!(samples.len() > 4 * 10);
+    assert_eq!(samples, self::samples(parts.path()));
+
+    let report: serde_json::Value =
+        serde_json::from_str(&sweep(whole.path(), &["report", "flows.toml", "--json"])).unwrap();
+    let points = report["points"].as_array().unwrap();
+    let flows: Vec<&str> = points
+        .iter()
+        .map(|point| point["flow"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        flows,
+        [
+            "planar-extension",
+            "uniaxial",
+            "mixture 0.7",
+            "planar-extension"
+        ]
+    );
+    for point in points {
+        assert!(point["viscosity"].as_f64().unwrap() > 2.0, "{point}");
+        assert!(point["layering"].is_null(), "{point}");
+        assert!(point["percolating_x"].is_number(), "{point}");
+    }
+    let table = sweep(
+        whole.path(),
+        &["report", "flows.toml", "--where", "flow=mixture 0.7"],
+    );
+    assert!(table.contains("mixture 0.7"), "{table}");
+
+    let frames = sweep(whole.path(), &["export", "flows.toml", "2"]);
+    let comment = frames.lines().nth(1).unwrap();
+    let lattice = comment.split('"').nth(1).unwrap();
+    let vectors: Vec<f64> = lattice.split(' ').map(|x| x.parse().unwrap()).collect();
+    let [ax, ay, az, bx, by, bz, cx, cy, cz] = vectors[..] else {
+        panic!("{comment}");
+    };
+    let determinant =
+        ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
+    let volume = 30.0 * 4.0 / 3.0 * std::f64::consts::PI / 0.45;
+    assert!(
+        (determinant / volume - 1.0).abs() < 1e-6,
+        "{determinant} {volume}"
+    );
+    assert!(ay != 0.0 && az != 0.0 && comment.contains("pbc=\"T T T\""));
+    for case in ["1", "2", "4"] {
+        sweep(
+            whole.path(),
+            &["draw", "flows.toml", case, "--out", "picture.svg"],
+        );
+        let picture = std::fs::read_to_string(whole.path().join("picture.svg")).unwrap();
+        assert!(picture.matches("<circle").count() >= 30, "{case}");
+    }
+    sweep(
+        whole.path(),
+        &["report", "flows.toml", "--page", "page.html"],
+    );
+    let structure = sweep(whole.path(), &["structure", "flows.toml", "--json"]);
+    let structure: serde_json::Value = serde_json::from_str(&structure).unwrap();
+    for point in structure["points"].as_array().unwrap() {
+        assert!(point["coordination"].as_f64().unwrap() > 0.0);
+        assert!(point["g_r"]["r"].as_array().unwrap().len() > 3);
+    }
+}
