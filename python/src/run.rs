@@ -291,7 +291,7 @@ impl Run {
         f64::from_bits(self.computing_time_s.load(Ordering::Relaxed))
     }
 
-    /// Side of the square or cubic cell.
+    /// Side of the square or cubic cell, or of one with the content of the lattice.
     #[getter]
     fn side(&self, py: Python<'_>) -> f64 {
         py.detach(|| self.run().side())

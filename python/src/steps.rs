@@ -1,5 +1,6 @@
 //! A run in either space, for the classes of runs.
 
+use sd_core::cell::Lattice;
 use sd_core::simulation::{Flow, Frame, FrameContact};
 use sd_core::{Error, NearFields, Params, RunSpace, Sample, Simulation};
 use sweep::model::spaces::{AnyFrame, AnySimulation, AnySnapshot};
@@ -66,16 +67,11 @@ impl Steps {
 
     /// Lattice vectors of the cell, one after the other.
     pub(crate) fn lattice(&self) -> Result<Vec<f64>, Error> {
-        fn of<S: Kept + RunSpace>(run: &Simulation<S>) -> Result<Vec<f64>, Error> {
+        fn of<S: RunSpace>(run: &Simulation<S>) -> Result<Vec<f64>, Error> {
             let cell = run.cell_at(run.time())?;
-            let frame = Frame::<S> {
-                side: run.side(),
-                offset: cell.offset(),
-                cross_offset: cell.cross_offset(),
-                ..Frame::default()
-            };
-            let vectors = frame.lattice();
-            Ok(vectors.iter().flat_map(|v| v.as_ref().to_vec()).collect())
+            let vectors = cell.lattice().map_or(&[][..], Lattice::vectors);
+            let points = vectors.iter().map(|a| S::point(a).as_ref().to_vec());
+            Ok(points.flatten().collect())
         }
         of_either!(&self.run, run => of(run))
     }

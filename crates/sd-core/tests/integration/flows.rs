@@ -50,7 +50,7 @@ fn begun<S: RunSpace>(params: &Params, seed: u64) -> Simulation<S> {
     Simulation::new(params, seed, &NearFields::default()).unwrap()
 }
 
-/// The same bits after an interruption, in every method.
+/// Checks that a run continues with the same bits after an interruption.
 fn check_interrupted<S: RunSpace>(params: &Params) {
     let mut run = begun::<S>(params, 1);
     for _ in 0..8 {

@@ -97,8 +97,8 @@ impl<'f, S: Kept> FrameTable<'f, S> {
 }
 
 /// The spheres of frames and their cell, whose lattice vectors are `(cell_side, 0)` and
-/// `(cell_offset, cell_side)`, in a suspension `(cell_offset, cell_side, cell_cross_offset)`, and in
-/// a flow that is no shear are in columns of their own; orientations as angles, or as quaternions.
+/// `(cell_offset, cell_side)`, in a suspension `(cell_offset, cell_side, cell_cross_offset)`; in
+/// flows other than shear they have columns of their own. Orientations are angles, or quaternions.
 fn spheres<S: Kept>(frames: &Frames<'_, S>) -> Vec<DataColumn> {
     let mut table = FrameTable::of(frames, |frame| frame.centres.len());
     if frames.iter().all(|(_, frame)| frame.is_sheared()) {
