@@ -634,7 +634,7 @@ fn faults_of_imposed_stress_have_their_line() {
             9,
             "`shear_stress` = 0 is out of range",
         ),
-        (imposed("direction = 0.5"), 10, "is no sense of the shear"),
+        (imposed("direction = 0.5"), 10, "is no sense of the flow"),
     ] {
         assert_fault(Path::new("."), &text, line, part);
     }

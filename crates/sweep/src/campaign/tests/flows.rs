@@ -8,7 +8,7 @@ fn suspension(flow: &str) -> String {
     GOOD.replace("area_fraction = [0.693]", "volume_fraction = 0.45")
         .replace("[0.0, 0.3]", "0.3")
         .replace("[0, 0.1, inf]", "inf")
-        .replace("spheres = 90", &format!("spheres = 90\nflow = {flow}"))
+        .replace("spheres = 90", &format!("spheres = 140\nflow = {flow}"))
 }
 
 fn flows(campaign: &Campaign) -> Vec<FlowType> {
@@ -105,7 +105,7 @@ fn bad_flows_are_refused_with_a_remedy() {
         "{text}"
     );
     // Shear has room for these spheres, and uniaxial extension has not.
-    let few = |flow: &str| parse_text(&suspension(flow).replace("spheres = 90", "spheres = 64"));
+    let few = |flow: &str| parse_text(&suspension(flow).replace("spheres = 140", "spheres = 64"));
     few("\"shear\"").unwrap();
     let error = few("\"uniaxial\"").unwrap_err().to_string();
     assert!(error.contains("shortest vector"), "{error}");
