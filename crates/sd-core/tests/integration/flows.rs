@@ -384,7 +384,7 @@ fn segments_may_have_different_flows() {
         segments: vec![Segment::default(), sheared],
         ..suspension(FlowType::PlanarExtension, 60, 0.4)
     };
-    let [first, second] = [&params, &other].map(|params| start::check(params));
+    let [first, second] = [&params, &other].map(start::check);
     first.unwrap();
     let refused = second.err().map(|error| error.to_string());
     assert!(refused.is_none_or(|text| text.contains("at times in this `flow`")));
