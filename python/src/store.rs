@@ -118,10 +118,6 @@ impl Store {
     }
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "arguments of Python come as values"
-)]
 /// What a horizontal axis shows in place of an axis of the campaign.
 #[derive(FromPyObject)]
 enum Abscissa {
@@ -129,6 +125,10 @@ enum Abscissa {
     Column(String),
 }
 
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments of Python come as values"
+)]
 #[pymethods]
 impl Store {
     #[new]
