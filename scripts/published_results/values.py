@@ -7,7 +7,7 @@ results/published/values.txt names every number that is quoted, one a line:
 This is the cell of FILE.csv in COLUMN and in the only row with these values. FILE, COLUMN or a VALUE
 may be two, `A/B`, for two cells that are compared; of two files each is searched by the keys that it
 has. FORM says what is quoted: `number`, the cell to three digits, or `rounded` to two; `factor`, A over
-B to two digits; `more` or `less`, how much more or less A is than B, in per cent.
+B to two digits; `excess`, A less 1 over B less 1; `more` or `less`, how much more or less A is than B, in per cent.
 
 In a page a number stands before a comment with its name, `rises 1.4<!-- value: NAME --> times`. Words
 without a number stand before a comment with a condition on values, in the form in which they would be
@@ -34,6 +34,7 @@ _FORMS = {
     "number": lambda a, b: a,
     "rounded": lambda a, b: a,
     "factor": lambda a, b: a / b,
+    "excess": lambda a, b: (a - 1) / (b - 1),
     "more": lambda a, b: 100 * (a / b - 1),
     "less": lambda a, b: 100 * (1 - a / b),
 }
