@@ -109,6 +109,18 @@ pub struct Params {
     /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
+    /// Péclet number Pe = 6π mu a³ rate/kT of Brownian motion; ∞: none. In fluid
+    /// [at rest](Params::at_rest) 0, and the unit of time is then a²/D0 = 6π mu a³/kT.
+    #[serde(
+        default = "infinity",
+        skip_serializing_if = "is_infinity",
+        with = "infinite"
+    )]
+    pub peclet: f64,
+    /// `F_crit a/kT` of Brownian motion, in place of the Péclet number, which is then Γ times this;
+    /// 0: none.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub thermal_load: f64,
     /// Type of the imposed flow. Rates are then √(2 E:E), of which strains are the integral.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flow: FlowType,
@@ -131,6 +143,20 @@ pub struct Params {
 /// Default of [`Params::size_ratio`].
 fn one() -> f64 {
     1.0
+}
+
+/// Default of [`Params::peclet`].
+fn infinity() -> f64 {
+    f64::INFINITY
+}
+
+/// Whether there is no Brownian motion.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature that serde requires"
+)]
+fn is_infinity(value: &f64) -> bool {
+    *value == f64::INFINITY
 }
 
 /// Whether a value is the default, which is omitted so that older cases keep their keys.
@@ -175,6 +201,8 @@ impl Params {
         time_step: f64::NAN,
         shear_stress: None,
         flow: FlowType::Shear,
+        peclet: f64::INFINITY,
+        thermal_load: 0.0,
         direction: 1.0,
         at_rest: false,
         start: None,
@@ -192,6 +220,37 @@ impl Params {
         let has_load = self.shear_stress.is_some() || self.shear_rate != 0.0;
         let begins_with_contact = self.contact.laws().onset == FrictionOnset::Contact;
         self.friction != 0.0 && (has_load || begins_with_contact)
+    }
+
+    /// Thermal energy kT of Brownian motion, 6π/Pe in mu·a³·rate; `None` without. In fluid
+    /// [at rest](Params::at_rest) it is 6π, with the diffusivity D0 of a sphere as unit.
+    ///
+    /// ```
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// let params = Params::builder()
+    ///     .spheres(40)
+    ///     .area_fraction(0.6)
+    ///     .roughness(0.01)
+    ///     .friction(0.5)
+    ///     .shear_rate(2.0)
+    ///     .hydrodynamics(Hydrodynamics::BallMelrose)
+    ///     .time_step(0.001)
+    ///     .thermal_load(50.0)
+    ///     .build()?;
+    /// let peclet = 100.0; // Γ F_crit a/kT
+    /// assert_eq!(params.thermal_energy(), Some(6.0 * std::f64::consts::PI / peclet));
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn thermal_energy(&self) -> Option<f64> {
+        let peclet = if self.thermal_load > 0.0 {
+            self.shear_rate * self.thermal_load
+        } else {
+            self.peclet
+        };
+        let divisor = if self.at_rest { 1.0 } else { peclet };
+        peclet
+            .is_finite()
+            .then(|| 6.0 * std::f64::consts::PI / divisor)
     }
 
     /// Critical load F_crit = 6π/Γ below which a contact is frictionless, in mu·a²·rate; infinite

@@ -64,6 +64,10 @@ pub struct StageSolver<S: Fluid = Layer> {
     forces: Vec<f64>,
     /// Disturbance velocities of the last solve.
     velocities: Vec<f64>,
+    /// Random forces of Brownian motion, and the velocities that they would cause without
+    /// contacts; empty without them.
+    random_forces: Vec<f64>,
+    random_motion: Vec<f64>,
     /// Total applied forces in one evaluation of the far-field iteration.
     applied: Vec<f64>,
     /// Iterative far field in addition to a pairwise Ball-Melrose resistance.
@@ -82,6 +86,8 @@ impl<S: Fluid> StageSolver<S> {
             distant: DistantForces::default(),
             forces: vec![0.0; n],
             velocities: vec![0.0; n],
+            random_forces: Vec::new(),
+            random_motion: Vec::new(),
             applied: Vec::with_capacity(n),
             far: None,
             procedure: None,
@@ -102,6 +108,7 @@ impl<S: Fluid> StageSolver<S> {
     /// resumed run has the same bits.
     pub fn begin_step(&mut self) {
         self.contacts.begin_step();
+        self.random_motion.fill(0.0);
         if let Some(far) = &mut self.far {
             far.split.round();
         }
@@ -180,6 +187,34 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
+    /// Draws the random forces of the next stages at the current positions, which replace the
+    /// former: see [`Resistance::add_random_forces`].
+    pub(crate) fn draw_random_forces(&mut self, scale: f64, normal: impl FnMut() -> f64) {
+        for list in [&mut self.random_forces, &mut self.random_motion] {
+            list.clear();
+            list.resize(self.velocities.len(), 0.0);
+        }
+        let forces = &mut self.random_forces;
+        self.resistance.add_random_forces(scale, normal, forces);
+    }
+
+    pub(crate) fn has_random_forces(&self) -> bool {
+        !self.random_forces.is_empty()
+    }
+
+    /// Sets the stresslets of the motion that random forces alone would cause in the last solve.
+    ///
+    /// `work`: scratch.
+    pub(crate) fn random_stresslets(
+        &self,
+        [work, forces]: [&mut Vec<f64>; 2],
+        stresslets: &mut Vec<S::Strain>,
+    ) {
+        let (motion, at_rest) = (&self.random_motion, Strains::none());
+        self.resistance
+            .apply(motion, at_rest, work, forces, stresslets);
+    }
+
     /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve.
     pub fn velocities(&self) -> &[f64] {
         &self.velocities
@@ -243,6 +278,7 @@ impl<S: Fluid> StageSolver<S> {
                     flow,
                     laws,
                     span,
+                    random_motion: &self.random_motion,
                 };
                 if let Some(far) = &mut self.far {
                     let mut map = ContactMap {
@@ -328,7 +364,15 @@ impl<S: Fluid> StageSolver<S> {
         if let StageContacts::Laws { laws, span, .. } = contact {
             self.distant.add(laws, resistance, flow, span, forces);
         }
-        resistance.factor()
+        resistance.factor()?;
+        if !self.random_forces.is_empty() {
+            let (random, motion) = (&self.random_forces, &mut self.random_motion);
+            self.contacts.free_motion(resistance, random, motion)?;
+            for (force, x) in self.forces.iter_mut().zip(random) {
+                *force += x;
+            }
+        }
+        Ok(())
     }
 }
 

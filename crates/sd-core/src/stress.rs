@@ -44,6 +44,10 @@ pub struct StressParts {
     pub tangential_contact: f64,
     /// From the repulsion.
     pub repulsion: f64,
+    /// From Brownian motion: its mean stresslets `−kT ∇·(R_SU R_FU⁻¹)`, and `−n kT` in each
+    /// direction in which spheres move.
+    #[serde(default)]
+    pub brownian: f64,
 }
 
 impl StressParts {
@@ -56,7 +60,11 @@ impl StressParts {
     /// assert_eq!(parts.total(), 2.5);
     /// ```
     pub fn total(&self) -> f64 {
-        self.hydrodynamic + self.normal_contact + self.tangential_contact + self.repulsion
+        self.hydrodynamic
+            + self.normal_contact
+            + self.tangential_contact
+            + self.repulsion
+            + self.brownian
     }
 
     /// All parts times a number.
@@ -66,6 +74,7 @@ impl StressParts {
             normal_contact: self.normal_contact * factor,
             tangential_contact: self.tangential_contact * factor,
             repulsion: self.repulsion * factor,
+            brownian: self.brownian * factor,
         }
     }
 }
@@ -119,6 +128,8 @@ pub struct StressWork<S: Space = Layer> {
     /// Hydrodynamic counterforces `R_FU v − R_FE e`.
     forces: Vec<f64>,
     far: Vec<f64>,
+    /// Stresslets of the motion under random forces.
+    random: Vec<S::Strain>,
 }
 
 impl<S: Fluid> StressWork<S> {
@@ -141,6 +152,22 @@ impl<S: Fluid> StressWork<S> {
         work + strained
     }
 
+    /// Sum of the stresslets of the motion that random forces alone would cause, as xx, yy, zz, xy,
+    /// xz and yz; zero without them.
+    pub(crate) fn random_stress(&mut self, stage: &StageSolver<S>) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        if stage.has_random_forces() {
+            let work = [&mut self.far, &mut self.forces];
+            stage.random_stresslets(work, &mut self.random);
+            for stresslet in &self.random {
+                for (sum, x) in sum.iter_mut().zip(S::full_tensor(stresslet)) {
+                    *sum += x;
+                }
+            }
+        }
+        sum
+    }
+
     /// Stress for the motion last solved, with its contacts and repelling pairs, in a cell of this
     /// area or volume; the viscosity is the resistance to the flow `primary`, which is the
     /// background without cross shear.
@@ -153,24 +180,26 @@ impl<S: Fluid> StressWork<S> {
     ) -> Stress {
         let power = self.update(stage, flow);
         let volume = S::volume(content, stage.resistance.radii());
-        let mut sums = Sums {
-            weights: weights(primary.rate_of_strain()),
-            components: StressComponents::default(),
-        };
+        let weights = weights(primary.rate_of_strain());
+        let mut components = StressComponents::default();
+        let mut add = |tensor, part| components.add(tensor, &weights, part);
         for s in &self.stresslets {
-            sums.add(S::full_tensor(s), |parts| &mut parts.hydrodynamic);
+            add(S::full_tensor(s), |parts| &mut parts.hydrodynamic);
         }
+        // The mean of the motion under random forces alone is the Brownian stress.
+        let random = self.random_stress(stage);
+        add(random.map(|x| -x), |parts| &mut parts.hydrodynamic);
         for c in &stage.contacts.list {
-            sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
-            sums.add(tangential_stress(c), |parts| &mut parts.tangential_contact);
+            add(normal_stress(c), |parts| &mut parts.normal_contact);
+            add(tangential_stress(c), |parts| &mut parts.tangential_contact);
         }
         for c in &stage.distant.adhesive {
-            sums.add(normal_stress(c), |parts| &mut parts.normal_contact);
+            add(normal_stress(c), |parts| &mut parts.normal_contact);
         }
         for c in &stage.distant.repulsive {
-            sums.add(normal_stress(c), |parts| &mut parts.repulsion);
+            add(normal_stress(c), |parts| &mut parts.repulsion);
         }
-        let components = sums.components.scaled(volume.recip());
+        let components = components.scaled(volume.recip());
         Stress {
             viscosity: 1.0 + components.shear.total(),
             viscosity_stresslet: 1.0 + components.shear.hydrodynamic,
@@ -182,7 +211,7 @@ impl<S: Fluid> StressWork<S> {
 }
 
 /// Weights of xx, yy, zz, xy, xz, yz in `Σ:E/(2 E:E)`. Of a fluid at rest they are those of shear.
-fn weights(rate_of_strain: [f64; 6]) -> [f64; 6] {
+pub(crate) fn weights(rate_of_strain: [f64; 6]) -> [f64; 6] {
     let mut weights = rate_of_strain;
     for weight in &mut weights[3..] {
         *weight *= 2.0;
@@ -195,29 +224,26 @@ fn weights(rate_of_strain: [f64; 6]) -> [f64; 6] {
     weights.map(|weight| weight / (2.0 * square))
 }
 
-/// Sums over spheres and pairs.
-struct Sums {
-    weights: [f64; 6],
-    components: StressComponents,
-}
-
-impl Sums {
-    /// Adds a tensor `[xx, yy, zz, xy, xz, yz]` to one part of every component.
-    fn add(&mut self, tensor: [f64; 6], part: fn(&mut StressParts) -> &mut f64) {
-        let [xx, yy, zz, xy, xz, yz] = tensor;
-        let along = tensor.iter().zip(&self.weights);
-        let sums = &mut self.components;
-        *part(&mut sums.shear) += along.map(|(x, weight)| x * weight).sum::<f64>();
-        *part(&mut sums.n1) += xx - yy;
-        *part(&mut sums.n2) += yy - zz;
-        *part(&mut sums.particle_pressure) -= (xx + yy + zz) / 3.0;
-        *part(&mut sums.xy) += xy;
-        *part(&mut sums.xz) += xz;
-        *part(&mut sums.yz) += yz;
-    }
-}
-
 impl StressComponents {
+    /// Adds a tensor `[xx, yy, zz, xy, xz, yz]` to one part of every component; `weights`: those of
+    /// the flow.
+    pub(crate) fn add(
+        &mut self,
+        tensor: [f64; 6],
+        weights: &[f64; 6],
+        part: fn(&mut StressParts) -> &mut f64,
+    ) {
+        let [xx, yy, zz, xy, xz, yz] = tensor;
+        let along = tensor.iter().zip(weights);
+        *part(&mut self.shear) += along.map(|(x, weight)| x * weight).sum::<f64>();
+        *part(&mut self.n1) += xx - yy;
+        *part(&mut self.n2) += yy - zz;
+        *part(&mut self.particle_pressure) -= (xx + yy + zz) / 3.0;
+        *part(&mut self.xy) += xy;
+        *part(&mut self.xz) += xz;
+        *part(&mut self.yz) += yz;
+    }
+
     /// Σ_xx, by cause.
     ///
     /// ```
@@ -259,6 +285,7 @@ impl StressComponents {
             normal_contact: deviator(|parts| parts.normal_contact) - pressure.normal_contact,
             tangential_contact: deviator(|parts| parts.tangential_contact),
             repulsion: deviator(|parts| parts.repulsion) - pressure.repulsion,
+            brownian: deviator(|parts| parts.brownian) - pressure.brownian,
         }
     }
 

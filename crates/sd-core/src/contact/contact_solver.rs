@@ -30,6 +30,8 @@ pub(crate) struct StageInput<'a, S: Fluid> {
     pub laws: &'a Laws,
     /// Time span over which forces are implicit.
     pub span: Span<'a>,
+    /// Velocities that random forces would cause without contacts; empty without them.
+    pub random_motion: &'a [f64],
 }
 
 /// The successive solves of one stage.
@@ -164,6 +166,30 @@ impl<S: Fluid> ContactSolver<S> {
                 return Ok((quality, changed));
             }
             changed = true;
+        }
+    }
+
+    /// Solves for the velocities under given forces without contacts, at the positions of a stage
+    /// whose contact problem is not yet solved. In sparse form they start from the given ones.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`].
+    pub(crate) fn free_motion(
+        &mut self,
+        resistance: &Resistance<S>,
+        forces: &[f64],
+        velocities: &mut [f64],
+    ) -> Result<(), Error> {
+        match &mut self.backend {
+            Backend::Dense(_) => {
+                velocities.copy_from_slice(forces);
+                resistance.solver().solve(velocities);
+                Ok(())
+            }
+            Backend::Sparse(system) => {
+                system.begin_stage();
+                SparseSystemView::free_motion(resistance, system, forces, velocities)
+            }
         }
     }
 

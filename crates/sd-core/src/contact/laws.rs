@@ -188,6 +188,9 @@ impl Laws {
 pub(super) struct Overlap {
     /// Overlap d of the stage; at the second stage with the correction for the motion of the first.
     pub(super) now: f64,
+    /// Overlap to which random forces alone would bring rigid contacts by the end of the time span:
+    /// they end at this gap above h.
+    pub(super) reflected: f64,
     /// Overlap about which a nonlinear law is linearised.
     pub(super) reference: f64,
     /// Whether the surfaces touch: g < h.
@@ -229,11 +232,15 @@ impl NormalForce {
 
     /// The normal velocity above which a candidate bears no force.
     pub(super) fn separation_velocity(&self, overlap: &Overlap, span: &Span<'_>) -> f64 {
-        if self.is_rigid() && overlap.now > 0.0 && !span.corrects_overlap_immediately() {
-            OVERLAP_CORRECTION * overlap.now / span.time
-        } else {
-            overlap.now / span.time
+        if !self.is_rigid() {
+            return overlap.now / span.time;
         }
+        let corrected = if overlap.now > 0.0 && !span.corrects_overlap_immediately() {
+            OVERLAP_CORRECTION * overlap.now
+        } else {
+            overlap.now
+        };
+        (corrected + overlap.reflected) / span.time
     }
 
     /// Dashpot coefficient of this contact; 0 unless the surfaces touch.

@@ -29,6 +29,7 @@ mod layer;
 mod near_matrix;
 mod pair_terms;
 mod pairwise;
+mod random_forces;
 mod reach;
 mod tables;
 

@@ -157,6 +157,16 @@ impl ParamsBuilder {
         self.with([], |p| p.at_rest = true)
     }
 
+    /// Péclet number of Brownian motion: see [`Params::peclet`]; none by default.
+    pub fn peclet(self, number: f64) -> Self {
+        self.with(["peclet"], |p| p.peclet = number)
+    }
+
+    /// `F_crit a/kT` of Brownian motion in place of a Péclet number: see [`Params::thermal_load`].
+    pub fn thermal_load(self, load: f64) -> Self {
+        self.with(["thermal_load"], |p| p.thermal_load = load)
+    }
+
     /// Type of the imposed flow: [`FlowType::Shear`] by default.
     pub fn flow(self, flow: FlowType) -> Self {
         self.with(["flow"], |p| p.flow = flow)

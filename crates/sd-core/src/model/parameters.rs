@@ -11,7 +11,7 @@ pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
-use super::{ContactLaws, ContactScheme, FlowType, Params, segments};
+use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, segments};
 use crate::error::Refusal;
 use crate::law::{Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
@@ -129,6 +129,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
         sizes.check(params.spheres)?;
     }
     check_together(params)?;
+    check_brownian(params)?;
     check_step(params)
 }
 
@@ -213,6 +214,96 @@ fn check_flow(params: &Params) -> Result<(), Refusal> {
             "\"shear\", or no given layer: the seed then makes one in the right cell",
             "start",
         );
+    }
+    Ok(())
+}
+
+/// Longest step of Brownian motion, over the roughness and in a²/D0. The gap g of two equal spheres
+/// diffuses by 4 g D0, so a gap of the roughness changes by 0.32 of it (root mean square). The
+/// density of pairs within 0.005 of contact, over the exact one, is 0.88, 0.93, 0.93 and 0.99 at
+/// steps of 1/10, 1/20, 1/40 and 1/100 (h = 0.01, leading-order lubrication, each ± 0.03).
+const LONGEST_THERMAL_STEP: f64 = 1.0 / 80.0;
+
+/// Checks the parameters of Brownian motion.
+fn check_brownian(params: &Params) -> Result<(), Refusal> {
+    let (peclet, load) = (params.peclet, params.thermal_load);
+    let (key, value) = if load > 0.0 {
+        ("thermal_load", load)
+    } else {
+        ("peclet", peclet)
+    };
+    let refuse = |problem: &str, allowed: &str, because| {
+        Err(Refusal {
+            key,
+            value: value.to_string(),
+            problem: problem.into(),
+            allowed: allowed.into(),
+            because: Some(because),
+        })
+    };
+    if load > 0.0 && peclet.is_finite() {
+        return refuse(
+            "is given beside `peclet`",
+            "one of them: Pe = shear_rate thermal_load",
+            "peclet",
+        );
+    }
+    if load > 0.0 && !(params.shear_rate > 0.0 && params.shear_rate.is_finite()) {
+        return refuse(
+            "is a ratio to F_crit, which this rate does not have",
+            "0 there, or a `peclet`: F_crit = 6 pi/shear_rate is infinite at 0 and zero at inf",
+            "shear_rate",
+        );
+    }
+    let Some(thermal_energy) = params.thermal_energy() else {
+        return Ok(());
+    };
+    if params.contact == ContactScheme::Procedure {
+        return refuse(
+            "is of Brownian motion, which the steps of that paper do not have",
+            "none there; `contact` = \"rigid\" or a law",
+            "contact",
+        );
+    }
+    if params.hydrodynamics == Hydrodynamics::StokesianDynamics {
+        return refuse(
+            "needs random forces, which there are without a far field only",
+            "none there; `hydrodynamics` = \"ball-melrose\" or \"lubrication\"",
+            "hydrodynamics",
+        );
+    }
+    if params.shear_stress.is_some() {
+        return refuse(
+            "needs an imposed rate",
+            "none there; a `shear_rate` in place of `shear_stress`",
+            "shear_stress",
+        );
+    }
+    if params.at_rest != (load == 0.0 && peclet == 0.0) {
+        return refuse(
+            if params.at_rest {
+                "is the number of a flow, and the fluid is at rest"
+            } else {
+                "leaves no flow whose strain would be the time"
+            },
+            if params.at_rest {
+                "0 or inf"
+            } else {
+                "above 0; inf is no Brownian motion"
+            },
+            "at_rest",
+        );
+    }
+    let longest =
+        LONGEST_THERMAL_STEP * params.roughness * 6.0 * std::f64::consts::PI / thermal_energy;
+    if params.roughness > 0.0 && params.time_step > longest {
+        return Err(Refusal {
+            key: "time_step",
+            value: params.time_step.to_string(),
+            problem: "lets a gap of the roughness diffuse too far".into(),
+            allowed: format!("at most roughness Pe/80 = {longest:.3e}, at rest roughness/80"),
+            because: Some(key),
+        });
     }
     Ok(())
 }

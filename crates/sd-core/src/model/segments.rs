@@ -432,7 +432,7 @@ impl Params {
         }
     }
 
-    /// The same run, described by the shear of its last segment: its rate or stress are those of
+    /// This run, described by the shear of its last segment: its rate or stress are those of
     /// that segment, and every segment names its own.
     #[must_use]
     pub fn by_last_segment(&self) -> Self {

@@ -1,5 +1,6 @@
 //! One run: a layer or a suspension sheared step by step.
 
+mod brownian;
 mod evaluation;
 mod forces;
 mod frame;
@@ -32,6 +33,7 @@ use crate::space::pair::PairKey;
 use crate::space::{Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
+use brownian::Brownian;
 use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
@@ -81,6 +83,8 @@ pub struct Simulation<S: Starts = Layer> {
     shear_control: ShearControl,
     /// Forces and torques of the user.
     forces: AppliedForces<S>,
+    /// Random forces, if the run has them.
+    brownian: Option<Brownian>,
     /// The background flow.
     background: VelocityGradient<S>,
     /// Offset of the cell at strain 0, in a.
@@ -207,6 +211,8 @@ impl<S: Starts> Simulation<S> {
             shear_control,
             forces: AppliedForces::default(),
             background: background(&params, &imposed),
+            brownian: (snapshot.noise_seed.zip(params.thermal_energy()))
+                .map(|(seed, energy)| Brownian::new(seed, energy)),
             offset: params.given_layer().map_or(0.0, |layer| layer.offset),
             memory: snapshot.memory,
             counters: snapshot.counters,
@@ -513,6 +519,7 @@ impl<S: Starts> Simulation<S> {
             memory: self.memory.clone(),
             near_pairs: self.near_pairs(),
             far_field: self.solver.far_field(),
+            noise_seed: self.brownian.as_ref().map(Brownian::seed),
             critical_load: self.shear_control.critical_load(),
             counters: self.counters,
         }

@@ -213,6 +213,7 @@ impl FixedPointMap for Free<'_> {
         let (v, v_t) = velocities.split_at_mut(forces.len() / 2);
         v_t.fill(0.0);
         let input = StageInput {
+            random_motion: &[],
             resistance: self.near,
             flow: &shear(),
             laws: &Laws::none(),

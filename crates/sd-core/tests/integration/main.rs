@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod added_law;
+mod brownian;
 mod bulk;
 mod common;
 mod contact_laws;

@@ -108,6 +108,7 @@ impl Record {
             ContactScheme::Rigid | ContactScheme::Laws(_) => SchemeMemory::Laws(self.memory()),
         };
         Snapshot {
+            noise_seed: None,
             version: SNAPSHOT_VERSION,
             steps: self.steps,
             radii: vec![1.0; self.params.spheres],

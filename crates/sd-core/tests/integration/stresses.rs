@@ -218,6 +218,7 @@ fn mirror_image_resists_its_mirrored_flow_as_much() {
         (
             one.xy,
             StressParts {
+                brownian: two.xy.brownian,
                 hydrodynamic: -two.xy.hydrodynamic,
                 normal_contact: -two.xy.normal_contact,
                 tangential_contact: -two.xy.tangential_contact,

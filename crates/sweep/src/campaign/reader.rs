@@ -218,11 +218,7 @@ impl<'t> Reader<'t> {
 }
 
 /// What the program does not have, by keys that users of other programs try.
-const ABSENT: [(&[&str], &str); 6] = [
-    (
-        &["peclet", "temperature", "brownian", "kt"],
-        "Brownian motion",
-    ),
+const ABSENT: [(&[&str], &str); 5] = [
     (
         &["pressure", "normal_stress", "viscous_number"],
         "imposed pressure",
@@ -253,6 +249,9 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
     }
     if let Some((_, what)) = ABSENT.iter().find(|(keys, _)| keys.contains(&written)) {
         allowed = format!("there is no {what} in this version; {allowed}");
+    }
+    if ["temperature", "brownian", "kt"].contains(&written) {
+        allowed = format!("Brownian motion has a `peclet` or a `thermal_load`; {allowed}");
     }
     if ["lognormal", "uniform", "species"].contains(&written) && known.contains(&"sizes") {
         allowed = format!(

@@ -329,8 +329,8 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
         ),
         (
             "spheres = 90",
-            "spheres = 90\npeclet = 1",
-            "there is no Brownian motion in this version",
+            "spheres = 90\ntemperature = 1",
+            "Brownian motion has a `peclet` or a `thermal_load`",
         ),
         (
             "spheres = 90",

@@ -134,7 +134,7 @@ impl RunData<'_> {
     /// ∫ P dt/∫ rate dt = ∫ (P/rate) dγ/∫ dγ
     /// ```
     ///
-    /// `None` where the stresslets make up more than half of it: they lack the pressure of the fluid.
+    /// `None` where the stresslets make up more than half of it: they lack the fluid's pressure.
     pub(super) fn steady_pressure_22(&self) -> Option<f64> {
         let pressure = self
             .mean("pressure_22")

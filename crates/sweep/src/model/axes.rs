@@ -231,8 +231,8 @@ pub fn params_of(values: &[Option<Value>]) -> Result<Params, InvalidCombination>
     Ok(folded_params_of(values, &[])?.0)
 }
 
-/// Parameters of a run in segments; and where friction does not act, or its onset has no effect, the
-/// parameters with friction, its laws and the shear rate as they are given, if these differ.
+/// Parameters of a run in segments; and where friction does not act, or its onset has no effect,
+/// the parameters with friction, its laws and the shear rate as they are given, if these differ.
 ///
 /// # Errors
 /// As [`params_of`].
@@ -294,8 +294,8 @@ fn as_if_friction_acted(values: &[Option<Value>], segments: &[Segment]) -> Optio
 /// The identity of a point.
 pub(crate) type Identity = Vec<Tag>;
 
-/// The identity of the point of a run: its values on the axes, then the shear of its segments, which
-/// differs among points that are named by that of the last.
+/// The identity of the point of a run: its values on the axes, then the shear of its segments,
+/// which differs among points that are named by that of the last.
 pub(crate) fn identity(params: &Params) -> Identity {
     let shear = |segment: &Segment| [segment.shear_rate, segment.shear_stress];
     let bits = params.segments.iter().flat_map(shear);

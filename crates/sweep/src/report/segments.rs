@@ -310,7 +310,7 @@ impl SegmentReport {
         self.table_in(self.report.units)
     }
 
-    /// The same in some units.
+    /// Its columns in some units.
     fn table_in(&self, units: Units) -> Vec<DataColumn> {
         let mut table = TableOf {
             columns: axis_table(&self.points()),

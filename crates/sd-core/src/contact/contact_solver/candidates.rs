@@ -30,7 +30,13 @@ impl<S: Fluid> ContactSolver<S> {
         for pair in pairs {
             while known.next_if(|&&(i, j, ..)| (i, j) < pair.key()).is_some() {}
             let forces = known.next_if(|&&(i, j, ..)| (i, j) == pair.key());
-            if forces.is_some() || pair.gap < range {
+            let is_close = || {
+                pair.gap < range || {
+                    let approach = random_approach(input, &Contact::new(*pair, radii, input.flow));
+                    approach < 0.0 && pair.gap + approach * input.span.time < range
+                }
+            };
+            if forces.is_some() || is_close() {
                 let mut contact = Contact::new(*pair, radii, input.flow);
                 if let Some((.., f, t)) = forces {
                     let across = |force| S::projected(force, &pair.normal);
@@ -86,10 +92,21 @@ impl<S: Fluid> ContactSolver<S> {
 pub(super) fn overlap_of<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> Overlap {
     let roughness = input.laws.surface.roughness;
     let now = roughness - input.span.gap(contact, input.flow);
+    let kicked = now.min(0.0) - input.span.time * random_approach(input, contact);
     Overlap {
         now,
+        reflected: kicked.max(0.0),
         reference: now,
         touching: contact.pair.gap < roughness,
         background: contact.background_approach,
+    }
+}
+
+/// The normal velocity of a pair due to random forces, were there no contacts.
+fn random_approach<S: Fluid>(input: &StageInput<'_, S>, contact: &Contact<S>) -> f64 {
+    if input.random_motion.is_empty() {
+        0.0
+    } else {
+        contact.normal_row().read(input.random_motion)
     }
 }

@@ -56,6 +56,9 @@ const MAX_ITERATIONS: usize = 40;
 /// Maximum number of calls for the motion under given forces, from which their residual is
 /// computed.
 const MAX_MEASURE_CALLS: u32 = 8;
+/// Residual of a motion without contacts, over the norm of the forces: that of random forces, which
+/// are exact in the mean only.
+const FREE_TOLERANCE: f64 = 1e-8;
 /// Minimum norm of the forces relative to which residuals are measured: the drag on one sphere, in
 /// mu·a²·rate.
 const MIN_FORCE: f64 = 6.0 * PI;
@@ -84,6 +87,8 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     given: [Vec<f64>; 2],
     open_states: States<S>,
     no_forces: Forces<S>,
+    /// Workspace of [`SparseSystemView::free_motion`].
+    spare: Vec<f64>,
 }
 
 impl<S: Fluid> SparseSystem<S> {
@@ -312,6 +317,42 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
             system,
             relative_tolerance: applied.relative_tolerance,
         })
+    }
+
+    /// The motion under given forces without contacts, from the given velocities; the motion of the
+    /// contact problem stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
+    pub(crate) fn free_motion(
+        resistance: &'a Resistance<S>,
+        system: &'a mut SparseSystem<S>,
+        forces: &[f64],
+        velocities: &mut [f64],
+    ) -> Result<(), Error> {
+        let problem = Problem::default();
+        let (mut contact_motion, has_motion) =
+            (std::mem::take(&mut system.spare), system.has_motion);
+        contact_motion.clone_from(&system.velocities);
+        let applied = AppliedForces {
+            relative_tolerance: FREE_TOLERANCE,
+            ..AppliedForces::both(forces)
+        };
+        let mut view = Self::begin(resistance, system, &problem, applied)?;
+        view.system.velocities.copy_from_slice(velocities);
+        let (states, mut no_forces) = (States::default(), Forces::default());
+        for _ in 0..MAX_MEASURE_CALLS {
+            let roundoff = view.solve(&problem, &states, true, &mut no_forces);
+            if roundoff.is_none_or(|roundoff| roundoff.exact) {
+                break;
+            }
+        }
+        velocities.copy_from_slice(&view.system.velocities);
+        view.system.active = view.active;
+        let system = view.system;
+        system.velocities.clone_from(&contact_motion);
+        (system.spare, system.has_motion) = (contact_motion, has_motion);
+        Ok(())
     }
 
     /// Ends the solution, whose disturbance velocities are copied to `velocities`.

@@ -112,3 +112,75 @@ fn far_pair_alone_is_the_whole_two_sphere_resistance() {
     let without = resisted(Hydrodynamics::BallMelrose, &both)[0] / (6.0 * PI);
     assert!(without > 0.9, "{without}");
 }
+
+/// Columns of B in `F = B z`, which [`Resistance::add_random_forces`] multiplies.
+fn random_columns<S: Fluid>(resistance: &Resistance<S>) -> Vec<Vec<f64>> {
+    let size = S::MODES * resistance.radii().len();
+    let mut columns = Vec::new();
+    loop {
+        let (mut column, mut drawn) = (vec![0.0; size], 0);
+        let number = || {
+            drawn += 1;
+            if drawn == columns.len() + 1 { 1.0 } else { 0.0 }
+        };
+        resistance.add_random_forces(1.0, number, &mut column);
+        if columns.len() == drawn {
+            return columns;
+        }
+        columns.push(column);
+    }
+}
+
+/// The largest difference between B Bᵀ and R, over the largest entry of R.
+fn covariance_error<S: Fluid>(resistance: &Resistance<S>) -> f64 {
+    let size = S::MODES * resistance.radii().len();
+    let columns = random_columns(resistance);
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for k in 0..size {
+        let (mut unit, mut expected) = (vec![0.0; size], vec![0.0; size]);
+        unit[k] = 1.0;
+        resistance.pairwise().unwrap().apply(&unit, &mut expected);
+        for (row, expected) in expected.iter().enumerate() {
+            let found: f64 = columns.iter().map(|column| column[row] * column[k]).sum();
+            worst = worst.max((found - expected).abs());
+            largest = largest.max(expected.abs());
+        }
+    }
+    worst / largest
+}
+
+#[test]
+fn random_forces_have_the_covariance_of_the_resistance() {
+    let tables = NearFields::default();
+    let leading = Hydrodynamics::Lubrication(crate::LeadingOrder::DEFAULT);
+    for hydrodynamics in [Hydrodynamics::BallMelrose, leading] {
+        for gap in [1e-4, 0.01, 0.3, 1.5] {
+            // Three spheres of two sizes, the first two at this gap.
+            let radii = [1.0, 1.4, 1.0];
+            let cell = Cell::<Layer>::equal_sides(30.0, 0.0).unwrap();
+            let apart = 2.4 + gap;
+            let centres = [
+                [5.0, 5.0],
+                [5.0 + 0.6 * apart, 5.0 + 0.8 * apart],
+                [4.0, 7.3],
+            ];
+            let mut layer =
+                Resistance::new_pairwise(hydrodynamics, &cell, &radii, &tables, &[]).unwrap();
+            layer.assemble(&cell, &centres.map(Vec2::from)).unwrap();
+            let error = covariance_error(&layer);
+            assert!(error < 1e-12, "{hydrodynamics:?} {gap}: {error:e}");
+            let cell = Cell::<crate::Bulk>::equal_sides(30.0, 0.0).unwrap();
+            let centres = [
+                [5.0, 5.0, 5.0],
+                [5.0 + 0.6 * apart, 5.0 + 0.64 * apart, 5.0 + 0.48 * apart],
+                [4.0, 7.0, 4.0],
+            ];
+            let mut suspension =
+                Resistance::new_pairwise(hydrodynamics, &cell, &radii, &tables, &[]).unwrap();
+            let centres = centres.map(nalgebra::Vector3::from);
+            suspension.assemble(&cell, &centres).unwrap();
+            let error = covariance_error(&suspension);
+            assert!(error < 1e-12, "{hydrodynamics:?} {gap}: {error:e}");
+        }
+    }
+}

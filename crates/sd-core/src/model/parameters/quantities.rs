@@ -121,3 +121,21 @@ pub(super) static SHEAR_RATE: Quantity = Quantity {
     range: Range::from_to(0.0, f64::INFINITY),
     note: "0 and inf are the plateaus",
 };
+
+/// Pe.
+pub(super) static PECLET: Quantity = Quantity {
+    key: "peclet",
+    unit: "1",
+    meaning: "Péclet number Pe; inf is no Brownian motion",
+    range: Range::from_to(0.0, f64::INFINITY),
+    note: "6 pi mu a^3 rate/kT, above 0; inf is no Brownian motion",
+};
+
+/// F_crit a/kT.
+pub(super) static THERMAL_LOAD: Quantity = Quantity {
+    key: "thermal_load",
+    unit: "kT/a",
+    meaning: "critical load in thermal units; in place of the Péclet number",
+    range: Range::from_below(0.0, f64::INFINITY),
+    note: "F_crit a/kT, from which Pe = shear_rate thermal_load; 0 is no Brownian motion",
+};

@@ -9,8 +9,8 @@ use super::choices::{
     tangential_words,
 };
 use super::quantities::{
-    AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, ROUGHNESS, SHEAR_RATE,
-    SHEAR_STRESS, SIZE_RATIO, SPHERES, START, TIME_STEP, VOLUME_FRACTION,
+    AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, PECLET, ROUGHNESS,
+    SHEAR_RATE, SHEAR_STRESS, SIZE_RATIO, SPHERES, START, THERMAL_LOAD, TIME_STEP, VOLUME_FRACTION,
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
@@ -35,7 +35,7 @@ use crate::model::{
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 29] = [
+pub static PARAMETERS: [Parameter; 31] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -353,6 +353,26 @@ pub static PARAMETERS: [Parameter; 29] = [
             },
         }),
         ..CHOICE
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &PECLET,
+            default: Some(|_| f64::INFINITY),
+            get: |p| p.peclet,
+            set: |p, value| p.peclet = value,
+            ..NEEDED
+        }),
+        ..number(&PECLET)
+    },
+    Parameter {
+        form: Form::Number(Number {
+            quantity: &THERMAL_LOAD,
+            default: Some(|_| 0.0),
+            get: |p| p.thermal_load,
+            set: |p, value| p.thermal_load = value,
+            ..NEEDED
+        }),
+        ..number(&THERMAL_LOAD)
     },
     Parameter {
         form: Form::Number(Number {

@@ -29,6 +29,9 @@ impl<S: Starts> Simulation<S> {
             ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
+        if let Some(brownian) = &mut self.brownian {
+            brownian.record(&stage, || self.stress.random_stress(&self.solver));
+        }
         let (background, solver) = (self.background, &self.solver);
         let spheres = S::by_sphere_mut(velocities)
             .iter_mut()
@@ -72,6 +75,9 @@ impl<S: Starts> Simulation<S> {
             let hydrodynamics = self.params.hydrodynamics;
             self.forces.update(hydrodynamics, &instant)?;
             solver.assemble(cell, centres)?;
+            if let (Some(brownian), 0) = (&mut self.brownian, stage.number) {
+                brownian.draw(self.steps, [stage.time, self.params.time_step], solver);
+            }
         }
         let external = self.forces.values();
         let quality = match &mut self.memory {

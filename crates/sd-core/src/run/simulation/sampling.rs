@@ -54,10 +54,19 @@ impl<S: Starts> Simulation<S> {
         }
     }
 
+    /// Area or volume of the cell.
+    fn content(&self) -> f64 {
+        (0..S::DIMENSIONS).map(|_| self.side).product()
+    }
+
+    /// The flow that viscosities refer to.
+    fn primary_flow(&self) -> VelocityGradient<S> {
+        VelocityGradient::of_type(self.params.flow, self.params.direction)
+    }
+
     /// Stress of the contact problem solved last.
     pub(super) fn stress_of_stage(&mut self) -> Stress {
-        let content = (0..S::DIMENSIONS).map(|_| self.side).product();
-        let primary = VelocityGradient::of_type(self.params.flow, self.params.direction);
+        let (content, primary) = (self.content(), self.primary_flow());
         let flow = self.background.into();
         let mut stress = self.stress.stress(&self.solver, &flow, &primary, content);
         if self.params.at_rest {
@@ -116,9 +125,21 @@ impl<S: Starts> Simulation<S> {
     /// Ends the step: its sample, with the counters of the run so far.
     pub(super) fn count_step(&mut self, record: &StepRecord) -> Sample {
         let mut sample = record.sample.expect("every step is sampled");
+        let (content, spheres) = (self.content(), self.params.spheres as f64);
+        if let Some(brownian) = &self.brownian {
+            let volume = S::volume(content, self.solver.resistance.radii());
+            let strain = self.primary_flow().rate_of_strain();
+            brownian.finish(&mut sample, [spheres, volume], strain, S::DIMENSIONS);
+        }
         let counters = &mut self.counters;
         counters.minimum_gap = counters.minimum_gap.min(record.gap);
-        counters.count_jam(sample.viscosity, record.jammed);
+        // Under random forces the viscosity of an instant says nothing of a jam.
+        let viscosity = if self.brownian.is_some() {
+            0.0
+        } else {
+            sample.viscosity
+        };
+        counters.count_jam(viscosity, record.jammed);
         sample.counters = *counters;
         sample
     }

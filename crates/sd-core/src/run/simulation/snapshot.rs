@@ -60,6 +60,10 @@ pub struct Snapshot<S: Space = Layer> {
     /// springs refer to it. `None` before the first stage, and under an imposed rate.
     #[serde(default)]
     pub critical_load: Option<f64>,
+    /// Seed of the random forces of Brownian motion, which with the number of the step determines
+    /// them; `None` without.
+    #[serde(default)]
+    pub noise_seed: Option<u64>,
     /// Counters.
     pub counters: Counters,
 }
@@ -284,6 +288,7 @@ impl<S: Starts> Snapshot<S> {
             near_pairs: Vec::new(),
             far_field: Vec::new(),
             critical_load: None,
+            noise_seed: params.thermal_energy().map(|_| seed),
             counters: Counters::default(),
         })
     }
@@ -303,6 +308,9 @@ impl<S: Starts> Snapshot<S> {
         }
         if !(self.shifts.is_empty() || self.shifts.len() == n) {
             return refuse("shifts of another number of spheres");
+        }
+        if self.noise_seed.is_some() != params.thermal_energy().is_some() {
+            return refuse("Brownian motion in one of snapshot and parameters alone");
         }
         if let Some(reason) = self.memory.fault(&params.contact, n) {
             return refuse(reason);

@@ -26,6 +26,8 @@ impl Axis {
             "repulsion" => "F0",
             "repulsion_length" => "l",
             "adhesion" => "F_A",
+            "peclet" => "Pe",
+            "thermal_load" => "F_crit a/kT",
             "time_step" => "Δt",
             "shear_rate" => "Γ",
             "shear_stress" => "σ*",
@@ -51,6 +53,8 @@ impl Axis {
             "lubrication_regularisation" => "1e-3",
             "repulsion_length" => "0.02",
             "start" => "\"layer.xyz\"",
+            "peclet" => "[1.0, 10.0, 100.0, inf]",
+            "thermal_load" => "100",
             "direction" => "-1",
             "shear_rate" => "[0.1, 1.0, 10.0, inf]",
             "shear_stress" => "[0.1, 1.0, 10.0]",
@@ -64,6 +68,8 @@ impl Axis {
         let keys = [
             "stiffness",
             "lubrication_regularisation",
+            "peclet",
+            "thermal_load",
             "shear_rate",
             "shear_stress",
         ];
@@ -81,6 +87,8 @@ impl Axis {
             ("start", _) => params.start.is_some(),
             ("flow", _) => params.flow != FlowType::Shear,
             ("direction", _) => params.direction != 1.0,
+            ("peclet", _) => params.peclet.is_finite(),
+            ("thermal_load", _) => params.thermal_load > 0.0,
             (
                 "size_ratio" | "rolling_friction" | "dashpot" | "repulsion" | "adhesion",
                 Form::Number(number),

@@ -1,0 +1,254 @@
+//! Brownian motion: diffusion of a sphere, the equilibrium of pairs and of suspensions, and bits.
+
+use crate::common::schemes::{rigid, spring};
+use nalgebra::Vector3;
+use sd_core::cell::Cell;
+use sd_core::instant::{Configuration, InstantContacts, solve};
+use sd_core::model::StartFrom;
+use sd_core::{
+    Bulk, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace,
+    Simulation, Snapshot, Space, TangentialLaw, VelocityGradient,
+};
+use std::f64::consts::PI;
+
+const NEAR: Hydrodynamics = Hydrodynamics::BallMelrose;
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+
+/// Spheres in fluid at rest, whose unit of time is a²/D0, with the longest step.
+fn at_rest(spheres: usize, roughness: f64) -> sd_core::model::ParamsBuilder {
+    Params::builder()
+        .spheres(spheres)
+        .roughness(roughness)
+        .friction(0.0)
+        .shear_rate(0.0)
+        .hydrodynamics(LUBRICATION)
+        .contact(ContactScheme::Rigid)
+        .time_step(roughness / 80.0)
+        .at_rest()
+        .peclet(0.0)
+}
+
+#[test]
+fn a_sphere_diffuses_by_stokes_and_einstein() {
+    // D0 = kT/6πa is the unit; the rotation has kT/8πa³ = 0.75.
+    let params = at_rest(1, 0.4).area_fraction(0.02).build().unwrap();
+    let mut layer = Simulation::<Layer>::new(&params, 1, &NearFields::default()).unwrap();
+    let steps = 20_000;
+    let (mut square, mut turned, mut mean) = (0.0, 0.0, 0.0);
+    for _ in 0..steps {
+        layer.step().unwrap();
+        let [x, y, spin] = layer.velocities()[0];
+        let share = params.time_step / (2.0 * f64::from(steps));
+        square += (x * x + y * y) * 0.5 * share;
+        turned += spin * spin * share;
+        mean += x / f64::from(steps);
+    }
+    // Four standard deviations of means of squares: 4 √(2/n).
+    assert!((square - 1.0).abs() < 0.03, "{square}");
+    assert!((turned / 0.75 - 1.0).abs() < 0.04, "{turned}");
+    let deviation = (2.0 / (params.time_step * f64::from(steps))).sqrt();
+    assert!(mean.abs() < 4.0 * deviation, "{mean}");
+}
+
+#[test]
+fn places_of_two_spheres_are_uniform_whatever_their_mobility() {
+    let (steps, roughness, width) = (300_000, 0.05, 0.025);
+    let params = at_rest(2, roughness).volume_fraction(0.06).build().unwrap();
+    let mut pair = Simulation::<Bulk>::new(&params, 1, &NearFields::default()).unwrap();
+    let (side, least) = (pair.side(), 2.0 + roughness);
+    let mut counts = [0_u32; 20];
+    for _ in 0..steps {
+        pair.step().unwrap();
+        let [a, b] = [pair.centres()[0], pair.centres()[1]];
+        let apart = (a - b).map(|x| x - side * (x / side).round()).norm();
+        if let Some(bin) = (0..20_u8).rfind(|bin| apart >= least + width * f64::from(*bin))
+            && apart < least + 20.0 * width
+        {
+            counts[usize::from(bin)] += 1;
+        }
+    }
+    let density: Vec<f64> = (0..20)
+        .zip(counts)
+        .map(|(bin, count)| {
+            let [inner, outer] = [bin, bin + 1].map(|k| least + width * f64::from(k));
+            f64::from(count) / (outer.powi(3) - inner.powi(3))
+        })
+        .collect();
+    // Pairs diffuse a tenth as fast in the first bin as in the last. Without the drift they collect
+    // there, and contacts that only stop hold them.
+    let (near, far) = (density[0], density[1..].iter().sum::<f64>() / 19.0);
+    assert!((near / far - 1.0).abs() < 0.1, "{near} {far}");
+    let halves = [&density[1..10], &density[10..]].map(|part| part.iter().sum::<f64>());
+    assert!(
+        (halves[0] / 9.0 / (halves[1] / 10.0) - 1.0).abs() < 0.1,
+        "{density:?}"
+    );
+    let free = side.powi(3) - 4.0 / 3.0 * PI * least.powi(3);
+    let share = far * free / (4.0 / 3.0 * PI * f64::from(steps));
+    assert!((share - 1.0).abs() < 0.2, "{share}");
+}
+
+/// After some steps, and the same with an interruption in the middle.
+fn interrupted<S: RunSpace>(params: &Params) -> [Snapshot<S>; 2] {
+    let tables = NearFields::default();
+    [false, true].map(|stops| {
+        let mut run = Simulation::<S>::new(params, 3, &tables).unwrap();
+        for step in 0..8 {
+            run.step().unwrap();
+            if stops && step == 3 {
+                run = Simulation::from_snapshot(params, run.snapshot(), &tables).unwrap();
+            }
+        }
+        run.snapshot()
+    })
+}
+
+#[test]
+fn interrupted_runs_have_the_same_bits() {
+    for contact in [
+        ContactScheme::Rigid,
+        rigid(TangentialLaw::Coulomb),
+        spring(1e4, TangentialLaw::StickSlide),
+    ] {
+        let run = |builder: sd_core::model::ParamsBuilder, spheres: usize| {
+            let builder = builder
+                .spheres(spheres)
+                .roughness(0.01)
+                .friction(0.5)
+                .shear_rate(20.0)
+                .hydrodynamics(NEAR)
+                .contact(contact)
+                .time_step(0.001)
+                .peclet(10.0);
+            builder.build().unwrap()
+        };
+        for spheres in [30, 80] {
+            let layer = run(Params::builder().area_fraction(0.65), spheres);
+            let [whole, resumed] = interrupted::<Layer>(&layer);
+            assert_eq!(whole, resumed, "{contact:?} {spheres}");
+            let still = Params {
+                peclet: f64::INFINITY,
+                ..layer
+            };
+            let [without, _] = interrupted::<Layer>(&still);
+            assert_ne!(whole.centres, without.centres);
+        }
+        let suspension = run(Params::builder().volume_fraction(0.45), 80);
+        let [whole, resumed] = interrupted::<Bulk>(&suspension);
+        assert_eq!(whole, resumed, "{contact:?}");
+    }
+}
+
+/// Pairs of spheres with a gap below `limit`.
+fn close_pairs(centres: &[Vector3<f64>], side: f64, limit: f64) -> f64 {
+    let mut pairs = 0;
+    for (i, x) in centres.iter().enumerate() {
+        for y in &centres[..i] {
+            let apart = (x - y).map(|x| x - side * (x / side).round());
+            pairs += u32::from(apart.norm() < 2.0 + limit);
+        }
+    }
+    f64::from(pairs)
+}
+
+#[test]
+fn spheres_in_equilibrium_stay_there() {
+    // Monte Carlo moves know neither mobility nor contact forces.
+    let roughness = 0.05;
+    let params = at_rest(108, roughness)
+        .volume_fraction(0.3)
+        .start(StartFrom::Equilibrium)
+        .build()
+        .unwrap();
+    let limit = roughness + 0.025;
+    let starts = 40_u32;
+    let mut expected = 0.0;
+    for seed in 1..=starts {
+        let start = Snapshot::<Bulk>::start(&params, seed.into()).unwrap();
+        let centres: Vec<_> = start.centres.iter().map(|x| Vector3::from(*x)).collect();
+        expected += close_pairs(&centres, start.side, limit) / f64::from(starts);
+    }
+    let mut run = Simulation::<Bulk>::new(&params, 1, &NearFields::default()).unwrap();
+    let (steps, mut found) = (1000, 0.0);
+    for _ in 0..steps {
+        run.step().unwrap();
+        found += close_pairs(run.centres(), run.side(), limit) / f64::from(steps);
+    }
+    // Four standard deviations of the mean of 40 starts.
+    let deviation = (expected / f64::from(starts)).sqrt();
+    assert!(
+        (found - expected).abs() < 4.0 * deviation + 0.05 * expected,
+        "{found} {expected}"
+    );
+}
+
+/// Three spheres away from contact, in a suspension.
+const PLACES: [[f64; 3]; 3] = [[2.0, 2.0, 2.0], [3.7, 3.2, 2.6], [2.2, 3.9, 0.9]];
+
+/// `kT Σ_k ∂S(F = e_k)/∂x_k` over the coordinates of all spheres, as xx, xy and yy of the summed
+/// stresslets: the Brownian stress `−kT ∇·(R_SU R_FU⁻¹)`, by central differences of instants.
+fn divergence(side: f64) -> [f64; 3] {
+    let sums = |moved: usize, by: f64| {
+        let mut centres = PLACES.map(Vector3::from).to_vec();
+        centres[moved / 3][moved % 3] += by;
+        let mut forces = vec![Vector3::zeros(); 3];
+        forces[moved / 3][moved % 3] = 1.0;
+        let instant = Configuration::<Bulk> {
+            centres,
+            radii: vec![1.0; 3],
+            cell: Cell::equal_sides(side, 0.0).unwrap(),
+            hydrodynamics: LUBRICATION,
+            background: VelocityGradient::at_rest().into(),
+            forces,
+            torques: vec![Vector3::zeros(); 3],
+        };
+        let solved = solve(&instant, &InstantContacts::None, &NearFields::default()).unwrap();
+        let mut sum = [0.0; 3];
+        for stresslet in &solved.stresslets {
+            let tensor = Bulk::full_tensor(stresslet);
+            for (sum, k) in sum.iter_mut().zip([0, 3, 1]) {
+                *sum += tensor[k];
+            }
+        }
+        sum
+    };
+    let (mut total, by) = ([0.0; 3], 1e-5);
+    for moved in 0..9 {
+        let [ahead, behind] = [by, -by].map(|by| sums(moved, by));
+        for k in 0..3 {
+            total[k] += (ahead[k] - behind[k]) / (2.0 * by) * 6.0 * PI;
+        }
+    }
+    total
+}
+
+#[test]
+fn brownian_stress_is_a_divergence() {
+    let mut params = at_rest(3, 0.01).volume_fraction(0.04).build().unwrap();
+    params.time_step = 1e-6;
+    let mut start = Snapshot::<Bulk>::start(&params, 1).unwrap();
+    start.centres = PLACES.to_vec();
+    let tables = NearFields::default();
+    let draws = 20_000_u32;
+    let (mut mean, mut square) = ([0.0; 2], [0.0; 2]);
+    let volume = start.side.powi(3);
+    for seed in 0..draws {
+        start.noise_seed = Some(seed.into());
+        let mut run = Simulation::from_snapshot(&params, start.clone(), &tables).unwrap();
+        let stress = run.step().unwrap().stress;
+        let found = [stress.n1.brownian, stress.xy.brownian].map(|x| x * volume);
+        for k in 0..2 {
+            mean[k] += found[k] / f64::from(draws);
+            square[k] += found[k] * found[k] / f64::from(draws);
+        }
+    }
+    let [xx, xy, yy] = divergence(start.side);
+    for (k, expected) in [xx - yy, xy].into_iter().enumerate() {
+        let deviation = ((square[k] - mean[k] * mean[k]) / f64::from(draws)).sqrt();
+        assert!(deviation < 0.1 * expected.abs(), "{expected} {deviation}");
+        assert!(
+            (mean[k] - expected).abs() < 4.0 * deviation,
+            "{mean:?} {expected} {deviation}"
+        );
+    }
+}
