@@ -56,9 +56,9 @@ const MAX_ITERATIONS: usize = 40;
 /// Maximum number of calls for the motion under given forces, from which their residual is
 /// computed.
 const MAX_MEASURE_CALLS: u32 = 8;
-/// Residual of a motion without contacts, over the norm of the forces: that of random forces, which
-/// are exact in the mean only.
-const FREE_TOLERANCE: f64 = 1e-8;
+/// Residual of a motion without contacts, over the norm of the forces. It does not enter the motion
+/// of the spheres, only reflections and the Brownian stress.
+const FREE_TOLERANCE: f64 = 1e-6;
 /// Minimum norm of the forces relative to which residuals are measured: the drag on one sphere, in
 /// mu·a²·rate.
 const MIN_FORCE: f64 = 6.0 * PI;
@@ -319,8 +319,8 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         })
     }
 
-    /// The motion under given forces without contacts, from the given velocities; the motion of the
-    /// contact problem stays as it is.
+    /// The motion under given forces without contacts, from the given velocities. The contact problem
+    /// starts from it unless it has a motion.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
@@ -350,7 +350,12 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         velocities.copy_from_slice(&view.system.velocities);
         view.system.active = view.active;
         let system = view.system;
-        system.velocities.clone_from(&contact_motion);
+        if has_motion {
+            system.velocities.clone_from(&contact_motion);
+        } else {
+            // The contact problem of the first stage starts from it.
+            system.frictionless.copy_from_slice(velocities);
+        }
         (system.spare, system.has_motion) = (contact_motion, has_motion);
         Ok(())
     }
