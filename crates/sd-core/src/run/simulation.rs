@@ -211,8 +211,7 @@ impl<S: Starts> Simulation<S> {
             shear_control,
             forces: AppliedForces::default(),
             background: background(&params, &imposed),
-            brownian: (snapshot.noise_seed.zip(params.thermal_energy()))
-                .map(|(seed, energy)| Brownian::new(seed, energy)),
+            brownian: snapshot.noise_seed.map(Brownian::new),
             offset: params.given_layer().map_or(0.0, |layer| layer.offset),
             memory: snapshot.memory,
             counters: snapshot.counters,

@@ -4,7 +4,7 @@ use crate::common::schemes::{rigid, spring};
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
-use sd_core::model::StartFrom;
+use sd_core::model::{Segment, StartFrom};
 use sd_core::{
     Bulk, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace,
     Simulation, Snapshot, Space, TangentialLaw, VelocityGradient,
@@ -118,8 +118,13 @@ fn interrupted_runs_have_the_same_bits() {
                 .shear_rate(20.0)
                 .hydrodynamics(NEAR)
                 .contact(contact)
-                .time_step(0.001)
-                .peclet(10.0);
+                .time_step(0.001);
+            // Pe = 10 at the rate of the grid.
+            let builder = if spheres == 31 {
+                builder.thermal_load(0.5)
+            } else {
+                builder.peclet(10.0)
+            };
             builder.build().unwrap()
         };
         for spheres in [30, 80] {
@@ -133,6 +138,18 @@ fn interrupted_runs_have_the_same_bits() {
             let [without, _] = interrupted::<Layer>(&still);
             assert_ne!(whole.centres, without.centres);
         }
+        // At another rate the same material has another Péclet number.
+        let segment = |start, rate| Segment {
+            start,
+            shear_rate: Some(rate),
+            ..Segment::default()
+        };
+        let layer = Params::builder()
+            .area_fraction(0.65)
+            .segments(vec![segment(0.0, 20.0), segment(0.002, 40.0)]);
+        let params = run(layer, 31);
+        let [whole, resumed] = interrupted::<Layer>(&params);
+        assert_eq!(whole, resumed, "{contact:?}, segments");
         let suspension = run(Params::builder().volume_fraction(0.45), 80);
         let [whole, resumed] = interrupted::<Bulk>(&suspension);
         assert_eq!(whole, resumed, "{contact:?}");

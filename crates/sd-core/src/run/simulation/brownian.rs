@@ -28,7 +28,7 @@ const STREAM: u64 = 2;
 #[derive(Debug)]
 pub(super) struct Brownian {
     seed: u64,
-    /// kT, in mu·a³·rate.
+    /// kT of the step, in mu·a³·rate.
     thermal_energy: f64,
     /// The step that forces were last drawn for.
     drawn: Option<u64>,
@@ -44,10 +44,10 @@ pub(super) struct Brownian {
 }
 
 impl Brownian {
-    pub(super) fn new(seed: u64, thermal_energy: f64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         Self {
             seed,
-            thermal_energy,
+            thermal_energy: 0.0,
             drawn: None,
             step: [0.0; 2],
             stresses: [[0.0; 6]; 2],
@@ -66,12 +66,14 @@ impl Brownian {
         &mut self,
         number: u64,
         span: [f64; 2],
+        thermal_energy: f64,
         solver: &mut StageSolver<S>,
     ) {
         if self.drawn == Some(number) {
             return;
         }
         (self.drawn, self.step) = (Some(number), span);
+        self.thermal_energy = thermal_energy;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         // Every step has numbers of its own, so that a run continues from its seed and step.
         random.set_stream(STREAM);

@@ -75,8 +75,14 @@ impl<S: Starts> Simulation<S> {
             let hydrodynamics = self.params.hydrodynamics;
             self.forces.update(hydrodynamics, &instant)?;
             solver.assemble(cell, centres)?;
-            if let (Some(brownian), 0) = (&mut self.brownian, stage.number) {
-                brownian.draw(self.steps, [stage.time, self.params.time_step], solver);
+            let energy = self.params.thermal_energy();
+            if let (Some(brownian), Some(energy), 0) = (&mut self.brownian, energy, stage.number) {
+                brownian.draw(
+                    self.steps,
+                    [stage.time, self.params.time_step],
+                    energy,
+                    solver,
+                );
             }
         }
         let external = self.forces.values();
