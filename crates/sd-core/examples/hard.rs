@@ -44,9 +44,10 @@ pub(crate) struct Law {
 
 /// The laws that are tried.
 #[rustfmt::skip]
-const LAWS: [Law; 7] = [
+const LAWS: [Law; 8] = [
     Law { normal: NormalLaw::Rigid, tangential: TangentialLaw::RollSlip },
     Law { normal: NormalLaw::Rigid, tangential: TangentialLaw::Coulomb },
+    Law { normal: NormalLaw::Rigid, tangential: TangentialLaw::StickSlide },
     Law { normal: NormalLaw::Rigid, tangential: TangentialLaw::StickRotate },
     Law { normal: NormalLaw::LinearSpring, tangential: TangentialLaw::RollSlip },
     Law { normal: NormalLaw::LinearSpring, tangential: TangentialLaw::StickSlide },
@@ -64,11 +65,17 @@ impl Law {
         })
     }
 
-    /// The choice of laws, for a roughness height and springs of a stiffness.
-    fn choice(self, roughness: f64, stiffness: f64) -> ContactLaws {
+    /// The choice of laws, for a roughness height and springs of a stiffness, tangential ones
+    /// beside rigid contacts.
+    fn choice(self, roughness: f64, stiffness: f64, tangential_stiffness: f64) -> ContactLaws {
         match self.normal {
             NormalLaw::Rigid => ContactLaws {
                 tangential: self.tangential,
+                tangential_stiffness: if self.tangential.has_spring() {
+                    tangential_stiffness
+                } else {
+                    0.0
+                },
                 ..ContactLaws::PAPER
             },
             normal => ContactLaws {
@@ -107,6 +114,9 @@ pub(crate) struct Part {
     /// Stiffness of springs, in F_crit/a; of Hertz's law in F_crit/a^(3/2)
     #[arg(long, default_value_t = 1e4)]
     stiffness: f64,
+    /// Stiffness of tangential springs beside rigid contacts, in F_crit/a
+    #[arg(long, default_value_t = 1e5)]
+    tangential_stiffness: f64,
     /// Coefficient of rolling friction, for compatible laws
     #[arg(long, default_value_t = 0.0)]
     rolling_friction: f64,
@@ -166,7 +176,11 @@ impl Part {
                                     friction,
                                     contact: ContactScheme::Laws(ContactLaws {
                                         rolling_friction: self.rolling_friction,
-                                        ..law.choice(roughness, self.stiffness)
+                                        ..law.choice(
+                                            roughness,
+                                            self.stiffness,
+                                            self.tangential_stiffness,
+                                        )
                                     }),
                                     ..valid.clone()
                                 };
@@ -200,7 +214,15 @@ impl Case {
         if rolling_friction > 0.0 {
             let _ = write!(options, " --rolling-friction {rolling_friction}");
         }
-        let stiffness = self.params.contact.laws().stiffness;
+        let laws = self.params.contact.laws();
+        if laws.has_rigid_springs() {
+            let _ = write!(
+                options,
+                " --tangential-stiffness {:e}",
+                laws.tangential_stiffness
+            );
+        }
+        let stiffness = laws.stiffness;
         if stiffness.is_finite() {
             let _ = write!(options, " --stiffness {stiffness:e}");
         }
@@ -257,6 +279,7 @@ impl Case {
             end,
             note,
             counters: *layer.counters(),
+            systems: layer.linear_systems(),
             onset,
             slowest: seconds
                 .last()
@@ -328,6 +351,8 @@ struct Ran {
     /// Description of its end.
     note: String,
     counters: Counters,
+    /// Linear systems of contact problems.
+    systems: u64,
     onset: Onset,
     /// Computing time of its slowest step over that of its median one.
     slowest: Option<f64>,
@@ -340,6 +365,7 @@ impl Ran {
             end,
             note: note.into(),
             counters: Counters::default(),
+            systems: 0,
             onset: Onset::default(),
             slowest: None,
         }
@@ -363,6 +389,7 @@ struct Row {
     stages: u64,
     unconverged: u64,
     jammed_stages: u64,
+    systems: u64,
     onset: Onset,
     slowest: f64,
 }
@@ -383,6 +410,7 @@ impl Row {
             row.stages += ran.counters.stages;
             row.unconverged += ran.counters.unconverged_stages;
             row.jammed_stages += ran.counters.jammed_stages;
+            row.systems += ran.systems;
             row.onset.contacts += ran.onset.contacts;
             row.onset.without += ran.onset.without;
             row.onset.with += ran.onset.with;
@@ -406,9 +434,10 @@ impl fmt::Display for Row {
         };
         let [without, with] = self.onset.shares();
         let share = 100.0 * self.unconverged as f64 / self.stages.max(1) as f64;
+        let systems = self.systems as f64 / self.stages.max(1) as f64;
         write!(
             f,
-            "{} | {} | {} | {} | {failed} | {} | {} | {} ({share:.3} %) | {} | {without:.2} % | {with:.2} % | {:.0} |",
+            "{} | {} | {} | {} | {failed} | {} | {} | {} ({share:.3} %) | {} | {systems:.1} | {without:.2} % | {with:.2} % | {:.0} |",
             self.runs,
             self.done,
             self.jammed,
@@ -481,9 +510,9 @@ fn write_law<'r>(
 ) {
     let of_law = runs.filter(|(case, _)| case.law == law);
     let _ = writeln!(text, "## `{law}`\n");
-    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | above F_crit without friction | below it with friction | slowest step over the median |\n");
+    text.push_str("| c | runs | done | jammed | not packed | failed | stopped | stages | unconverged | jammed stages | systems per stage | above F_crit without friction | below it with friction | slowest step over the median |\n");
     text.push_str(
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
     );
     for &c in &part.area_fraction {
         let there = of_law

@@ -204,11 +204,13 @@ impl<S: Fluid> ContactSolver<S> {
     fn update_springs(&self, input: &StageInput<'_, S>, memory: &mut ContactMemory<S>) {
         let (list, kind, laws) = (&self.list, input.span.kind, input.laws);
         if laws.tangential.has_spring() {
-            memory.springs.record(list, kind, |c| c.tangential_force);
+            let [slides, rolls] = laws.friction_coefficients();
+            let springs = &mut memory.springs;
+            let bound = |coefficient| move |c: &Contact<S>| laws.bound(coefficient, c);
+            springs.record(list, kind, |c| c.tangential_force, bound(slides));
             if laws.rolling_friction > 0.0 {
-                memory
-                    .rolling_springs
-                    .record(list, kind, |c| c.rolling_force);
+                let springs = &mut memory.rolling_springs;
+                springs.record(list, kind, |c| c.rolling_force, bound(rolls));
             }
         }
     }

@@ -16,6 +16,7 @@
 //! gap at the start of the step and s is the whole step.
 
 use super::contact_pair::Contact;
+use super::springs::GAMMA;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
@@ -133,7 +134,14 @@ impl Laws {
                 dashpot: choice.dashpot,
             },
             tangential: choice.tangential,
-            tangential_stiffness: times(choice.tangential_stiffness, stiffness),
+            tangential_stiffness: times(
+                choice.tangential_stiffness,
+                if choice.normal == NormalLaw::Rigid {
+                    choice.stiffness_unit.force(load)
+                } else {
+                    stiffness
+                },
+            ),
             onset: choice.onset,
             repulsion: (choice.repulsion > 0.0).then_some(ExponentialRepulsion {
                 force: choice.repulsion * load,
@@ -173,6 +181,23 @@ impl Laws {
             -coefficient * self.surface.critical_load
         } else {
             0.0
+        }
+    }
+
+    /// Bound of the friction force of a contact in its solution, for a coefficient.
+    pub(super) fn bound<S: Space>(&self, coefficient: f64, contact: &Contact<S>) -> f64 {
+        if !contact.friction_acts || contact.normal_force <= 0.0 {
+            return 0.0;
+        }
+        (coefficient * contact.normal_force + self.intercept(coefficient)).max(0.0)
+    }
+
+    /// Time over which tangential springs look ahead: γ steps in every stage.
+    pub(super) fn spring_time(&self, span: &Span<'_>) -> f64 {
+        if self.is_soft() {
+            span.time
+        } else {
+            GAMMA * span.time
         }
     }
 

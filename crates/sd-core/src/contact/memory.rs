@@ -20,6 +20,11 @@ pub struct ContactMemory<S: Space = Layer> {
 }
 
 impl<S: Space> ContactMemory<S> {
+    /// Tangential and rolling springs.
+    pub(crate) fn all_springs(&mut self) -> [&mut Springs<S>; 2] {
+        [&mut self.springs, &mut self.rolling_springs]
+    }
+
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.warm_start.copy_from(&other.warm_start);
         self.springs.copy_from(&other.springs);

@@ -47,7 +47,8 @@ pub struct ContactLaws {
     /// laws without a stiffness.
     #[serde(with = "infinite")]
     pub stiffness: f64,
-    /// Tangential stiffness over k, above 0, for [`TangentialLaw::StickSlide`]; 0 under other laws.
+    /// Tangential stiffness, above 0, for [`TangentialLaw::StickSlide`]: over k, and of rigid
+    /// contacts in F/a; 0 under other laws.
     pub tangential_stiffness: f64,
     /// Dashpot of a spring, in mu·a, from 0.
     pub dashpot: f64,
@@ -131,8 +132,18 @@ impl ContactLaws {
 
     /// Whether a parameter is in units of the critical load, which must then be above 0 and finite.
     pub fn needs_critical_load(&self) -> bool {
-        let springs = self.normal.is_spring() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
+        let springs = self.has_stiffness() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
         springs || self.repulsion > 0.0 || self.adhesion > 0.0
+    }
+
+    /// Whether rigid contacts have tangential springs.
+    pub fn has_rigid_springs(&self) -> bool {
+        self.normal == NormalLaw::Rigid && self.tangential.has_spring()
+    }
+
+    /// Whether there is a stiffness, of contacts or of tangential springs alone.
+    pub(crate) fn has_stiffness(&self) -> bool {
+        self.normal.is_spring() || self.has_rigid_springs()
     }
 
     /// Whether forces depend on the gaps, so that steps must resolve them or be implicit.

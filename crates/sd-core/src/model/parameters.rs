@@ -13,6 +13,7 @@ use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
 use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, segments};
 use crate::error::Refusal;
+use crate::law::tangential::stick_slide::MAX_RATIO;
 use crate::law::{Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
 
@@ -422,12 +423,24 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             "contact",
         );
     }
-    if laws.tangential.has_spring() && !laws.normal.is_spring() {
+    if laws.tangential.has_spring() && !laws.normal.touches() {
         return refuse(
             "tangential",
             format!("{:?}", laws.tangential.word()),
-            "conflicts with a contact that is no spring",
-            "\"coulomb\" there, which is its rigid limit".into(),
+            "conflicts with spheres that never touch",
+            "another law, or a contact that touches".into(),
+            "contact",
+        );
+    }
+    if laws.tangential.has_spring()
+        && laws.normal.is_spring()
+        && laws.tangential_stiffness > MAX_RATIO
+    {
+        return refuse(
+            "tangential_stiffness",
+            laws.tangential_stiffness.to_string(),
+            "is out of range over the stiffness of springs",
+            format!("above 0 and at most {MAX_RATIO}; \"coulomb\" is the limit of stiff ones"),
             "contact",
         );
     }
@@ -470,6 +483,17 @@ fn merge_plateaus(params: &mut Params) {
             params.friction = 0.0;
         }
     }
+    if params.friction == 0.0
+        && let ContactScheme::Laws(laws) = &mut params.contact
+        && laws.has_rigid_springs()
+    {
+        // Their stiffness may be in units of the critical load.
+        *laws = ContactLaws {
+            tangential: ContactLaws::PAPER.tangential,
+            tangential_stiffness: 0.0,
+            ..*laws
+        };
+    }
     let acts = params.friction != 0.0 && params.contact.laws().normal.touches();
     if !acts && !params.contact.laws().needs_critical_load() {
         params.shear_rate = 0.0;
@@ -481,8 +505,12 @@ pub(super) fn canonicalise(params: &mut Params) {
     if let ContactScheme::Laws(laws) = &mut params.contact {
         if laws.normal.is_spring() && laws.stiffness.is_infinite() {
             laws.normal = NormalLaw::Rigid;
+            if laws.tangential.has_spring() {
+                laws.tangential_stiffness = f64::INFINITY;
+            }
         }
-        if laws.tangential.has_spring() && !laws.normal.is_spring() {
+        let is_infinite = laws.tangential_stiffness.is_infinite() && !laws.normal.is_spring();
+        if laws.tangential.has_spring() && (is_infinite || !laws.normal.touches()) {
             laws.tangential = TangentialLaw::Coulomb;
         }
     }

@@ -1,5 +1,6 @@
 //! Imposed stress: the rate follows from the stress at every stage.
 
+use crate::common::schemes::rigid_springs;
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, InstantContacts, solve};
@@ -79,6 +80,8 @@ fn schemes() -> Vec<ContactScheme> {
         rigid(StickRotate, CriticalLoad),
         with(rigid(Coulomb, CriticalLoad), 0.1, 0.0),
         with(rigid(Coulomb, CriticalLoad), 0.1, 1.0),
+        rigid_springs(1e4),
+        with(rigid_springs(1e4), 0.1, 0.0),
         with(soft(StickSlide, CriticalLoad, 0.0), 0.1, 1.0),
         soft(StickSlide, CriticalLoad, 0.0),
         soft(StickSlide, Reduced, 2.0),

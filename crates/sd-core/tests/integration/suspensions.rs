@@ -4,6 +4,7 @@
 mod contacts;
 mod runs;
 
+use crate::common::schemes::rigid_springs;
 use sd_core::model::Surface;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields,
@@ -41,6 +42,13 @@ fn laws() -> Vec<(&'static str, ContactLaws)> {
                 rolling_friction: 0.1,
                 adhesion: 0.5,
                 ..rigid(TangentialLaw::Coulomb)
+            },
+        ),
+        (
+            "rigid stick-slide, rolling friction",
+            ContactLaws {
+                rolling_friction: 0.1,
+                ..*rigid_springs(1e4).laws()
             },
         ),
         ("springs, stick-slide", springs(TangentialLaw::StickSlide)),

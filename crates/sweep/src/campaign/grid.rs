@@ -28,6 +28,8 @@ pub(super) struct Grid<'t> {
     pub(super) is_whole: bool,
 }
 
+/// The key of the stiffness of tangential springs.
+const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 /// Number of problems of one grid after which the check stops.
 const MAX_PROBLEMS: usize = 200;
 
@@ -137,6 +139,7 @@ impl<'t> Grid<'t> {
     ) {
         let mut known = Vec::new();
         let mut meaning = vec![false; AXES.len()];
+        let mut has_springs = [false; 2];
         let segments = protocol.protocol.imposed();
         self.each(|combination| {
             if known.len() > MAX_PROBLEMS {
@@ -155,6 +158,10 @@ impl<'t> Grid<'t> {
                     return;
                 }
             };
+            let laws = params.contact.laws();
+            if laws.tangential.has_spring() {
+                has_springs[usize::from(laws.has_rigid_springs())] = true;
+            }
             for (means, axis) in meaning.iter_mut().zip(AXES.iter()) {
                 *means |= axis.means_something(&params);
             }
@@ -170,6 +177,13 @@ impl<'t> Grid<'t> {
                 }
             }
         });
+        if let (Some(written), [true, true]) = (self.table.get(TANGENTIAL_STIFFNESS), has_springs) {
+            let problem = format!(
+                "`{TANGENTIAL_STIFFNESS}` has two units in this grid: over the stiffness of springs, and in F/a of rigid contacts"
+            );
+            let allowed = "a grid for springs and one for rigid contacts";
+            known.push(Problem::at(&written.span(), problem, allowed).of_key(TANGENTIAL_STIFFNESS));
+        }
         // Without any valid combination no axis has a meaning.
         if meaning.contains(&true) {
             let axes = AXES.iter().zip(&self.axes).zip(meaning);

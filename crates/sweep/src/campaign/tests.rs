@@ -85,6 +85,12 @@ fn values_without_meaning_under_a_law_make_no_cases_of_their_own() {
         ),
         "rigid roll-slip inf 0, rigid coulomb inf 0.3, linear-spring roll-slip 1000 0, linear-spring stick-slide 1000 0.3"
     );
+    // A stiffness of their own makes tangential springs of rigid contacts a law.
+    let springs = "contact = \"rigid\"\ntangential = [\"stick-slide\", \"coulomb\"]\ntangential_stiffness = [1e4, 1e5]";
+    assert_eq!(
+        laws(springs),
+        "rigid roll-slip inf 0, rigid stick-slide inf 0.3, rigid stick-slide inf 0.3, rigid coulomb inf 0.3"
+    );
     // Rolling friction with laws that leave pairs free to roll, and with friction.
     let rolling = GOOD.replace(
         "seeds = 4",

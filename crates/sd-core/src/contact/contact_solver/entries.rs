@@ -72,7 +72,7 @@ impl<S: Fluid> ContactSolver<S> {
             };
         // A tangential spring contributes to the compliance of its rows, and its force without the
         // implicit term contributes to their shifts.
-        let ahead = laws.tangential_stiffness * input.span.time;
+        let ahead = laws.tangential_stiffness * laws.spring_time(&input.span);
         let kind = input.span.kind;
         let mut compliance = COMPLIANCE;
         let mut shift = contact.background_slip;

@@ -23,6 +23,18 @@
 //!
 //! so that s follows u_t to second order while the spring sticks, and lands on a limit at which
 //! both stages slide.
+//!
+//! In a step of rigid contacts, whose second stage is in the middle of the step and moves the
+//! spheres over all of it:
+//!
+//! ```text
+//! F1 = clamp(s + k_t γτ u1)
+//! F2 = clamp(s + (1 − γ)(F1 − s) + k_t γτ u2)        the force in the middle
+//! s  ← s + k_t τ u2
+//! ```
+//!
+//! With γ (2 − γ) = ½ this is of second order and L-stable too: under a stiff spring s is forgotten
+//! within a step, and F2 is the force that prevents the slip.
 
 use super::FrictionConstraint;
 use crate::law::Quantity;
@@ -38,14 +50,19 @@ pub const PARAMETERS: &[&Quantity] = &[&TANGENTIAL_STIFFNESS];
 /// The slip minus the deformation of the spring.
 pub const CONSTRAINT: FrictionConstraint = FrictionConstraint::SpringSlip;
 
-/// Stiffness k_t of the tangential spring over the normal stiffness k.
+/// Stiffness k_t of the tangential spring: over the normal stiffness k of springs, and in the unit
+/// of a stiffness beside rigid contacts, which have no k.
 pub static TANGENTIAL_STIFFNESS: Quantity = Quantity {
     key: "tangential_stiffness",
-    unit: "1",
-    meaning: "tangential over normal stiffness",
-    range: Range::above_to(0.0, 100.0),
-    note: "over the normal stiffness",
+    unit: "k, or F/a",
+    meaning: "tangential stiffness k_t; over k, of rigid contacts in F/a",
+    range: Range::between(0.0, f64::INFINITY),
+    note: "over the stiffness of springs, at most 100; of rigid contacts in F/a, with F as for `stiffness`; an infinite \
+           one is `tangential` = \"coulomb\" on rigid contacts, and none is `friction` = 0",
 };
+
+/// Largest k_t over k of springs.
+pub const MAX_RATIO: f64 = 100.0;
 
 /// Default of k_t over k: Mari et al., J. Rheol. 58, 1693 (2014).
 pub const DEFAULT_STIFFNESS: f64 = 0.5;
@@ -87,6 +104,21 @@ where
         self.second(gamma) - (self.first - self.start) * 2.0
     }
 
+    /// The force to which the stage in the middle of a step of rigid contacts adds `k_t γτ u2`.
+    pub fn middle(&self, gamma: f64) -> T {
+        self.start + (self.first - self.start) * (1.0 - gamma)
+    }
+
+    /// `s + k_t τ u2`, with friction F2 in the middle of a step of rigid contacts.
+    pub fn end_of_middle(&self, second: T, gamma: f64) -> T {
+        self.start + (second - self.middle(gamma)) / gamma
+    }
+
+    /// `s + k_t τ u1`, where the first stage moves the spheres over the whole step.
+    pub fn end_of_first(&self, gamma: f64) -> T {
+        self.second(gamma)
+    }
+
     /// s at the end of the step, with friction F2 at the second stage.
     pub fn end(&self, second: T, gamma: f64) -> T {
         let change = (self.first - self.start) * 3.0 + second - self.second(gamma);
@@ -117,11 +149,40 @@ mod tests {
         s
     }
 
+    /// Spring force after a unit of time in which it relaxes, s' = −rate (s − cos t), in steps of
+    /// rigid contacts.
+    fn relaxed(rate: f64, steps: u32) -> f64 {
+        let dt = 1.0 / f64::from(steps);
+        let ahead = GAMMA * rate * dt;
+        let mut s = 1.0;
+        for k in 0..steps {
+            let at = |shift: f64| ((f64::from(k) + shift) * dt).cos();
+            let spring = TangentialSpring {
+                start: s,
+                first: (s + ahead * at(0.0)) / (1.0 + ahead),
+            };
+            let second = (spring.middle(GAMMA) + ahead * at(0.5)) / (1.0 + ahead);
+            s = spring.end_of_middle(second, GAMMA);
+        }
+        s
+    }
+
     #[test]
     fn sticking_spring_follows_the_slip_to_second_order() {
         let exact = 40.0 * 3.0_f64.sin() / 3.0;
         let order = ((stretched(20) - exact) / (stretched(40) - exact)).log2();
         assert!((order - 2.0).abs() < 0.05, "order {order}");
+    }
+
+    #[test]
+    fn spring_beside_rigid_contacts_relaxes_to_second_order_and_at_once_where_it_is_stiff() {
+        let rate = 10.0_f64;
+        let forced = |t: f64| (rate * rate * t.cos() + rate * t.sin()) / (rate * rate + 1.0);
+        let exact = forced(1.0) + (1.0 - forced(0.0)) * (-rate).exp();
+        let order = ((relaxed(rate, 100) - exact) / (relaxed(rate, 200) - exact)).log2();
+        assert!((order.abs() - 2.0).abs() < 0.1, "order {order}");
+        // The force of a stiff spring does not swing about that of its forcing.
+        assert!((relaxed(1e9, 20) - 1.0_f64.cos()).abs() < 0.05);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! friction.
 
 use crate::error::Refusal;
+use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
 use crate::law::{Keyword, Keywords, NormalLaw, TangentialLaw, rolling_friction};
 use crate::model::{ContactLaws, ContactScheme, Hydrodynamics, Params, Sizes};
 use std::borrow::Cow;
@@ -207,8 +208,23 @@ pub(super) fn has_spring(params: &Params) -> bool {
     params.contact.laws().normal.is_spring()
 }
 
+/// Whether there is a stiffness, of contacts or of tangential springs alone.
+pub(super) fn has_stiffness(params: &Params) -> bool {
+    params.contact.laws().has_stiffness()
+}
+
 pub(super) fn has_tangential_spring(params: &Params) -> bool {
-    has_spring(params) && params.contact.laws().tangential.has_spring()
+    let laws = params.contact.laws();
+    laws.normal.touches() && laws.tangential.has_spring()
+}
+
+/// k_t over k of springs. Of rigid contacts it is infinite, which is Coulomb's law.
+pub(super) fn usual_tangential_stiffness(params: &Params) -> f64 {
+    if has_spring(params) {
+        DEFAULT_STIFFNESS
+    } else {
+        f64::INFINITY
+    }
 }
 
 /// Whether only the repulsion separates the spheres.
@@ -236,6 +252,11 @@ pub(super) fn needs_spring() -> String {
     )
 }
 
+pub(super) fn needs_stiffness() -> String {
+    let laws = keywords_where(TangentialLaw::has_spring);
+    format!("{}; or `tangential` = {laws}", needs_spring())
+}
+
 pub(super) fn needs_leading_order() -> String {
     let choice = keywords_where(|choice: Hydrodynamics| choice.leading_order().is_some());
     format!("`hydrodynamics` = {choice}")
@@ -248,7 +269,7 @@ pub(super) fn needs_lubrication_gap() -> String {
 
 pub(super) fn needs_tangential_spring() -> String {
     format!(
-        "`tangential` = {} with a spring",
+        "`tangential` = {} on springs or rigid contacts",
         keywords_where(TangentialLaw::has_spring)
     )
 }

@@ -2,11 +2,11 @@
 
 use super::choices::{
     ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_leading_order,
-    has_lubrication_gap, has_spring, has_tangential_spring, has_two_sizes, may_adhere,
-    needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring,
-    needs_tangential_spring, needs_touch, read, repels, resists_rolling, set_contact,
-    set_hydrodynamics, set_law, set_sizes, set_spheres, set_tangential, set_volume_fraction,
-    tangential_words,
+    has_lubrication_gap, has_spring, has_stiffness, has_tangential_spring, has_two_sizes,
+    may_adhere, needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling,
+    needs_spring, needs_stiffness, needs_tangential_spring, needs_touch, read, repels,
+    resists_rolling, set_contact, set_hydrodynamics, set_law, set_sizes, set_spheres,
+    set_tangential, set_volume_fraction, tangential_words, usual_tangential_stiffness,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, PECLET, ROUGHNESS,
@@ -17,7 +17,7 @@ use crate::law::adhesion::ADHESION;
 use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{DEFAULT_LENGTH, REPULSION, REPULSION_ALONE, REPULSION_LENGTH};
 use crate::law::rolling_friction::ROLLING_FRICTION;
-use crate::law::tangential::stick_slide::{DEFAULT_STIFFNESS, TANGENTIAL_STIFFNESS};
+use crate::law::tangential::stick_slide::TANGENTIAL_STIFFNESS;
 use crate::law::{FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
 use crate::model::{
@@ -88,8 +88,8 @@ pub static PARAMETERS: [Parameter; 31] = [
     Parameter {
         key: "stiffness_unit",
         meaning: "what stiffnesses are in units of",
-        has_meaning: has_spring,
-        needs: Some(needs_spring),
+        has_meaning: has_stiffness,
+        needs: Some(needs_stiffness),
         form: Form::Choice(Choice {
             words: || StiffnessUnit::KEYWORDS.to_vec(),
             default: "critical-load",
@@ -224,7 +224,7 @@ pub static PARAMETERS: [Parameter; 31] = [
         needs: Some(needs_tangential_spring),
         form: Form::Number(Number {
             quantity: &TANGENTIAL_STIFFNESS,
-            default: Some(|_| DEFAULT_STIFFNESS),
+            default: Some(usual_tangential_stiffness),
             get: |p| p.contact.laws().tangential_stiffness,
             set: |p, value| set_law(p, |laws| laws.tangential_stiffness = value),
             ..OF_LAWS

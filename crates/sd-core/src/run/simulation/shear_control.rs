@@ -110,7 +110,7 @@ impl Dependence {
         let jumps = has_friction && laws.onset == FrictionOnset::CriticalLoad;
         let smooth = has_friction && laws.onset == FrictionOnset::Reduced;
         match params.contact {
-            ContactScheme::Laws(laws) if laws.is_soft() || laws.adhesion > 0.0 || smooth => {
+            ContactScheme::Laws(laws) if laws.is_soft() || laws.needs_critical_load() || smooth => {
                 Self::Forces { jumps }
             }
             _ if jumps => Self::Set,

@@ -3,6 +3,7 @@
 use super::sampling::StepRecord;
 use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::StageKind;
+use crate::contact::springs::Springs;
 use crate::contact::{ContactState, Quality, Status};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::Resistance;
@@ -296,6 +297,7 @@ impl<S: Starts> Simulation<S> {
             }
             *record = before;
             self.counters = counters;
+            self.each_spring(Springs::undo_attempt);
             for half in part.halves() {
                 if self.advance_rigid(method, state, half, record)? == Advance::Blocked {
                     return Ok(Advance::Blocked);
@@ -308,6 +310,7 @@ impl<S: Starts> Simulation<S> {
         }
         *record = before;
         self.counters = counters;
+        self.each_spring(Springs::undo_attempt);
         let mut held = self.settings.held_share * self.params.roughness;
         let span = [part.time, part.dt];
         method.step(state, span, Stages::First, |stage, centres, velocities| {
@@ -320,6 +323,7 @@ impl<S: Starts> Simulation<S> {
             self.take_sample(&stage, centres, record);
             Ok::<_, Error>(self.has_contact_forces())
         })?;
+        self.each_spring(Springs::end_with_first_stage);
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
@@ -339,6 +343,7 @@ impl<S: Starts> Simulation<S> {
     ) -> Result<Attempt, Error> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = self.settings.held_share * self.params.roughness;
+        self.each_spring(Springs::begin_attempt);
         let span = [part.time, part.dt];
         let moved = method.step(state, span, Stages::Both, |stage, centres, velocities| {
             let quality = self.evaluate(stage, centres, velocities)?;
@@ -353,6 +358,9 @@ impl<S: Starts> Simulation<S> {
             }
             self.begin_sample(quality.jammed(), record);
             let has_contact_forces = self.has_contact_forces();
+            if stage.number == 0 && !has_contact_forces {
+                self.each_spring(Springs::clear);
+            }
             if !has_contact_forces || stage.kind == StageKind::Midpoint {
                 self.take_sample(&stage, centres, record);
             }
@@ -374,6 +382,13 @@ impl<S: Starts> Simulation<S> {
         } else {
             Attempt::Moved
         })
+    }
+
+    /// Applies a change to the tangential and rolling springs of a run under laws.
+    fn each_spring(&mut self, change: fn(&mut Springs<S>)) {
+        if let SchemeMemory::Laws(memory) = &mut self.memory {
+            memory.all_springs().into_iter().for_each(change);
+        }
     }
 
     /// Whether friction is inexact in a stage.

@@ -15,6 +15,14 @@ pub(crate) fn rigid(tangential: TangentialLaw) -> ContactScheme {
     })
 }
 
+/// Rigid contacts with tangential springs of a stiffness in units of the critical load.
+pub(crate) fn rigid_springs(stiffness: f64) -> ContactScheme {
+    ContactScheme::Laws(ContactLaws {
+        tangential_stiffness: stiffness,
+        ..*rigid(TangentialLaw::StickSlide).laws()
+    })
+}
+
 /// Laws of every kind, alone and together.
 pub(crate) fn schemes() -> Vec<ContactScheme> {
     let hertz = |tangential| {
@@ -56,6 +64,8 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
         with(rigid(TangentialLaw::Coulomb), 0.0, 2.0),
         with(rigid(TangentialLaw::RollSlip), 0.0, 2.0),
         with(rigid(TangentialLaw::Coulomb), 0.1, 1.0),
+        rigid_springs(1e4),
+        with(rigid_springs(1e4), 0.1, 1.0),
         with(spring(1e4, TangentialLaw::StickSlide), 0.1, 0.0),
         with(spring(1e4, TangentialLaw::StickSlide), 0.1, 1.0),
         with(spring(1e4, TangentialLaw::Coulomb), 0.1, 0.0),
@@ -74,5 +84,11 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
         repelling(NormalLaw::LinearSpring, 1e4, TangentialLaw::StickSlide),
         at_every_contact(),
         repelling(NormalLaw::Rigid, f64::INFINITY, TangentialLaw::Coulomb),
+        ContactScheme::Laws(ContactLaws {
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            lubrication_gap: 0.001,
+            ..*rigid_springs(1e4).laws()
+        }),
     ]
 }

@@ -1,6 +1,6 @@
 //! Small layers under shear.
 
-use crate::common::schemes::{rigid, schemes, spring};
+use crate::common::schemes::{rigid, rigid_springs, schemes, spring};
 use sd_core::cell::Cell;
 use sd_core::contact::Quality;
 use sd_core::instant::{Configuration, InstantContacts, solve};
@@ -138,6 +138,37 @@ fn soft_becomes_rigid_as_stiffness_grows() {
             "{soft:?}: {compliant:.1e} {stiff:.1e}"
         );
     }
+}
+
+#[test]
+fn tangential_springs_lead_from_no_friction_to_coulomb() {
+    let viscosity = |contact, friction: f64| {
+        let at = Params {
+            area_fraction: 0.6,
+            shear_rate: 50.0,
+            friction,
+            ..params(contact)
+        };
+        let mut simulation = run(&at, 7, 59);
+        let sample = simulation.step().unwrap();
+        assert!(sample.contacts >= 4);
+        sample.viscosity
+    };
+    let coulomb = viscosity(rigid(TangentialLaw::Coulomb), 0.5);
+    let free = viscosity(rigid(TangentialLaw::Coulomb), 0.0);
+    assert!((coulomb / free - 1.0).abs() > 1e-2);
+    let off =
+        |stiffness, limit: f64| (viscosity(rigid_springs(stiffness), 0.5) / limit - 1.0).abs();
+    let (soft, softer) = (off(1e-1, free), off(1e-3, free));
+    let (stiff, stiffer) = (off(1e7, coulomb), off(1e9, coulomb));
+    assert!(
+        softer < 1e-5 && softer < 0.1 * soft,
+        "{soft:.1e} {softer:.1e}"
+    );
+    assert!(
+        stiffer < 1e-5 && stiffer < 0.1 * stiff,
+        "{stiff:.1e} {stiffer:.1e}"
+    );
 }
 
 /// Equal spheres with high friction, which sets in with a jump.

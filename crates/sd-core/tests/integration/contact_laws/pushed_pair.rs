@@ -1,6 +1,6 @@
 //! Two spheres under constant forces, in time.
 
-use super::{HERTZ, SPRING, laws, overlap, pair, solved, stick_slide};
+use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::cell::Cell;
 use sd_core::contact::{Contact, ContactState, ForceLaw, Laws, NormalForce};
 use sd_core::internals::{
@@ -40,7 +40,20 @@ pub(super) fn pushed(
 pub(super) fn pushed_by(
     laws: &Laws,
     gap: f64,
-    [push, shear, torque]: [f64; 3],
+    forces: [f64; 3],
+    time: f64,
+    steps: u32,
+    turn: f64,
+) -> Pushed {
+    pushed_in_turn(laws, gap, &[forces], time, steps, turn)
+}
+
+/// A pair that is pushed in several ways, one after another, for that time each. Rigid contacts
+/// move by the midpoint rule, written out again.
+fn pushed_in_turn(
+    laws: &Laws,
+    gap: f64,
+    pushes: &[[f64; 3]],
     time: f64,
     steps: u32,
     turn: f64,
@@ -55,7 +68,9 @@ pub(super) fn pushed_by(
         &NearFields::default(),
     )
     .unwrap();
-    resistance.regularise(0.001, DEEPEST_OVERLAP);
+    if laws.is_soft() {
+        resistance.regularise(0.001, DEEPEST_OVERLAP);
+    }
     let mut motion = StageSolver::new(resistance);
     let mut out = Pushed {
         state: State {
@@ -70,19 +85,20 @@ pub(super) fn pushed_by(
             c.contacts.first().copied().unwrap()
         }),
     };
-    let force = n * push + Vec2::new(-n.y, n.x) * shear;
-    let external = [force.x, force.y, torque, -force.x, -force.y, -torque];
     let mut first = Vec::new();
     let mut integrator = Rosenbrock::default();
     let dt = time / f64::from(steps);
-    for _ in 0..steps {
-        let (memory, last) = (&mut out.memory, &mut out.last);
-        let (mut power, mut loss) = (0.0, 0.0);
-        integrator
-            .step(&mut out.state, 0.0, dt, |stage, centres, velocities| {
+    for &[push, shear, torque] in pushes {
+        let force = n * push + Vec2::new(-n.y, n.x) * shear;
+        let external = [force.x, force.y, torque, -force.x, -force.y, -torque];
+        for _ in 0..steps {
+            let (memory, last) = (&mut out.memory, &mut out.last);
+            let (mut power, mut loss) = (0.0, 0.0);
+            // Share of the step over which the velocities of a stage act.
+            let mut evaluate = |kind, span, share: f64, centres: &[Vec2]| {
                 let span = Span {
-                    time: stage.span,
-                    kind: [StageKind::First, StageKind::Second][stage.number],
+                    time: span,
+                    kind,
                     first: &first,
                 };
                 let law = StageContacts::Laws { laws, span, memory };
@@ -93,17 +109,16 @@ pub(super) fn pushed_by(
                     law,
                     SolvePass::First,
                 )?;
-                if stage.number == 0 {
+                if matches!(kind, StageKind::First | StageKind::Single) {
                     first = motion.velocities().to_vec();
                 }
-                velocities.copy_from_slice(motion.velocities());
                 let of = |f: &[f64]| {
                     f.iter()
                         .zip(motion.velocities())
                         .map(|(f, v)| f * v)
                         .sum::<f64>()
                 };
-                power += 0.5 * of(&external);
+                power += share * of(&external);
                 // Dissipation in the fluid: all forces on the spheres times their velocities.
                 let others = motion
                     .distant
@@ -118,15 +133,36 @@ pub(super) fn pushed_by(
                             - c.rolling_force * c.rolling_velocity
                     })
                     .sum();
-                loss += 0.5 * (of(&external) + contact);
+                loss += share * (of(&external) + contact);
                 if let Some(c) = motion.contacts.list.first() {
                     *last = *c;
                 }
-                Ok::<(), sd_core::Error>(())
-            })
-            .unwrap();
-        out.work += power * dt;
-        out.dissipated += loss * dt;
+                Ok::<Vec<f64>, sd_core::Error>(motion.velocities().to_vec())
+            };
+            if laws.is_soft() {
+                let kinds = [StageKind::First, StageKind::Second];
+                integrator
+                    .step(&mut out.state, 0.0, dt, |stage, centres, velocities| {
+                        let kind = kinds[stage.number];
+                        let found = evaluate(kind, stage.span, 0.5, centres)?;
+                        velocities.copy_from_slice(&found);
+                        Ok::<(), sd_core::Error>(())
+                    })
+                    .unwrap();
+            } else {
+                let start = out.state.centres.clone();
+                let mut moved = |kind, share, step: f64| {
+                    let v = evaluate(kind, dt, share, &out.state.centres).unwrap();
+                    for (k, x) in out.state.centres.iter_mut().enumerate() {
+                        *x = start[k] + Vec2::new(v[3 * k], v[3 * k + 1]) * step;
+                    }
+                };
+                moved(StageKind::Single, 0.0, 0.5 * dt);
+                moved(StageKind::Midpoint, 1.0, dt);
+            }
+            out.work += power * dt;
+            out.dissipated += loss * dt;
+        }
     }
     out
 }
@@ -134,6 +170,11 @@ pub(super) fn pushed_by(
 /// What the springs of a pushed pair store, whose stiffness along the line of centres is 2000.
 pub(super) fn stretched(p: &Pushed, tangential_stiffness: f64) -> f64 {
     let d = 0.01 - gap(p);
+    0.5 * 2000.0 * d * d + across(p, tangential_stiffness)
+}
+
+/// What its tangential and rolling springs store.
+pub(super) fn across(p: &Pushed, tangential_stiffness: f64) -> f64 {
     let springs = p
         .memory
         .springs
@@ -142,7 +183,7 @@ pub(super) fn stretched(p: &Pushed, tangential_stiffness: f64) -> f64 {
         .iter()
         .chain(&p.memory.rolling_springs.forces.0);
     let squares: f64 = springs.map(|spring| spring.2 * spring.2).sum();
-    0.5 * 2000.0 * d * d + 0.5 * squares / tangential_stiffness
+    0.5 * squares / tangential_stiffness
 }
 
 /// Gap of a pushed pair.
@@ -219,6 +260,92 @@ fn sticking_spring_stores_and_sliding_dissipates() {
             );
         }
     }
+}
+
+#[test]
+fn rigid_pair_with_a_tangential_spring_stores_and_gives_back() {
+    // Pushed across and back: until the spring slides, friction has done the work that the spring
+    // stores, also while it gives the work back.
+    let laws = stick_slide(RIGID, 1000.0, 2.0);
+    let friction = |pushes: &[[f64; 3]], steps| {
+        let p = pushed_in_turn(&laws, 0.01, pushes, 0.5, steps, 0.0);
+        assert_eq!(p.last.state, ContactState::Sticking);
+        assert!((gap(&p) - 0.01).abs() < 1e-5, "{}", gap(&p));
+        (p.work - p.dissipated, across(&p, 1000.0))
+    };
+    let (there, back) = ([5.0, 1.0, 0.0], [5.0, -0.2, 0.0]);
+    let [out, returned] = [&[there][..], &[there, back]].map(|pushes| {
+        let mismatch = |steps| {
+            let (work, stored) = friction(pushes, steps);
+            ((work - stored).abs(), work)
+        };
+        let ((coarse, _), (fine, work)) = (mismatch(200), mismatch(400));
+        let order = (coarse / fine).log2();
+        assert!(fine < 1e-6 && order > 1.7, "{fine:.1e}, order {order}");
+        work
+    });
+    assert!(out > 1e-5 && returned < 0.2 * out, "{out} {returned}");
+    // A weaker contact slides, and loses work at the bound.
+    let weak = stick_slide(RIGID, 1000.0, 0.1);
+    let p = pushed_in_turn(&weak, 0.01, &[[5.0, 4.0, 0.0]], 0.5, 200, 0.0);
+    assert_eq!(p.last.state, ContactState::Slipping);
+    assert!(p.work - p.dissipated > 100.0 * across(&p, 1000.0));
+    let spring = p.memory.springs.forces.0[0].2.abs();
+    assert!(
+        (spring - 0.1 * p.last.normal_force).abs() < 1e-3,
+        "{spring}"
+    );
+}
+
+#[test]
+fn order_in_time_of_a_rigid_pair_with_a_tangential_spring_is_two() {
+    // It sticks; and it slides, then sticks and slides back, on a line of centres that turns.
+    for (friction, pushes) in [
+        (2.0, vec![[5.0, 1.0, 0.0]]),
+        (0.15, vec![[5.0, 2.0, 0.0], [5.0, -0.5, 0.0]]),
+    ] {
+        let end = |steps| {
+            let laws = stick_slide(RIGID, 300.0, friction);
+            let p = pushed_in_turn(&laws, 0.01, &pushes, 0.4, steps, 0.4);
+            let across = p.state.centres[1] - p.state.centres[0];
+            [
+                across.y.atan2(across.x),
+                p.memory.springs.forces.0[0].2 / 300.0,
+            ]
+        };
+        let exact = end(6400);
+        let error = |steps| {
+            let pairs = end(steps).into_iter().zip(exact);
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let errors = [50, 100, 200, 400].map(error);
+        let order = (errors[0] / errors[3]).log2() / 3.0;
+        assert!(order > 1.7, "{friction}: {errors:?}, order {order}");
+    }
+}
+
+#[test]
+fn tangential_spring_of_a_rigid_pair_is_between_no_friction_and_coulomb() {
+    // The force of a pair that sticks, by hand: F = k_t γ s (u − m F), where u is the slip without
+    // friction and u/m the force that prevents it.
+    let at = |laws: &Laws| solved(&pair(0.01, 5.0, 1.0), laws, 0.01).contacts[0];
+    let free = at(&laws(RIGID, TangentialLaw::Coulomb, 0.0)).slip_velocity;
+    let stuck = at(&laws(RIGID, TangentialLaw::Coulomb, 2.0)).tangential_force;
+    let ahead = 0.01 * (1.0 - std::f64::consts::FRAC_1_SQRT_2);
+    for stiffness in [1e-3, 1.0, 1e3, 1e6, 1e9] {
+        let c = at(&stick_slide(RIGID, stiffness, 2.0));
+        let trial = stiffness * ahead * free;
+        let expected = trial / (1.0 + trial / stuck);
+        let off = (c.tangential_force / expected - 1.0).abs();
+        assert!(off < 1e-6, "{stiffness}: {off:.1e}");
+    }
+    // At its bound it is Coulomb's at any stiffness that reaches it.
+    let slides = [1e4, 1e9].map(|k| at(&stick_slide(RIGID, k, 0.02)).tangential_force);
+    let coulomb = at(&laws(RIGID, TangentialLaw::Coulomb, 0.02)).tangential_force;
+    assert!(
+        slides.iter().all(|t| (t / coulomb - 1.0).abs() < 1e-9),
+        "{slides:?} {coulomb}"
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Two spheres pressed together in relative rotation.
 
-use super::pushed_pair::{pushed_by, stretched};
+use super::pushed_pair::{across, pushed_by, stretched};
 use super::{HERTZ, RIGID, SPRING, laws, overlap, pair, solved, stick_slide};
 use sd_core::contact::{Laws, NormalForce};
 use sd_core::instant::SolvedConfiguration;
@@ -119,6 +119,30 @@ fn spring_of_rolling_follows_to_second_order_and_stores_what_work_leaves_over() 
         fine.abs() < 1e-4 && order > 1.7,
         "{fine:.1e}, order {order}"
     );
+    // Beside a rigid contact it does so too.
+    let rigid = |steps| {
+        let laws = Laws {
+            rolling_friction: 1.0,
+            ..stick_slide(RIGID, 1000.0, 2.0)
+        };
+        let p = pushed_by(&laws, 0.01, [5.0, 1.0, 2.0], 0.5, steps, 0.0);
+        let stored = across(&p, 1000.0);
+        assert!(stored > 1e-4);
+        (
+            p.work - p.dissipated - stored,
+            p.memory.rolling_springs.forces.0[0].2,
+        )
+    };
+    let [(coarse, a), (fine, b), (_, exact)] = [100, 200, 1600].map(rigid);
+    let (balance, order) = (
+        (coarse / fine).abs().log2(),
+        ((a - exact) / (b - exact)).log2(),
+    );
+    assert!(
+        fine.abs() < 1e-4 && balance > 1.7,
+        "{fine:.1e}, order {balance}"
+    );
+    assert!((order - 2.0).abs() < 0.3, "order {order}");
     // Beyond its bound it slides and stays at it.
     let slides = pushed_by(&springs(0.1), start, [5.0, 0.0, 2.0], 0.5, 200, 0.0);
     let end = slides.memory.rolling_springs.forces.0[0].2;

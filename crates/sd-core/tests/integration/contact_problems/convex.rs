@@ -2,9 +2,11 @@
 //! interior-point method of another library computes it, with the bounds of the solution itself:
 //!
 //! ```text
-//! minimise   vᵀ R v/2 − Fᵀ v + Σ ρ_k s_k          over v and s
-//! subject to C v + b ≥ 0,   |D_k v + d_k| ≤ s_k
+//! minimise   vᵀ R v/2 − Fᵀ v + Σ ρ_k s_k + Σ |p_k|²/(2μ)          over v, s and p
+//! subject to C v + b ≥ 0,   |D_k v + d_k − p_k| ≤ s_k
 //! ```
+//!
+//! with the rate p at which a tangential spring of compliance μ is stretched, 0 without springs.
 //!
 //! The two methods share only the resistance, not the contact problem.
 
@@ -12,10 +14,15 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{NonnegativeConeT, SecondOrderConeT};
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver as _, SolverStatus};
 use sd_core::cell::Cell;
-use sd_core::contact::{Contact, ContactState, Laws};
+use sd_core::contact::{Contact, ContactState, Laws, PairForces};
 use sd_core::instant::{self, Configuration, InstantContacts};
 use sd_core::internals::{OVERLAP_CORRECTION, Resistance};
-use sd_core::{Bulk, Layer, NearFields, Params, RunSpace, Simulation, Strains, VelocityGradient};
+use sd_core::simulation::SchemeMemory;
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, Layer, NearFields, Params, RunSpace, Simulation,
+    StiffnessUnit, Strains, TangentialLaw, VelocityGradient,
+};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Weights of velocities, by number.
 type Weights = Vec<(usize, f64)>;
@@ -30,6 +37,8 @@ struct Rows {
 /// A space with its rows, written out again.
 trait Read: RunSpace {
     fn rows(contact: &Contact<Self>) -> Rows;
+    /// Components of a friction force along the directions of the slip.
+    fn along_slip(contact: &Contact<Self>, force: &Self::Tangent) -> Vec<f64>;
     fn cell(side: f64, offset: f64) -> Cell<Self>;
 }
 
@@ -51,6 +60,10 @@ impl Read for Layer {
                 contact.background_slip,
             )],
         }
+    }
+
+    fn along_slip(_: &Contact, force: &f64) -> Vec<f64> {
+        vec![*force]
     }
 
     fn cell(side: f64, offset: f64) -> Cell {
@@ -82,6 +95,12 @@ impl Read for Bulk {
         }
     }
 
+    fn along_slip(contact: &Contact<Self>, force: &nalgebra::Vector3<f64>) -> Vec<f64> {
+        let n = contact.pair.normal;
+        let first = n.cross(&nalgebra::Vector3::ith(n.iamin(), 1.0)).normalize();
+        vec![first.dot(force), n.cross(&first).dot(force)]
+    }
+
     fn cell(side: f64, offset: f64) -> Cell<Self> {
         Cell::equal_sides(side, offset).unwrap()
     }
@@ -101,9 +120,25 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
         torques: vec![S::Spin::default(); n],
     };
     let laws = Laws::new(params.contact.laws(), params.surface());
-    let request = InstantContacts::under(laws, params.time_step);
+    let springs = match run.snapshot().memory {
+        SchemeMemory::Laws(memory) if laws.tangential_stiffness > 0.0 => memory.springs.forces,
+        _ => PairForces::default(),
+    };
+    let request = InstantContacts::Laws {
+        laws,
+        lubrication_gap: 0.0,
+        time_span: params.time_step,
+        springs: springs.clone(),
+        rolling_springs: PairForces::default(),
+    };
     let found = instant::solve(&configuration, &request, &tables).unwrap();
-    let velocities = convex_minimum(&configuration, &laws, params.time_step, &found.contacts);
+    let velocities = convex_minimum(
+        &configuration,
+        &laws,
+        params.time_step,
+        &found.contacts,
+        &springs,
+    );
     let expected: Vec<f64> = found
         .disturbances
         .iter()
@@ -124,6 +159,7 @@ fn convex_minimum<S: Read>(
     laws: &Laws,
     time_span: f64,
     contacts: &[Contact<S>],
+    springs: &PairForces<S>,
 ) -> Vec<f64> {
     let Configuration {
         centres,
@@ -147,7 +183,11 @@ fn convex_minimum<S: Read>(
         .iter()
         .filter(|c| c.state != ContactState::Frictionless)
         .collect();
-    let unknowns = size + sliding.len();
+    // Springs look ahead by γ of the step.
+    let ahead = laws.tangential_stiffness * time_span * (1.0 - FRAC_1_SQRT_2);
+    let stretched = if ahead > 0.0 { S::TANGENTS } else { 0 };
+    let first_rate = size + sliding.len();
+    let unknowns = first_rate + stretched * sliding.len();
     let mut quadratic = (Vec::new(), Vec::new(), Vec::new());
     for column in 0..size {
         let mut unit = vec![0.0; size];
@@ -161,6 +201,11 @@ fn convex_minimum<S: Read>(
             }
         }
     }
+    for rate in first_rate..unknowns {
+        quadratic.0.push(rate);
+        quadratic.1.push(rate);
+        quadratic.2.push(ahead);
+    }
     let p = CscMatrix::new_from_triplets(unknowns, unknowns, quadratic.0, quadratic.1, quadratic.2);
     let mut q = drag;
     q.extend(
@@ -168,6 +213,7 @@ fn convex_minimum<S: Read>(
             .iter()
             .map(|c| laws.surface.friction * c.normal_force),
     );
+    q.resize(unknowns, 0.0);
     let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
     let (mut b, mut cones) = (Vec::new(), vec![NonnegativeConeT(contacts.len())]);
     let mut put = |weights: &Weights, constant: f64, b: &mut Vec<f64>| {
@@ -193,7 +239,16 @@ fn convex_minimum<S: Read>(
         put(&vec![(size + k, 1.0)], 0.0, &mut b);
         let slip = S::rows(contact).slip;
         cones.push(SecondOrderConeT(1 + slip.len()));
-        for (weights, constant) in slip {
+        let key = (contact.pair.i as u32, contact.pair.j as u32);
+        let spring = springs.0.iter().find(|spring| (spring.0, spring.1) == key);
+        let force = spring.map_or_else(S::Tangent::default, |spring| {
+            S::projected(&spring.2, &contact.pair.normal)
+        });
+        for (d, (mut weights, mut constant)) in slip.into_iter().enumerate() {
+            if stretched > 0 {
+                weights.push((first_rate + stretched * k + d, -1.0));
+                constant += S::along_slip(contact, &force)[d] / ahead;
+            }
             put(&weights, constant, &mut b);
         }
     }
@@ -233,10 +288,51 @@ fn recorded_layers_move_as_an_interior_point_method_finds() {
     );
 }
 
+/// Rigid contacts with friction, and with tangential springs of a stiffness in units of the flow.
+fn choices() -> [ContactLaws; 2] {
+    let coulomb = ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        ..ContactLaws::PAPER
+    };
+    let springs = ContactLaws {
+        tangential: TangentialLaw::StickSlide,
+        tangential_stiffness: 300.0,
+        stiffness_unit: StiffnessUnit::Flow,
+        ..ContactLaws::PAPER
+    };
+    [coulomb, springs]
+}
+
+#[test]
+fn recorded_layers_with_tangential_springs_move_as_an_interior_point_method_finds() {
+    let (mut compared, mut slide) = (0, 0);
+    for recorded in super::recorded("rigid-coulomb") {
+        if recorded.flows() && recorded.params.spheres <= 100 {
+            let params = Params {
+                contact: ContactScheme::Laws(choices()[1]),
+                ..recorded.params
+            };
+            let tables = NearFields::default();
+            let mut run = Simulation::from_snapshot(&params, recorded.snapshot, &tables).unwrap();
+            // Until springs are stretched.
+            for _ in 0..4 {
+                run.step().unwrap();
+            }
+            slide += compare::<Layer>(&params, &run);
+            compared += 1;
+        }
+    }
+    assert!(
+        compared >= 8 && slide > 50,
+        "{compared} layers, {slide} contacts slide"
+    );
+}
+
 #[test]
 fn suspensions_with_friction_move_as_an_interior_point_method_finds() {
     let mut slide = 0;
-    for (friction, seed) in [(0.3, 1), (1.0, 2)] {
+    let [coulomb, springs] = choices();
+    for (friction, seed, laws) in [(0.3, 1, coulomb), (1.0, 2, coulomb), (0.3, 1, springs)] {
         let params = Params::builder()
             .spheres(64)
             .volume_fraction(0.5)
@@ -244,10 +340,7 @@ fn suspensions_with_friction_move_as_an_interior_point_method_finds() {
             .roughness(0.01)
             .shear_rate(f64::INFINITY)
             .time_step(0.005)
-            .contact(sd_core::ContactScheme::Laws(sd_core::ContactLaws {
-                tangential: sd_core::TangentialLaw::Coulomb,
-                ..sd_core::ContactLaws::PAPER
-            }))
+            .contact(ContactScheme::Laws(laws))
             .hydrodynamics(sd_core::Hydrodynamics::BallMelrose)
             .build()
             .unwrap();

@@ -19,7 +19,7 @@ impl Axis {
             "friction" => "ν",
             "rolling_friction" => "μ_r",
             "stiffness" => "k",
-            "tangential_stiffness" => "k_t/k",
+            "tangential_stiffness" => "k_t",
             "lubrication_gap" => "g_min",
             "lubrication_cutoff" => "ξ_max",
             "lubrication_regularisation" => "δ",
@@ -67,6 +67,7 @@ impl Axis {
     pub fn is_logarithmic(&self) -> bool {
         let keys = [
             "stiffness",
+            "tangential_stiffness",
             "lubrication_regularisation",
             "peclet",
             "thermal_load",
