@@ -10,6 +10,7 @@
 
 pub mod adhesion;
 mod custom;
+pub mod hydrodynamic_friction;
 mod keywords;
 pub mod normal;
 pub mod onset;

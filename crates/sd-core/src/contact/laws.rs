@@ -17,6 +17,7 @@
 
 use super::contact_pair::Contact;
 use super::springs::GAMMA;
+use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::{CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
@@ -51,6 +52,8 @@ pub struct Laws {
     pub rolling_friction: f64,
     /// Attraction F_A of touching surfaces, in mu·a²·rate; 0 without adhesion.
     pub adhesion: f64,
+    /// Friction of hydrodynamic roughness, which is a part of the resistance.
+    pub hydrodynamic_friction: HydrodynamicFriction,
 }
 
 /// A law of the normal force with its parameters.
@@ -149,6 +152,7 @@ impl Laws {
             }),
             rolling_friction: choice.rolling_friction,
             adhesion: times(choice.adhesion, load),
+            hydrodynamic_friction: choice.hydrodynamic(),
         }
     }
 

@@ -34,6 +34,8 @@ mod reach;
 mod tables;
 
 use crate::error::Error;
+use crate::hydrodynamics::two_sphere::PairTerm;
+use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::linalg::cholesky::dense::DenseCholesky;
 use crate::model::Hydrodynamics;
 use crate::space::cell::{Cell, LUBRICATION_RANGE};
@@ -71,6 +73,10 @@ pub struct Resistance<S: Fluid = Layer> {
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
     lubrication_gap: f64,
+    /// Friction of hydrodynamic roughness, in addition to the near-field terms.
+    friction: HydrodynamicFriction,
+    /// Length added to gaps from 0 under lubrication, over the mean radius of the pair.
+    gap_shift: f64,
     neighbours: NeighbourList<S>,
     /// Their terms.
     terms: Vec<S::Term>,
@@ -204,6 +210,10 @@ impl<S: Fluid> Resistance<S> {
             },
             range,
             lubrication_gap: 0.0,
+            friction: HydrodynamicFriction::default(),
+            gap_shift: hydrodynamics
+                .leading_order()
+                .map_or(0.0, |numbers| numbers.regularisation),
             neighbours: NeighbourList::new(radii.len()),
             terms: Vec::with_capacity(S::RESERVED_NEIGHBOURS * radii.len() / 2),
             far_pairs: None,
@@ -227,6 +237,22 @@ impl<S: Fluid> Resistance<S> {
         self.neighbours.allow_overlap(deepest);
     }
 
+    /// Has pairs resist sliding by the friction of hydrodynamic roughness, from the next
+    /// [`Resistance::assemble`] on.
+    pub fn roughen(&mut self, friction: HydrodynamicFriction) {
+        self.friction = friction;
+    }
+
+    /// K_h of spheres of these radii, in mu·a, at a gap that is at least the lubrication gap. Under
+    /// lubrication it is finite at contact, as its functions are.
+    fn slip_friction(&self, radii: [f64; 2], gap: f64) -> f64 {
+        if self.gap_shift == 0.0 {
+            return self.friction.resistance(gap);
+        }
+        let shift = 0.5 * self.gap_shift * (radii[0] + radii[1]);
+        self.friction.resistance(gap.max(0.0) + shift)
+    }
+
     /// Assembles and factors at new positions. The cell's area or volume must be that of
     /// [`Resistance::new`].
     ///
@@ -246,15 +272,23 @@ impl<S: Fluid> Resistance<S> {
         self.factored = false;
         self.neighbours
             .update(cell, centres, &self.radii, self.range)?;
+        let mut terms = std::mem::take(&mut self.terms);
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
-        let (least, terms) = (self.lubrication_gap, &mut self.terms);
+        let (least, rubs) = (self.lubrication_gap, self.friction.coefficient > 0.0);
         let gaps = pairs.iter().map(|pair| ([pair.i, pair.j], pair.gap));
         let twists = self.twists.as_ref();
-        let finish = |term, [i, j]: [usize; 2], gap| {
+        let finish = |mut term: PairTerm, [i, j]: [usize; 2], gap| {
+            if rubs {
+                let radii = [radii[i], radii[j]];
+                let levers = radii.map(|radius| radius + 0.5 * gap);
+                term.resist_slip(self.slip_friction(radii, gap), levers);
+            }
             let twist = twists.map_or([0.0; 3], |twists| twists.evaluate([i, j], radii, gap));
             S::term(&term, twist)
         };
-        self.near.evaluate(radii, gaps, least, finish, terms);
+        self.near.evaluate(radii, gaps, least, finish, &mut terms);
+        self.terms = terms;
+        let terms = &mut self.terms;
         if let Some(far_pairs) = &mut self.far_pairs {
             far_pairs.add(radii, pairs, terms);
         }
@@ -362,8 +396,9 @@ impl<S: Fluid> Resistance<S> {
     /// Inverse slip mobility K of the pair, alone in unbounded fluid, in mu·a.
     pub fn slip_resistance(&self, pair: &Neighbours<S>) -> f64 {
         let gap = pair.gap.max(self.lubrication_gap);
-        self.near
-            .slip_resistance([pair.i, pair.j], &self.radii, gap)
+        let pair = [pair.i, pair.j];
+        let friction = self.slip_friction(pair.map(|sphere| self.radii[sphere]), gap);
+        self.near.slip_resistance(pair, &self.radii, gap) + friction
     }
 
     /// Forces `R_FE e` with which the incident strains drive the spheres, `[3N]`.

@@ -3,6 +3,7 @@
 use super::parameters;
 use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite, is_default};
 use crate::error::Error;
+use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
 use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
 use serde::{Deserialize, Serialize};
@@ -65,6 +66,12 @@ pub struct ContactLaws {
     /// Adhesion F_A of touching surfaces, in F_crit, from 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub adhesion: f64,
+    /// Coefficient α of hydrodynamic friction, from 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub hydrodynamic_friction: f64,
+    /// Range g0 of hydrodynamic friction, in a, above 0; 0 without it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub hydrodynamic_friction_range: f64,
 }
 
 /// Default of [`ContactLaws::stiffness_unit`].
@@ -96,6 +103,8 @@ impl ContactLaws {
         repulsion_length: 0.0,
         rolling_friction: 0.0,
         adhesion: 0.0,
+        hydrodynamic_friction: 0.0,
+        hydrodynamic_friction_range: 0.0,
     };
 
     /// Linear springs of a stiffness in F_crit/a, with defaults for a roughness height h.
@@ -127,6 +136,14 @@ impl ContactLaws {
             LUBRICATION_SHARE * roughness
         } else {
             SMOOTH_LUBRICATION_GAP
+        }
+    }
+
+    /// The friction of hydrodynamic roughness.
+    pub(crate) fn hydrodynamic(&self) -> HydrodynamicFriction {
+        HydrodynamicFriction {
+            coefficient: self.hydrodynamic_friction,
+            range: self.hydrodynamic_friction_range,
         }
     }
 

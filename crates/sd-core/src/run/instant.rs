@@ -304,6 +304,7 @@ pub(super) fn solve_with<S: Fluid>(
     }
     if let InstantContacts::Laws { laws, .. } = request {
         stage.resistance.expect_contacts(laws.surface.roughness);
+        stage.resistance.roughen(laws.hydrodynamic_friction);
     }
     stage.assemble(cell, centres)?;
     move_under(&mut stage, background, &external, request)?;
@@ -485,6 +486,7 @@ mod tests {
                 }
                 if let InstantContacts::Laws { laws, .. } = request {
                     stage.resistance.expect_contacts(laws.surface.roughness);
+                    stage.resistance.roughen(laws.hydrodynamic_friction);
                 }
                 stage.assemble(cell, &c.centres)?;
                 move_under(&mut stage, &c.background, &[], request)

@@ -168,6 +168,8 @@ impl<S: Starts> Simulation<S> {
         )?;
         solver.start_far_field_from(&snapshot.far_field);
         solver.resistance.expect_contacts(params.roughness);
+        let friction = params.contact.laws().hydrodynamic();
+        solver.resistance.roughen(friction);
         let mut stepper = Stepper::default();
         let run = (!params.segments.is_empty()).then(|| Box::new(params.clone()));
         let params = params.in_step(&imposed);

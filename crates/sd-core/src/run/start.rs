@@ -171,6 +171,22 @@ fn check_cutoff(params: &Params, radii: &[f64]) -> Result<(), Error> {
         return Ok(());
     };
     let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    let (range, most) = (
+        params.contact.laws().hydrodynamic_friction_range,
+        numbers.cutoff * smallest,
+    );
+    if range > most {
+        return Err(Refusal {
+            key: "hydrodynamic_friction_range",
+            value: range.to_string(),
+            problem: "reaches beyond the pairs that `lubrication_cutoff` leaves".into(),
+            allowed: format!(
+                "at most {most:.4}, the cutoff times the radius of the smallest spheres"
+            ),
+            because: Some("lubrication_cutoff"),
+        }
+        .into());
+    }
     let least = (params.roughness + params.time_step) / smallest;
     if numbers.cutoff >= least {
         return Ok(());

@@ -9,6 +9,7 @@ mod rolling_pair;
 use sd_core::cell::Cell;
 use sd_core::contact::{Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
+use sd_core::law::hydrodynamic_friction::HydrodynamicFriction;
 use sd_core::modes::Vec2;
 use sd_core::{
     FrictionOnset, Hydrodynamics, NearFields, NormalLaw, TangentialLaw, VelocityGradient,
@@ -49,6 +50,7 @@ fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {
         repulsion: None,
         rolling_friction: 0.0,
         adhesion: 0.0,
+        hydrodynamic_friction: HydrodynamicFriction::default(),
     }
 }
 

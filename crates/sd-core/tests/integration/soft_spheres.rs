@@ -17,6 +17,7 @@ use sd_core::cell::Cell;
 use sd_core::contact::{ContactState, Laws, NormalForce, PairForces, Surface};
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
 use sd_core::internals::{Resistance, StageSolver};
+use sd_core::law::hydrodynamic_friction::HydrodynamicFriction;
 use sd_core::{
     Bulk, FrictionOnset, Hydrodynamics, LeadingOrder, NearFields, Neighbours, NormalLaw,
     Space as _, TangentialLaw, VelocityGradient,
@@ -373,6 +374,7 @@ fn spring_forces_are_those_of_a_published_code() {
             repulsion: None,
             rolling_friction: 0.0,
             adhesion: 0.0,
+            hydrodynamic_friction: HydrodynamicFriction::default(),
         };
         let springs = instant.touching.iter().map(|c| {
             let force = c.spring_tangential * UNIT;

@@ -48,7 +48,8 @@ fn laws() -> Vec<(&'static str, ContactLaws)> {
             "rigid stick-slide, rolling friction",
             ContactLaws {
                 rolling_friction: 0.1,
-                ..*rigid_springs(1e4).laws()
+                stiffness_unit: StiffnessUnit::Flow,
+                ..*rigid_springs(1e3).laws()
             },
         ),
         ("springs, stick-slide", springs(TangentialLaw::StickSlide)),

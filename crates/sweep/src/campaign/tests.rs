@@ -240,6 +240,18 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         ("seeds = 4", "tangential = \"sticky\"\nseeds = 4"),
         (
             "seeds = 4",
+            "tangential = \"stick-slide\"\ntangential_stiffness = [0, 1e4, inf]\nseeds = 4",
+        ),
+        (
+            "seeds = 4",
+            "contact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\nstiffness_unit = \"flow\"\ntangential = \"stick-slide\"\ntangential_stiffness = 0.5\nseeds = 4",
+        ),
+        (
+            "seeds = 4",
+            "contact = \"procedure\"\nhydrodynamic_friction = 0.1\nseeds = 4",
+        ),
+        (
+            "seeds = 4",
             "contact = [\"rigid\", \"procedure\"]\ntangential = \"coulomb\"\nseeds = 4",
         ),
         (

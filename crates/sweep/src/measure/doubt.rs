@@ -139,7 +139,9 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
 fn can_release_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,
-        ContactScheme::Laws(laws) => laws.is_soft() || laws.adhesion > 0.0,
+        ContactScheme::Laws(laws) => {
+            laws.is_soft() || laws.has_rigid_springs() || laws.adhesion > 0.0
+        }
     }
 }
 

@@ -1,7 +1,9 @@
 //! Comparison of the forms of the resistance.
 
 use super::*;
+use crate::contact::Contact;
 use crate::space::modes::Vec2;
+use crate::space::{Bulk, IncidentFlow, VelocityGradient};
 use std::f64::consts::PI;
 
 /// Four spheres, each near another, in a cell.
@@ -182,5 +184,93 @@ fn random_forces_have_the_covariance_of_the_resistance() {
             let error = covariance_error(&suspension);
             assert!(error < 1e-12, "{hydrodynamics:?} {gap}: {error:e}");
         }
+    }
+}
+
+/// A pair of spheres of unequal radii at a gap, along a slanted line.
+fn pair<S: Fluid>(
+    hydrodynamics: Hydrodynamics,
+    gap: f64,
+    friction: HydrodynamicFriction,
+) -> Resistance<S> {
+    let mut line = S::Vector::default();
+    for k in 0..S::DIMENSIONS {
+        line[k] = (0.7 + 1.9 * k as f64).sin();
+    }
+    let line = line * S::norm_squared(&line).sqrt().recip();
+    let centres = [S::Vector::default(), line * (2.3 + gap)];
+    let radii = [1.0, 1.3];
+    let tables = NearFields::default();
+    let mut both = Resistance::new(hydrodynamics, &Cell::Unbounded, &radii, &tables).unwrap();
+    both.roughen(friction);
+    both.update(&Cell::Unbounded, &centres).unwrap();
+    both
+}
+
+/// A friction resists exactly the slip of a pair, as linear resistance does, up to its range.
+fn check_friction<S: Fluid>(hydrodynamics: Hydrodynamics) {
+    let friction = HydrodynamicFriction {
+        coefficient: 0.7,
+        range: 0.05,
+    };
+    // Under lubrication gaps are those of its functions.
+    let shift = hydrodynamics
+        .leading_order()
+        .map_or(0.0, |numbers| 1.15 * numbers.regularisation);
+    let flow: IncidentFlow<S> = VelocityGradient::<S>::simple_shear(1.0).into();
+    for (gap, resists) in [(1e-4, true), (0.01, true), (0.05, false), (0.3, false)] {
+        let [rough, smooth] = [friction, HydrodynamicFriction::default()]
+            .map(|friction| pair::<S>(hydrodynamics, gap, friction));
+        let motion = |phase: f64| -> Vec<f64> {
+            let modes = 0..2 * S::MODES;
+            modes.map(|k| (phase + 2.3 * k as f64).sin()).collect()
+        };
+        let [v, w] = [0.4, 1.7].map(motion);
+        // Power of a motion in the flow, and forces of one in a fluid at rest times another.
+        let powers = |resistance: &Resistance<S>| {
+            let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            resistance.apply(&v, flow.strains(), &mut work, &mut forces, &mut stresslets);
+            let mut power = dot(&v, &forces);
+            for (sphere, stresslet) in stresslets.iter().enumerate() {
+                for k in 0..S::STRAINS {
+                    power += stresslet[k] * flow.strains().at(sphere)[k];
+                }
+            }
+            let mut product = |v: &[f64], w: &[f64]| {
+                let at_rest = Strains::none();
+                resistance.apply(v, at_rest, &mut work, &mut forces, &mut stresslets);
+                dot(w, &forces)
+            };
+            let symmetry = product(&v, &w) - product(&w, &v);
+            (power, symmetry, product(&w, &w))
+        };
+        let (with, without) = (powers(&rough), powers(&smooth));
+        let pair = &rough.neighbours()[0];
+        let mut contact = Contact::new(*pair, rough.radii(), &flow);
+        contact.set_velocities(&v);
+        let slip = S::tangent_dot(&contact.slip_velocity, &contact.slip_velocity);
+        let expected = friction.resistance(gap + shift) * slip;
+        assert_eq!(expected > 0.0, resists);
+        let found = with.0 - without.0;
+        assert!(
+            (found - expected).abs() < 1e-10 * with.0,
+            "{gap}: {found} {expected}"
+        );
+        assert!(with.1.abs() < 1e-10 * with.2 && with.2 >= without.2 && without.2 > 0.0);
+        let added = rough.slip_resistance(pair) - smooth.slip_resistance(pair);
+        assert!((added - friction.resistance(gap + shift)).abs() < 1e-9 * (1.0 + added));
+    }
+}
+
+#[test]
+fn hydrodynamic_friction_dissipates_by_the_slip_and_ends_at_its_range() {
+    for hydrodynamics in [
+        Hydrodynamics::BallMelrose,
+        Hydrodynamics::StokesianDynamics,
+        Hydrodynamics::Lubrication(crate::model::LeadingOrder::DEFAULT),
+    ] {
+        check_friction::<Layer>(hydrodynamics);
+        check_friction::<Bulk>(hydrodynamics);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::pair_frame::{self, ENTRIES, ODD, PairMatrix, TRANSVERSE, axial, odd, transverse};
 use crate::space::modes::Vec2;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A pair matrix in the frame of its line of centres, symmetric, in mu·a, mu·a², mu·a³.
 ///
@@ -77,6 +78,22 @@ impl PairTerm {
     pub(crate) fn add(&mut self, other: &Self) {
         for (entry, other) in self.entries.iter_mut().zip(other.entries) {
             *entry += other;
+        }
+    }
+
+    /// Adds the resistance K to the slip between the surfaces, which meet at the given distances
+    /// from the centres.
+    ///
+    /// ```text
+    /// u_t = w·(U_y, Ω, −e2) of i and j,   w = (−1, −l_i, −l_i/√2, 1, −l_j, −l_j/√2),   R ← R + K w wᵀ
+    /// ```
+    pub(crate) fn resist_slip(&mut self, resistance: f64, [l_i, l_j]: [f64; 2]) {
+        let [e_i, e_j] = [l_i, l_j].map(|lever| -lever * FRAC_1_SQRT_2);
+        let w = [-1.0, -l_i, e_i, 1.0, -l_j, e_j];
+        for row in 0..6 {
+            for column in row..6 {
+                self.entries[odd(row, column)] += resistance * w[row] * w[column];
+            }
         }
     }
 

@@ -160,9 +160,14 @@ pub(super) fn resists_rolling(params: &Params) -> bool {
     has_friction(params) && rolling_friction::can_combine(params.contact.laws().tangential)
 }
 
-/// Whether surfaces touch and may adhere. The paper's steps have no such law.
+/// Whether contacts have laws, which the paper's steps have not.
+pub(super) fn has_laws(params: &Params) -> bool {
+    params.contact != ContactScheme::Procedure
+}
+
+/// Whether surfaces touch and may adhere.
 pub(super) fn may_adhere(params: &Params) -> bool {
-    params.contact.laws().normal.touches() && !matches!(params.contact, ContactScheme::Procedure)
+    params.contact.laws().normal.touches() && has_laws(params)
 }
 
 /// Whether there are two sizes.
@@ -250,6 +255,10 @@ pub(super) fn needs_spring() -> String {
         "a spring: `contact` = {}",
         keywords_where(NormalLaw::is_spring)
     )
+}
+
+pub(super) fn needs_laws() -> String {
+    "another `contact` than \"procedure\"".into()
 }
 
 pub(super) fn needs_stiffness() -> String {

@@ -1,11 +1,11 @@
 //! The table of parameters.
 
 use super::choices::{
-    ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_leading_order,
+    ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_laws, has_leading_order,
     has_lubrication_gap, has_spring, has_stiffness, has_tangential_spring, has_two_sizes,
-    may_adhere, needs_leading_order, needs_lubrication_gap, needs_repulsion, needs_rolling,
-    needs_spring, needs_stiffness, needs_tangential_spring, needs_touch, read, repels,
-    resists_rolling, set_contact, set_hydrodynamics, set_law, set_sizes, set_spheres,
+    may_adhere, needs_laws, needs_leading_order, needs_lubrication_gap, needs_repulsion,
+    needs_rolling, needs_spring, needs_stiffness, needs_tangential_spring, needs_touch, read,
+    repels, resists_rolling, set_contact, set_hydrodynamics, set_law, set_sizes, set_spheres,
     set_tangential, set_volume_fraction, tangential_words, usual_tangential_stiffness,
 };
 use super::quantities::{
@@ -14,15 +14,16 @@ use super::quantities::{
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
+use crate::law::hydrodynamic_friction::{
+    DEFAULT_RANGE, HYDRODYNAMIC_FRICTION, HYDRODYNAMIC_FRICTION_RANGE,
+};
 use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{DEFAULT_LENGTH, REPULSION, REPULSION_ALONE, REPULSION_LENGTH};
 use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::TANGENTIAL_STIFFNESS;
 use crate::law::{FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
-use crate::model::{
-    ContactLaws, ContactScheme, Distribution, FlowType, Hydrodynamics, LeadingOrder, StartFrom,
-};
+use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOrder, StartFrom};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
@@ -35,7 +36,7 @@ use crate::model::{
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 31] = [
+pub static PARAMETERS: [Parameter; 33] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -286,7 +287,7 @@ pub static PARAMETERS: [Parameter; 31] = [
         ..number(&REGULARISATION)
     },
     Parameter {
-        has_meaning: |p| !matches!(p.contact, ContactScheme::Procedure),
+        has_meaning: has_laws,
         form: Form::Number(Number {
             quantity: &REPULSION,
             default: Some(|p| if alone(p) { REPULSION_ALONE } else { 0.0 }),
@@ -319,6 +320,30 @@ pub static PARAMETERS: [Parameter; 31] = [
             ..OF_LAWS
         }),
         ..number(&ADHESION)
+    },
+    Parameter {
+        has_meaning: has_laws,
+        needs: Some(needs_laws),
+        form: Form::Number(Number {
+            quantity: &HYDRODYNAMIC_FRICTION,
+            default: Some(|_| 0.0),
+            get: |p| p.contact.laws().hydrodynamic_friction,
+            set: |p, value| set_law(p, |laws| laws.hydrodynamic_friction = value),
+            ..OF_LAWS
+        }),
+        ..number(&HYDRODYNAMIC_FRICTION)
+    },
+    Parameter {
+        has_meaning: |p| p.contact.laws().hydrodynamic_friction > 0.0,
+        needs: Some(|| "`hydrodynamic_friction` above 0".into()),
+        form: Form::Number(Number {
+            quantity: &HYDRODYNAMIC_FRICTION_RANGE,
+            default: Some(|_| DEFAULT_RANGE),
+            get: |p| p.contact.laws().hydrodynamic_friction_range,
+            set: |p, value| set_law(p, |laws| laws.hydrodynamic_friction_range = value),
+            ..OF_LAWS
+        }),
+        ..number(&HYDRODYNAMIC_FRICTION_RANGE)
     },
     Parameter {
         form: Form::Number(Number {

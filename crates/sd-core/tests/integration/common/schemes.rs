@@ -57,6 +57,13 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
             ..*contact.laws()
         })
     };
+    let rough = |laws| {
+        ContactScheme::Laws(ContactLaws {
+            hydrodynamic_friction: 0.3,
+            hydrodynamic_friction_range: 0.05,
+            ..laws
+        })
+    };
     vec![
         rigid(TangentialLaw::Coulomb),
         rigid(TangentialLaw::StickRotate),
@@ -66,6 +73,8 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
         with(rigid(TangentialLaw::Coulomb), 0.1, 1.0),
         rigid_springs(1e4),
         with(rigid_springs(1e4), 0.1, 1.0),
+        rough(*rigid(TangentialLaw::Coulomb).laws()),
+        rough(*spring(1e4, TangentialLaw::RollSlip).laws()),
         with(spring(1e4, TangentialLaw::StickSlide), 0.1, 0.0),
         with(spring(1e4, TangentialLaw::StickSlide), 0.1, 1.0),
         with(spring(1e4, TangentialLaw::Coulomb), 0.1, 0.0),

@@ -48,6 +48,21 @@ pub(super) fn pushed_by(
     pushed_in_turn(laws, gap, &[forces], time, steps, turn)
 }
 
+/// The resistance of the two spheres.
+fn two_spheres(laws: &Laws) -> Resistance {
+    let mut resistance = Resistance::new(
+        Hydrodynamics::StokesianDynamics,
+        &Cell::Unbounded,
+        &[1.0, 1.4],
+        &NearFields::default(),
+    )
+    .unwrap();
+    if laws.is_soft() {
+        resistance.regularise(0.001, DEEPEST_OVERLAP);
+    }
+    resistance
+}
+
 /// A pair that is pushed in several ways, one after another, for that time each. Rigid contacts
 /// move by the midpoint rule, written out again.
 fn pushed_in_turn(
@@ -60,18 +75,7 @@ fn pushed_in_turn(
 ) -> Pushed {
     let (sine, cosine) = turn.sin_cos();
     let n = Vec2::new(cosine, sine);
-    let radii = [1.0, 1.4];
-    let mut resistance = Resistance::new(
-        Hydrodynamics::StokesianDynamics,
-        &Cell::Unbounded,
-        &radii,
-        &NearFields::default(),
-    )
-    .unwrap();
-    if laws.is_soft() {
-        resistance.regularise(0.001, DEEPEST_OVERLAP);
-    }
-    let mut motion = StageSolver::new(resistance);
+    let mut motion = StageSolver::new(two_spheres(laws));
     let mut out = Pushed {
         state: State {
             centres: vec![Vec2::zeros(), n * (2.4 + gap)],

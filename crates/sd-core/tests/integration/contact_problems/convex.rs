@@ -153,6 +153,28 @@ fn compare<S: Read>(params: &Params, run: &Simulation<S>) -> usize {
     found.contacts.iter().filter(slides).count()
 }
 
+/// The force of the spring of a contact at the start of the step.
+fn spring_force<S: Read>(springs: &PairForces<S>, contact: &Contact<S>) -> S::Tangent {
+    let is_own = |spring: &&(u32, u32, S::Tangent)| {
+        [spring.0, spring.1].map(|sphere| sphere as usize) == [contact.pair.i, contact.pair.j]
+    };
+    let spring = springs.0.iter().find(is_own);
+    spring.map_or_else(S::Tangent::default, |spring| {
+        S::projected(&spring.2, &contact.pair.normal)
+    })
+}
+
+/// Settings of an accurate solution.
+fn settings() -> DefaultSettings<f64> {
+    DefaultSettings {
+        verbose: false,
+        tol_gap_abs: 1e-10,
+        tol_gap_rel: 1e-10,
+        tol_feas: 1e-10,
+        ..DefaultSettings::default()
+    }
+}
+
 /// The velocities at the minimum.
 fn convex_minimum<S: Read>(
     configuration: &Configuration<S>,
@@ -239,11 +261,7 @@ fn convex_minimum<S: Read>(
         put(&vec![(size + k, 1.0)], 0.0, &mut b);
         let slip = S::rows(contact).slip;
         cones.push(SecondOrderConeT(1 + slip.len()));
-        let key = (contact.pair.i as u32, contact.pair.j as u32);
-        let spring = springs.0.iter().find(|spring| (spring.0, spring.1) == key);
-        let force = spring.map_or_else(S::Tangent::default, |spring| {
-            S::projected(&spring.2, &contact.pair.normal)
-        });
+        let force = spring_force(springs, contact);
         for (d, (mut weights, mut constant)) in slip.into_iter().enumerate() {
             if stretched > 0 {
                 weights.push((first_rate + stretched * k + d, -1.0));
@@ -253,14 +271,7 @@ fn convex_minimum<S: Read>(
         }
     }
     let a = CscMatrix::new_from_triplets(b.len(), unknowns, rows, columns, values);
-    let settings = DefaultSettings {
-        verbose: false,
-        tol_gap_abs: 1e-10,
-        tol_gap_rel: 1e-10,
-        tol_feas: 1e-10,
-        ..DefaultSettings::default()
-    };
-    let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings).unwrap();
+    let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings()).unwrap();
     solver.solve();
     let status = solver.solution.status;
     assert!(

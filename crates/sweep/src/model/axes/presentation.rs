@@ -28,6 +28,8 @@ impl Axis {
             "adhesion" => "F_A",
             "peclet" => "Pe",
             "thermal_load" => "F_crit a/kT",
+            "hydrodynamic_friction" => "α",
+            "hydrodynamic_friction_range" => "g0",
             "time_step" => "Δt",
             "shear_rate" => "Γ",
             "shear_stress" => "σ*",
@@ -46,7 +48,7 @@ impl Axis {
             "large_fraction" | "lubrication_cutoff" | "tangential_stiffness" => "0.5",
             "roughness" | "time_step" => "0.01",
             "friction" => "0.3",
-            "rolling_friction" => "0.1",
+            "rolling_friction" | "hydrodynamic_friction_range" => "0.1",
             "stiffness" => "1e4",
             "dashpot" => "10",
             "lubrication_gap" => "0.001",
@@ -68,6 +70,7 @@ impl Axis {
         let keys = [
             "stiffness",
             "tangential_stiffness",
+            "hydrodynamic_friction",
             "lubrication_regularisation",
             "peclet",
             "thermal_load",
@@ -91,7 +94,12 @@ impl Axis {
             ("peclet", _) => params.peclet.is_finite(),
             ("thermal_load", _) => params.thermal_load > 0.0,
             (
-                "size_ratio" | "rolling_friction" | "dashpot" | "repulsion" | "adhesion",
+                "size_ratio"
+                | "rolling_friction"
+                | "dashpot"
+                | "repulsion"
+                | "adhesion"
+                | "hydrodynamic_friction",
                 Form::Number(number),
             ) => number.without != Some((number.get)(params)),
             _ => self.means_something(params),
