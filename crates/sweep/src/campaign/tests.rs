@@ -240,18 +240,6 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         ("seeds = 4", "tangential = \"sticky\"\nseeds = 4"),
         (
             "seeds = 4",
-            "tangential = \"stick-slide\"\ntangential_stiffness = [0, 1e4, inf]\nseeds = 4",
-        ),
-        (
-            "seeds = 4",
-            "contact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\nstiffness_unit = \"flow\"\ntangential = \"stick-slide\"\ntangential_stiffness = 0.5\nseeds = 4",
-        ),
-        (
-            "seeds = 4",
-            "contact = \"procedure\"\nhydrodynamic_friction = 0.1\nseeds = 4",
-        ),
-        (
-            "seeds = 4",
             "contact = [\"rigid\", \"procedure\"]\ntangential = \"coulomb\"\nseeds = 4",
         ),
         (
@@ -309,6 +297,35 @@ fn every_error_shows_the_place_and_says_what_is_allowed() {
         writeln!(all, "{from:?} → {to:?}\n{}", complaint(from, to)).unwrap();
     }
     insta::assert_snapshot!(all);
+}
+
+#[test]
+fn stiffness_and_friction_of_rigid_contacts_have_messages_at_their_lines() {
+    for (to, line, said) in [
+        (
+            "tangential = \"stick-slide\"\ntangential_stiffness = [0, 1e4]",
+            "friction.toml:11:25: `tangential_stiffness` = 0",
+            "none is `friction` = 0",
+        ),
+        (
+            "tangential = \"stick-slide\"\ntangential_stiffness = inf",
+            "friction.toml:11:24: `tangential_stiffness` = inf",
+            "`tangential` = \"coulomb\" on rigid contacts",
+        ),
+        (
+            "contact = [\"rigid\", \"linear-spring\"]\nstiffness = 1e4\nstiffness_unit = \"flow\"\ntangential = \"stick-slide\"\ntangential_stiffness = 0.5",
+            "friction.toml:14:24: `tangential_stiffness` has two units",
+            "a grid for springs and one for rigid contacts",
+        ),
+        (
+            "contact = \"procedure\"\nhydrodynamic_friction = 0.1",
+            "friction.toml:11:25: `hydrodynamic_friction` has no meaning",
+            "another `contact` than \"procedure\"",
+        ),
+    ] {
+        let found = complaint("seeds = 4", &format!("{to}\nseeds = 4"));
+        assert!(found.contains(line) && found.contains(said), "{found}");
+    }
 }
 
 #[test]
