@@ -1,9 +1,11 @@
 """Stokesian Dynamics of sheared layers of rough, frictional spheres.
 
 Physics: `scalars`, `solve`, `pair`, `Layer`, `Suspension`. Campaigns: `Campaign`, `Store`, `Table`.
+Frames of these and of other programs: `frames`.
 Units everywhere: mean sphere radius a, viscosity mu and shear rate are 1.
 """
 
+from . import frames
 from ._core import (
     Campaign,
     Layer,
@@ -31,6 +33,7 @@ __all__ = [
     "StoreError",
     "Suspension",
     "Table",
+    "frames",
     "pair",
     "scalars",
     "solve",

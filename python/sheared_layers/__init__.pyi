@@ -8,6 +8,8 @@ from typing import Any, Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import frames as frames
+
 _Numbers: TypeAlias = NDArray[np.float64]
 _File: TypeAlias = str | PathLike[str]
 _Hydrodynamics: TypeAlias = Literal["stokesian-dynamics", "ball-melrose", "lubrication"]
@@ -24,6 +26,7 @@ __all__ = [
     "StoreError",
     "Suspension",
     "Table",
+    "frames",
     "pair",
     "scalars",
     "solve",

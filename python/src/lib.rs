@@ -13,11 +13,13 @@
 //! table       a table of the program as Arrow
 //! campaign    campaigns: plan, run
 //! store       stores: points, runs, samples, frames, outlines of figures
+//! frames      structure of frames that may come from another program
 //! ```
 
 mod arrays;
 mod campaign;
 mod errors;
+mod frames;
 mod instant;
 mod run;
 mod steps;
@@ -33,6 +35,8 @@ mod _core {
     use crate::campaign::Campaign;
     #[pymodule_export]
     use crate::errors::{SimulationError, StoreError};
+    #[pymodule_export]
+    use crate::frames::frame_structure;
     #[pymodule_export]
     use crate::instant::solve;
     #[pymodule_export]

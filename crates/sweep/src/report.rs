@@ -20,6 +20,7 @@ mod table;
 mod text;
 mod units;
 
+pub use crate::structure::OutsideFrame;
 pub use crate::text::format::NumberFormat;
 pub use error::ReportError;
 pub use failures::FailureGroup;
@@ -38,7 +39,7 @@ pub use selection::{Excerpt, Selection};
 pub use sheet::Shape;
 pub(crate) use sheet::room;
 pub use spheres::{SphereColour, SpherePicture, SphereView, draw_spheres};
-pub use structure::{StructureKind, StructureReport};
+pub use structure::{StructureKind, StructureReport, outside_structure};
 pub use table::{Columns, number, point_table, write_json};
 pub(crate) use text::table;
 pub use text::write as write_text;

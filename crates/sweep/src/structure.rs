@@ -13,6 +13,7 @@
 //! profiles    velocity and fraction along gradient and vorticity
 //! sampled     the numbers of these that every run samples
 //! scalars     one number each of an instant
+//! outside     frames of other programs
 //! average     sums over the frames of a run, and means over runs with their intervals
 //! ```
 
@@ -24,6 +25,7 @@ mod contacts;
 mod core;
 mod network;
 mod order;
+mod outside;
 mod pairs;
 mod pebble;
 mod profiles;
@@ -35,5 +37,6 @@ mod tests;
 pub(crate) use average::{Curve, RunStructure, Structure};
 pub(crate) use clusters::clusters;
 pub(crate) use network::{Link, Network};
+pub use outside::OutsideFrame;
 pub(crate) use sampled::{Reference, sampled};
 pub(crate) use scalars::{NAMED, observe};

@@ -16,7 +16,7 @@ use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::spaces::of_either;
 use crate::store::Store;
-use crate::structure::{NAMED, Network, Reference, RunStructure, Structure, sampled};
+use crate::structure::{NAMED, Network, OutsideFrame, Reference, RunStructure, Structure, sampled};
 use crate::text::choices::choices;
 use crate::text::format::{count, counted, short};
 use sd_core::Params;
@@ -212,57 +212,15 @@ impl StructureReport {
 
     /// One row per point: all axes, then numbers and their intervals.
     pub fn table(&self) -> Vec<DataColumn> {
-        let mut table = TableOf {
-            columns: axis_table(&self.of_points()),
-            rows: &self.points,
-        };
-        table.count("runs", "runs averaged", |(_, s)| Some(s.runs));
-        table.count("frames", "their frames together", |(_, s)| Some(s.frames));
-        for (place, scalar) in NAMED.iter().enumerate() {
-            table.estimate(scalar.name, scalar.meaning(), |(_, s)| s.scalars[place]);
-        }
-        for (name, row, column) in [
-            ("fabric_xx", 0, 0),
-            ("fabric_xy", 0, 1),
-            ("fabric_yy", 1, 1),
-        ] {
-            table.estimate(name, "n n averaged over contacts", |(_, s)| {
-                s.fabric[row][column]
-            });
-        }
-        for (place, name) in ["diffusivity_yy", "diffusivity_zz"].into_iter().enumerate() {
-            let number = Number::named(name).and_then(|number| number.meaning(Level::Points));
-            table.estimate(name, number.unwrap_or_default(), |(_, s)| {
-                s.diffusivities[place]
-            });
-        }
-        let meaning = "deviation of the fabric from that of isotropic contacts";
-        table.estimate("fabric_deviator", meaning, |(_, s)| s.fabric_deviator);
-        table.columns
+        numbers(axis_table(&self.of_points()), &self.points)
     }
 
     /// The object for programs, a stable interface: a point has the columns of the table and all
     /// curves.
     pub fn json(&self) -> Json {
         let table = self.table();
-        let mean = |of: &Option<Estimate>| of.map(|of| of.mean);
-        let half = |of: &Option<Estimate>| of.and_then(|of| of.ci95);
-        let points = self.points.iter().enumerate().map(|(row, (_, structure))| {
-            let mut object = json!(Object(&table, row));
-            for (_, [name, x, y], _, of) in CURVES {
-                let curve = of(structure);
-                let entry = &mut object[name];
-                entry[x] = json!(curve.x);
-                entry[y] = curve.y.iter().map(mean).collect();
-                entry[format!("{y}_ci95")] = curve.y.iter().map(half).collect();
-            }
-            let (r, theta, g) = &structure.with_angle;
-            object["g_r_theta"] = json!({"r": r, "theta": theta, "g": g});
-            let rows = || structure.fabric.iter().map(|row| row.iter());
-            object["fabric"] = rows().map(|row| row.map(mean).collect::<Json>()).collect();
-            object["fabric_ci95"] = rows().map(|row| row.map(half).collect::<Json>()).collect();
-            object
-        });
+        let points = self.points.iter().enumerate();
+        let points = points.map(|(row, (_, structure))| object(&table, row, structure));
         json!({ "campaign": self.report.campaign, "points": points.collect::<Vec<_>>() })
     }
 
@@ -429,6 +387,68 @@ impl StructureReport {
         let origin = Origin::of(report);
         Ok(draw_plane(&picture, &origin))
     }
+}
+
+/// The numbers of structures and their intervals, one row each, after other columns.
+fn numbers(columns: Vec<DataColumn>, rows: &[(usize, Structure)]) -> Vec<DataColumn> {
+    let mut table = TableOf { columns, rows };
+    table.count("runs", "runs averaged", |(_, s)| Some(s.runs));
+    table.count("frames", "their frames together", |(_, s)| Some(s.frames));
+    for (place, scalar) in NAMED.iter().enumerate() {
+        table.estimate(scalar.name, scalar.meaning(), |(_, s)| s.scalars[place]);
+    }
+    for (name, row, column) in [
+        ("fabric_xx", 0, 0),
+        ("fabric_xy", 0, 1),
+        ("fabric_yy", 1, 1),
+    ] {
+        table.estimate(name, "n n averaged over contacts", |(_, s)| {
+            s.fabric[row][column]
+        });
+    }
+    for (place, name) in ["diffusivity_yy", "diffusivity_zz"].into_iter().enumerate() {
+        let number = Number::named(name).and_then(|number| number.meaning(Level::Points));
+        table.estimate(name, number.unwrap_or_default(), |(_, s)| {
+            s.diffusivities[place]
+        });
+    }
+    let meaning = "deviation of the fabric from that of isotropic contacts";
+    table.estimate("fabric_deviator", meaning, |(_, s)| s.fabric_deviator);
+    table.columns
+}
+
+/// The object of a structure: a row of a table, and all curves.
+fn object(table: &[DataColumn], row: usize, structure: &Structure) -> Json {
+    let mean = |of: &Option<Estimate>| of.map(|of| of.mean);
+    let half = |of: &Option<Estimate>| of.and_then(|of| of.ci95);
+    let mut object = json!(Object(table, row));
+    for (_, [name, x, y], _, of) in CURVES {
+        let curve = of(structure);
+        let entry = &mut object[name];
+        entry[x] = json!(curve.x);
+        entry[y] = curve.y.iter().map(mean).collect();
+        entry[format!("{y}_ci95")] = curve.y.iter().map(half).collect();
+    }
+    let (r, theta, g) = &structure.with_angle;
+    object["g_r_theta"] = json!({"r": r, "theta": theta, "g": g});
+    let rows = || structure.fabric.iter().map(|row| row.iter());
+    object["fabric"] = rows().map(|row| row.map(mean).collect::<Json>()).collect();
+    object["fabric_ci95"] = rows().map(|row| row.map(half).collect::<Json>()).collect();
+    object
+}
+
+/// The structure of runs of another program, as [`StructureReport::json`] has that of a point.
+///
+/// # Errors
+/// [`ReportError::Refused`] on frames that are no spheres in a cell, and without any.
+pub fn outside_structure(runs: &[Vec<OutsideFrame>]) -> Result<Json, ReportError> {
+    let refused = |error: sd_core::Error| ReportError::Refused(error.to_string());
+    let of_run = |frames: &Vec<_>| RunStructure::of_outside(frames).map_err(refused);
+    let runs = runs.iter().filter_map(|frames| of_run(frames).transpose());
+    let runs: Vec<RunStructure> = runs.collect::<Result<_, _>>()?;
+    let none = || ReportError::Refused("there are no frames".into());
+    let rows = [(0, Structure::of(&runs).ok_or_else(none)?)];
+    Ok(object(&numbers(Vec::new(), &rows), 0, &rows[0].1))
 }
 
 /// The structure of a run from its frames after a strain. The inner error is that some are missing,
