@@ -4,6 +4,7 @@ use super::Output;
 use crate::error::Error;
 use crate::store::check;
 use crate::system::exit;
+use crate::text::format::counted;
 use std::path::PathBuf;
 
 /// Verify the contents of a store by its checksums
@@ -38,10 +39,10 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         }
         writeln!(
             output.out,
-            "{}: {} runs, {} findings",
+            "{}: {}, {}",
             arguments.store.display(),
-            checked.runs,
-            checked.findings.len()
+            counted(checked.runs, "run"),
+            counted(checked.findings.len(), "finding")
         )?;
     }
     Ok(if checked.findings.is_empty() {

@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::model::spaces::AnyFrame;
 use crate::store::{Store, StoredFrame};
 use crate::system::exit;
+use crate::text::format::counted;
 use crate::trajectory::{FrameSource, contact_table, sphere_table, write_bonds, write_extxyz};
 use std::io::Write;
 use std::path::PathBuf;
@@ -85,7 +86,8 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
             if output.json {
                 output.json(&serde_json::json!({"key": key, "frames": frames.len()}))?;
             } else {
-                writeln!(output.out, "{} frames of case {}", frames.len(), key)?;
+                let number = counted(frames.len(), "frame");
+                writeln!(output.out, "{number} of case {key}")?;
             }
         }
     }

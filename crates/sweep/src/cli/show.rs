@@ -114,8 +114,8 @@ fn write_samples(details: &CaseDetails, out: &mut dyn Write) -> std::io::Result<
     if let Some((_, last)) = details.samples.last() {
         writeln!(
             out,
-            "{} samples, the last at strain {:.3} with viscosity {} (`sweep report FILE --figure trace.svg --kind trace --case {}` draws them)",
-            details.samples.len(),
+            "{}, the last at strain {:.3} with viscosity {} (`sweep report FILE --figure trace.svg --kind trace --case {}` draws them)",
+            counted(details.samples.len(), "sample"),
             last.strain,
             significant(last.viscosity, 4),
             &details.key[..8]
@@ -143,7 +143,7 @@ fn write_samples(details: &CaseDetails, out: &mut dyn Write) -> std::io::Result<
         writeln!(
             out,
             "contact problems: {} solved, {} unconverged, {} without a solution, worst residual {}, worst friction error {}\n\
-             smallest gap so far {}, jam events {}, {} frames kept",
+             smallest gap so far {}, jam events {}, {} kept",
             c.stages,
             c.unconverged_stages,
             c.jammed_stages,
@@ -151,7 +151,7 @@ fn write_samples(details: &CaseDetails, out: &mut dyn Write) -> std::io::Result<
             significant(c.worst_friction_error, 2),
             significant(c.minimum_gap, 3),
             c.jam_events,
-            details.frames
+            counted(details.frames, "frame")
         )?;
     }
     Ok(())

@@ -98,8 +98,8 @@ fn write_text(
     if status.orphans > 0 {
         writeln!(
             out,
-            "{} runs in the store belong to other versions of the campaign: sweep prune {file} removes them",
-            status.orphans
+            "{} in the store belong to other versions of the campaign: sweep prune {file} removes them",
+            counted(status.orphans, "run")
         )?;
     }
     writeln!(out, "{table}")?;

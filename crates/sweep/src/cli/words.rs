@@ -72,6 +72,35 @@ pub(super) fn axis_among(
 ) -> impl TypedValueParser<Value = &'static Axis> {
     let names = AXES.iter().filter(|axis| is_meant(axis));
     let names = names.map(|axis| PossibleValue::new(axis.key).aliases(axis.other_names()));
-    PossibleValuesParser::new(names)
-        .try_map(|name| Axis::named(&name).ok_or("not an axis of a campaign"))
+    let own = PossibleValuesParser::new(names)
+        .try_map(|name| Axis::named(&name).ok_or("not an axis of a campaign"));
+    OfAxis(own)
+}
+
+/// Adds to its errors that symbols are names too.
+#[derive(Clone)]
+struct OfAxis<P>(P);
+
+impl<P: TypedValueParser> TypedValueParser for OfAxis<P> {
+    type Value = P::Value;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<P::Value, clap::Error> {
+        self.0
+            .parse_ref(command, argument, value)
+            .map_err(|mut error| {
+                let hint = "their symbols name them too, such as φ, ν and Γ, or phi, nu and Gamma";
+                let hint = ContextValue::StyledStrs(vec![hint.into()]);
+                error.insert(ContextKind::Suggested, hint);
+                error
+            })
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        self.0.possible_values()
+    }
 }

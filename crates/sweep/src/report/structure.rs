@@ -275,11 +275,11 @@ impl StructureReport {
     pub fn summary(&self) -> String {
         let sum = |of: fn(&Structure) -> u64| self.points.iter().map(|(_, s)| of(s)).sum::<u64>();
         format!(
-            "{}: structure of {} frames of {} runs at {} points, after the discarded strain",
+            "{}: structure of {} of {} at {}, after the discarded strain",
             self.report.campaign,
-            sum(|s| s.frames),
-            sum(|s| s.runs),
-            self.points.len()
+            counted(sum(|s| s.frames), "frame"),
+            counted(sum(|s| s.runs), "run"),
+            counted(self.points.len(), "point")
         )
     }
 
@@ -370,8 +370,9 @@ impl StructureReport {
         let mut caption = vec![report.campaign.clone()];
         caption.extend(all_named(params, report.units, &report.starts));
         caption.push(format!(
-            "{} frames of {} runs",
-            structure.frames, structure.runs
+            "{} of {}",
+            counted(structure.frames, "frame"),
+            counted(structure.runs, "run")
         ));
         let picture = PlanePicture {
             ends: [-reach, reach],

@@ -93,6 +93,13 @@ fn parameters_have_intervals_and_residuals_are_those_of_the_points() {
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
+    // What the points do not determine has no number in the table.
+    let undetermined = fit["undetermined"].as_array().unwrap().len();
+    assert_eq!(
+        text.matches("not determined").count(),
+        undetermined,
+        "{text}"
+    );
     sweep(
         at,
         &[
