@@ -5,8 +5,11 @@
 //! or else by a trial, which also shows whether the spheres can be placed at all. `step_cost`,
 //! which knows how the methods scale with the number of spheres, carries it over to similar runs.
 
+mod memory;
 mod precision;
 mod trials;
+
+pub use memory::check_memory;
 
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis, Identity, identity};

@@ -3,7 +3,7 @@
 use super::Output;
 use super::place::{WorkersArgument, store_of};
 use crate::error::Error;
-use crate::plan::{Plan, RunKind, Source, plan};
+use crate::plan::{Plan, RunKind, Source, check_memory, plan};
 use crate::report::{room, table};
 use crate::store::StoreSource;
 use crate::system::exit;
@@ -41,6 +41,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
+    check_memory(&campaign)?;
     let workers = arguments.workers.or_all();
     let path = store_of(&campaign, arguments.store.as_deref())?;
     let store = if path.exists() {
