@@ -22,6 +22,9 @@ use crate::space::{IncidentFlow, Layer, Strains};
 /// Contact problems are solved to this fraction of the far field's relative residual, so that the
 /// differences between iterates, from which the acceleration extrapolates, are not noise.
 const CONTACT_TOLERANCE: f64 = 2e-3;
+/// Factor of that tolerance once a solution to it has violated the conditions of contacts, which
+/// also hold where forces of any size balance each other.
+const STRICT: f64 = 1e-2;
 /// Relative residual assumed for the tolerance of the first evaluation.
 const INITIAL_RESIDUAL: f64 = 1e-2;
 /// Factor by which the residual must have decreased since the last update of friction activation
@@ -291,6 +294,7 @@ impl<S: Fluid> StageSolver<S> {
                         quality: Quality::default(),
                         changes: 0,
                         residual_at_update: f64::INFINITY,
+                        is_strict: false,
                     };
                     let solution = far.solve_fixed_point(
                         resistance,
@@ -396,6 +400,8 @@ struct ContactMap<'a, S: Fluid> {
     changes: u32,
     /// Relative residual at the last update of friction activation.
     residual_at_update: f64,
+    /// Whether a solution was too inexact.
+    is_strict: bool,
 }
 
 impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
@@ -418,7 +424,8 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
             relative_tolerance: if self.is_free {
                 0.0
             } else {
-                CONTACT_TOLERANCE * progress.residual.min(INITIAL_RESIDUAL)
+                let strict = if self.is_strict { STRICT } else { 1.0 };
+                strict * CONTACT_TOLERANCE * progress.residual.min(INITIAL_RESIDUAL)
             },
         };
         let (v, v_t) = velocities.split_at_mut(half);
@@ -453,5 +460,11 @@ impl<S: Fluid> FixedPointMap for ContactMap<'_, S> {
             None => v_t.fill(0.0),
         }
         Ok(changed)
+    }
+
+    fn accepts(&mut self) -> bool {
+        let accepts = self.is_strict || self.quality.converged() || self.quality.jammed();
+        self.is_strict |= !accepts;
+        accepts
     }
 }

@@ -151,7 +151,7 @@ fn of_start(params: &Params, seed: u64, tables: &NearFields) -> Result<ShortTime
         &start.radii,
         &start.centres,
         tables,
-        &SolverSettings::default(),
+        &SolverSettings::precise(),
     )?;
     short_time(&mut resistance, &cell, &start.radii, seed)
 }

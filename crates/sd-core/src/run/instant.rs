@@ -289,7 +289,7 @@ pub(super) fn solve_with<S: Fluid>(
         radii,
         tables,
         &[],
-        &SolverSettings::default(),
+        &SolverSettings::precise(),
     )?;
     if hydrodynamics.admits_overlap() {
         stage.resistance.regularise(0.0, f64::INFINITY);
@@ -474,7 +474,7 @@ mod tests {
     #[test]
     fn an_instant_whose_far_field_does_not_converge_is_an_error() {
         let c = suspension(Hydrodynamics::StokesianDynamics);
-        let settings = SolverSettings::default();
+        let settings = SolverSettings::precise();
         for (number, request) in requests().iter().enumerate() {
             let solve = |limit: Option<u32>| {
                 let tables = NearFields::default();

@@ -188,7 +188,7 @@ impl<S: Fluid> Mobility<S> {
 ///     &[1.0, 1.0],
 ///     &centres,
 ///     &NearFields::default(),
-///     &SolverSettings::default(),
+///     &SolverSettings::precise(),
 /// )?;
 /// let weights = [0.0, 0.0, -1.0, 0.0, 0.0, 0.0].repeat(2);
 /// let mut velocities = vec![0.0; 12];

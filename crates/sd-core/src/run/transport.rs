@@ -64,7 +64,7 @@ pub struct ShortTime {
 ///     &radii,
 ///     &[[0.0, 0.0, 0.0].into()],
 ///     &NearFields::default(),
-///     &SolverSettings::default(),
+///     &SolverSettings::precise(),
 /// )?;
 /// let found = short_time(&mut resistance, &cell, &radii, 1)?;
 /// assert!((found.self_diffusion - 0.8587).abs() < 1e-3);
@@ -203,7 +203,7 @@ mod tests {
             &start.radii,
             &start.centres,
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap();
         short_time(&mut resistance, &cell, &start.radii, seed).unwrap()
@@ -243,7 +243,7 @@ mod tests {
             &radii,
             &centres,
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap();
         let found = short_time(&mut resistance, &cell, &radii, 1).unwrap();
@@ -264,7 +264,7 @@ mod tests {
             &[1.0],
             &centres,
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap();
         let refused = short_time(&mut resistance, &Cell::Unbounded, &[1.0], 1).unwrap_err();

@@ -420,7 +420,8 @@ fn near_pairs_of_the_far_field_halve_the_evaluations() {
 /// The iterated far field moves spheres as the dense one; returns both stages. `prepare`: called
 /// with both before they are solved.
 fn compare(layer: &Sheared, laws: &Laws, prepare: impl Fn(&mut StageSolver)) -> [StageSolver; 2] {
-    let both = [layer.dense(), layer.iterated(1e-6)].map(|mut stage| {
+    // Near jamming, velocities differ by up to 2.5 residuals.
+    let both = [layer.dense(), layer.iterated(5e-7)].map(|mut stage| {
         prepare(&mut stage);
         layer.solved(stage, &[], Some(laws))
     });

@@ -4,10 +4,10 @@ use nalgebra::{Matrix3, Vector3};
 use sd_core::cell::Cell;
 use sd_core::contact::Laws;
 use sd_core::instant::{Configuration, InstantContacts, SolvedConfiguration, solve};
-use sd_core::model::{CrossShear, Segment, Surface};
+use sd_core::model::{CrossShear, Segment, SolverSettings, Surface};
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, NearFields, Params, Sample, Simulation,
-    Space, TangentialLaw, VelocityGradient,
+    Snapshot, Space, TangentialLaw, VelocityGradient,
 };
 
 /// Steady shear with this across it, from a strain on.
@@ -69,7 +69,9 @@ fn dilute(segments: &[Segment], hydrodynamics: Hydrodynamics) -> Params {
 
 fn begin(params: &Params, seed: u64) -> Simulation<Bulk> {
     params.validate().unwrap();
-    Simulation::<Bulk>::new(params, seed, &NearFields::default()).unwrap()
+    let start = Snapshot::start(params, seed).unwrap();
+    let settings = SolverSettings::precise();
+    Simulation::with_settings(params, start, &NearFields::default(), &settings).unwrap()
 }
 
 fn steps(run: &mut Simulation<Bulk>, steps: u64) -> Vec<Sample> {

@@ -507,7 +507,7 @@ fn flows_that_are_not_finite_or_of_other_spheres_are_refused() {
         &spheres.radii,
         &spheres.centres,
         &NearFields::default(),
-        &SolverSettings::default(),
+        &SolverSettings::precise(),
     )
     .unwrap();
     for number in [0, 3] {

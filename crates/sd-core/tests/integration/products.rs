@@ -336,7 +336,7 @@ fn two_spheres_under_forces_move_by_the_exact_functions() {
                 Vector2::new(number(&case["separation"]), 0.0),
             ],
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap();
         let forces: Vec<f64> = (0..2)

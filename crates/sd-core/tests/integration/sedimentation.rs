@@ -40,7 +40,8 @@ fn run_from(params: &Params, place: impl Fn(usize, f64) -> [f64; 3]) -> Simulati
     for (k, centre) in snapshot.centres.iter_mut().enumerate() {
         *centre = place(k, side);
     }
-    Simulation::from_snapshot(params, snapshot, &NearFields::default()).unwrap()
+    let settings = SolverSettings::precise();
+    Simulation::with_settings(params, snapshot, &NearFields::default(), &settings).unwrap()
 }
 
 fn steps<S: RunSpace>(run: &mut Simulation<S>, count: usize) -> Vec<Sample> {
@@ -158,7 +159,7 @@ fn spheres_in_equilibrium_sink_as_in_simulations_by_multipoles() {
             &vec![1.0; spheres],
             &centres,
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap();
         let weights = [0.0, 0.0, -6.0 * PI, 0.0, 0.0, 0.0].repeat(spheres);

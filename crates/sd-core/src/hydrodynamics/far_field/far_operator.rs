@@ -9,10 +9,10 @@
 use super::ewald;
 use super::real_space::RealSpace;
 use super::suspension::dense_mobility;
-use super::wave_grid::Grid;
+use super::wave_grid::{Grid, sampling};
 use super::{Splitting, check, check_content, wave_space};
 use crate::error::Error;
-use crate::hydrodynamics::free_space::coupling::{Coupling, MODES, Modes};
+use crate::hydrodynamics::free_space::coupling::{Coupling, Lanes, MODES, Modes};
 use crate::hydrodynamics::free_space::kernels::{self, FiniteSize};
 use crate::hydrodynamics::free_space::planar::{RadialChain, pair_lanes};
 use crate::hydrodynamics::free_space::spatial::{couplings, finite_size, self_mobility};
@@ -30,9 +30,10 @@ pub trait FarSpace: Space {
     type PerComponent<T: Copy>: FixedArray<T>;
     /// The short-ranged part of M in a periodic cell.
     type NearPart: NearPart<Self>;
-    /// Measured nanoseconds of a near pair, and of the wave vectors in one cell of the reciprocal
-    /// lattice with their share of the grid, in an application.
-    const COSTS: [f64; 2];
+    /// Measured nanoseconds of a near pair in an application.
+    const PAIR_COST: f64;
+    /// Measured nanoseconds of a point under the window of a sphere, and of a point of the grid.
+    const GRID_COSTS: [f64; 2];
     /// Smallest splitting parameter tried, over the inverse of the lattice's reach.
     const LEAST_SPLITTING: f64;
     /// Whether the estimates of remainders hold where several images of a pair are in range. Those
@@ -75,6 +76,40 @@ pub trait NearPart<S: FarSpace>: Sized {
         to_i: &mut S::PerAnyMode<f64>,
         to_j: &mut S::PerAnyMode<f64>,
     );
+
+    /// Adds the products of all pairs with vectors of `spheres` spheres, one after another; `work`
+    /// is workspace.
+    #[inline(always)]
+    fn add_all(
+        pairs: &[NearPair<S>],
+        spheres: usize,
+        x: &[S::PerAnyMode<f64>],
+        y: &mut [S::PerAnyMode<f64>],
+        _work: &mut Vec<[S::PerAnyMode<[f64; 2]>; 2]>,
+    ) {
+        add_one_by_one::<S>(pairs, spheres, x, y);
+    }
+}
+
+/// As [`NearPart::add_all`], vector by vector and sphere by sphere.
+#[inline(always)]
+fn add_one_by_one<S: FarSpace>(
+    pairs: &[NearPair<S>],
+    spheres: usize,
+    x: &[S::PerAnyMode<f64>],
+    y: &mut [S::PerAnyMode<f64>],
+) {
+    for (i, j, block) in pairs {
+        let (i, j) = (*i, *j);
+        for (x, y) in x.chunks_exact(spheres).zip(y.chunks_exact_mut(spheres)) {
+            let (mut to_i, mut to_j) = (y[i], FixedArray::each(0.0));
+            S::NearPart::add(block, &x[i], &x[j], &mut to_i, &mut to_j);
+            y[i] = to_i;
+            for k in 0..S::ALL_MODES {
+                y[j][k] += to_j[k];
+            }
+        }
+    }
 }
 
 /// The block of sphere i from sphere j.
@@ -93,6 +128,8 @@ pub(crate) struct FarOperator<S: FarSpace> {
     pairs: Vec<NearPair<S>>,
     /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
     own: Vec<S::PerAnyMode<f64>>,
+    /// Two vectors sphere by sphere, and their products.
+    work: Vec<[S::PerAnyMode<[f64; 2]>; 2]>,
 }
 
 /// The sums over all images.
@@ -126,7 +163,6 @@ impl<S: FarSpace> FarOperator<S> {
             return Self::with_splitting(cell, radii, tolerance, 0.0);
         };
         let (n, content) = (radii.len() as f64, lattice.content());
-        let [pair_cost, wave_cost] = S::COSTS;
         let mut best = (f64::INFINITY, 0.0);
         for step in 0..80 {
             let alpha = S::LEAST_SPLITTING / lattice.reach() * 1.05_f64.powi(step);
@@ -138,12 +174,9 @@ impl<S: FarSpace> FarOperator<S> {
                 2 => PI * cut.distance.powi(2),
                 _ => 4.0 / 3.0 * PI * cut.distance.powi(3),
             };
-            let waves = content
-                * match S::DIMENSIONS {
-                    2 => (cut.wave / PI).powi(2),
-                    _ => (cut.wave / PI).powi(3),
-                };
-            let cost = pair_cost * 0.5 * n * n * ball / content + wave_cost * waves;
+            let pairs = 0.5 * n * n * ball / content;
+            let grid = sampling::<S>(lattice, radii.len(), cut.wave, tolerance).1;
+            let cost = S::PAIR_COST * pairs + grid;
             if cost < best.0 {
                 best = (cost, alpha);
             }
@@ -189,6 +222,7 @@ impl<S: FarSpace> FarOperator<S> {
             periodic,
             pairs: Vec::new(),
             own: own.collect(),
+            work: Vec::with_capacity(sizes.len()),
             sizes,
         })
     }
@@ -275,7 +309,7 @@ impl<S: FarSpace> FarOperator<S> {
     /// `operator_is_the_dense_mobility` of layers and of suspensions.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         let (n, x, y) = (self.sizes.len(), S::all_modes(x), S::all_modes_mut(y));
-        let (pairs, own) = (&self.pairs, &self.own);
+        let (pairs, own, work) = (&self.pairs, &self.own, &mut self.work);
         for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
             for ((x, y), own) in x.iter().zip(y).zip(own) {
                 for k in 0..S::ALL_MODES {
@@ -286,16 +320,7 @@ impl<S: FarSpace> FarOperator<S> {
         vectorised(
             #[inline(always)]
             || {
-                for (i, j, block) in pairs {
-                    for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
-                        let (mut to_i, mut to_j) = (y[*i], FixedArray::each(0.0));
-                        S::NearPart::add(block, &x[*i], &x[*j], &mut to_i, &mut to_j);
-                        y[*i] = to_i;
-                        for k in 0..S::ALL_MODES {
-                            y[*j][k] += to_j[k];
-                        }
-                    }
-                }
+                S::NearPart::add_all(pairs, n, x, y, work);
             },
         );
         if let Some(periodic) = &mut self.periodic {
@@ -309,7 +334,8 @@ impl<S: FarSpace> FarOperator<S> {
 impl FarSpace for Layer {
     type PerComponent<T: Copy> = [T; 2];
     type NearPart = RealSpace;
-    const COSTS: [f64; 2] = [40.0, 140.0];
+    const PAIR_COST: f64 = 25.0;
+    const GRID_COSTS: [f64; 2] = [2.0, 10.0];
     const LEAST_SPLITTING: f64 = 3.01;
     const COUNTS_IMAGES: bool = false;
 
@@ -386,7 +412,8 @@ impl NearPart<Layer> for RealSpace {
 impl FarSpace for Bulk {
     type PerComponent<T: Copy> = [T; 3];
     type NearPart = Screened;
-    const COSTS: [f64; 2] = [140.0, 480.0];
+    const PAIR_COST: f64 = 18.0;
+    const GRID_COSTS: [f64; 2] = [2.4, 21.0];
     const LEAST_SPLITTING: f64 = 0.5;
     const COUNTS_IMAGES: bool = true;
 
@@ -461,6 +488,60 @@ impl NearPart<Bulk> for Screened {
         let Directed { normal, coupling } = block;
         coupling.add(normal, of_j, to_i);
         coupling.transposed().add(normal, of_i, to_j);
+    }
+
+    /// Two vectors, and both spheres of a pair, are multiplied side by side.
+    #[inline(always)]
+    fn add_all(
+        pairs: &[NearPair<Bulk>],
+        spheres: usize,
+        x: &[Modes],
+        y: &mut [Modes],
+        work: &mut Vec<[[[f64; 2]; MODES]; 2]>,
+    ) {
+        if x.len() != 2 * spheres {
+            return add_one_by_one::<Bulk>(pairs, spheres, x, y);
+        }
+        work.clear();
+        let (first, second) = x.split_at(spheres);
+        work.extend(first.iter().zip(second).map(|(first, second)| {
+            let mut both = [[0.0; 2]; MODES];
+            for k in 0..MODES {
+                both[k] = [first[k], second[k]];
+            }
+            [both, [[0.0; 2]; MODES]]
+        }));
+        for (i, j, Directed { normal, coupling }) in pairs {
+            let (of_i, of_j) = (work[*i][0], work[*j][0]);
+            let none = Lanes([0.0; 4]);
+            let (mut of, mut to) = ([none; MODES], [none; MODES]);
+            for k in 0..MODES {
+                of[k] = Lanes([of_j[k][0], of_j[k][1], of_i[k][0], of_i[k][1]]);
+            }
+            let n = [
+                Lanes([normal.x; 4]),
+                Lanes([normal.y; 4]),
+                Lanes([normal.z; 4]),
+            ];
+            coupling.there_and_back().add_product(&n, &of, &mut to);
+            let to_i = &mut work[*i][1];
+            for k in 0..MODES {
+                to_i[k][0] += to[k].0[0];
+                to_i[k][1] += to[k].0[1];
+            }
+            let to_j = &mut work[*j][1];
+            for k in 0..MODES {
+                to_j[k][0] += to[k].0[2];
+                to_j[k][1] += to[k].0[3];
+            }
+        }
+        let (first, second) = y.split_at_mut(spheres);
+        for (([_, products], first), second) in work.iter().zip(first).zip(second) {
+            for k in 0..MODES {
+                first[k] += products[k][0];
+                second[k] += products[k][1];
+            }
+        }
     }
 }
 

@@ -21,7 +21,7 @@ use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
 use crate::space::FixedArray;
 use crate::space::cell::Lattice;
-use axis::{Axis, WIDTH, Window, highest, plan_axes};
+use axis::{Axis, Sampling, WIDEST, Window, highest, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -45,7 +45,7 @@ struct Wave {
 pub(super) struct Grid<S: FarSpace> {
     splitting: Splitting,
     sizes: Vec<FiniteSize>,
-    oversampling: f64,
+    sampling: Sampling,
     /// One per lattice coordinate.
     axes: Vec<Axis>,
     lattice: Option<Lattice<S>>,
@@ -78,7 +78,7 @@ impl<S: FarSpace> Grid<S> {
         let mut grid = Self {
             splitting,
             sizes: sizes.to_vec(),
-            oversampling: oversampling(tolerance),
+            sampling: sampling::<S>(lattice, sizes.len(), splitting.wave, tolerance).0,
             axes: Vec::new(),
             lattice: None,
             slopes: [[0.0; 3]; 3],
@@ -101,11 +101,11 @@ impl<S: FarSpace> Grid<S> {
         (self.axes, scratch) = plan_axes(
             &lengths[..S::DIMENSIONS],
             self.splitting.wave,
-            self.oversampling,
+            self.sampling,
         );
         let [first, second, third] = self.counts();
         let zero = Complex64::new(0.0, 0.0);
-        let points = (first + WIDTH) * second * third;
+        let points = (first + self.sampling.width) * second * third;
         self.is_kept.resize(points, false);
         self.values.resize(points, FixedArray::each([0.0; 2]));
         self.starts.reserve(second.max(first) * third.max(second));
@@ -177,7 +177,7 @@ impl<S: FarSpace> Grid<S> {
         let place = |numbers: [isize; 3]| {
             let [x, y, z] =
                 std::array::from_fn(|k| self.axes.get(k).map_or(0, |axis| axis.index(numbers[k])));
-            (z * second + y) * (first + WIDTH) + x
+            (z * second + y) * (first + self.sampling.width) + x
         };
         self.waves.clear();
         self.is_kept.fill(false);
@@ -209,10 +209,20 @@ impl<S: FarSpace> Grid<S> {
 
     /// Adds the wave part of `M x` to y, by sphere.
     pub(super) fn add(&mut self, x: &[S::PerAnyMode<f64>], y: &mut [S::PerAnyMode<f64>]) {
-        vectorised(
-            #[inline(always)]
-            || self.spread(x),
-        );
+        match self.sampling.width {
+            8 => vectorised(
+                #[inline(always)]
+                || self.spread::<8>(x),
+            ),
+            10 => vectorised(
+                #[inline(always)]
+                || self.spread::<10>(x),
+            ),
+            _ => vectorised(
+                #[inline(always)]
+                || self.spread::<12>(x),
+            ),
+        }
         for axis in 0..S::DIMENSIONS {
             self.transform_axis(axis, 0);
         }
@@ -223,15 +233,25 @@ impl<S: FarSpace> Grid<S> {
         for axis in (0..S::DIMENSIONS).rev() {
             self.transform_axis(axis, 1);
         }
-        vectorised(
-            #[inline(always)]
-            || self.read(y),
-        );
+        match self.sampling.width {
+            8 => vectorised(
+                #[inline(always)]
+                || self.read::<8>(y),
+            ),
+            10 => vectorised(
+                #[inline(always)]
+                || self.read::<10>(y),
+            ),
+            _ => vectorised(
+                #[inline(always)]
+                || self.read::<12>(y),
+            ),
+        }
     }
 
     /// Spreads the sources over the grid: P and Q there.
     #[inline(always)]
-    fn spread(&mut self, x: &[S::PerAnyMode<f64>]) {
+    fn spread<const W: usize>(&mut self, x: &[S::PerAnyMode<f64>]) {
         let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
         let Self {
@@ -259,8 +279,8 @@ impl<S: FarSpace> Grid<S> {
                 }
             }
             let along = &windows[0];
-            for line in 0..lines::<S>() {
-                let (start, [plain, second, third]) = line_under::<S>(windows, counts, line);
+            for line in 0..lines::<S, W>() {
+                let (start, [plain, second, third]) = line_under::<S, W>(windows, counts, line);
                 let (mut by_value, mut by_slope) = (none, none);
                 for b in 0..S::DIMENSIONS {
                     for f in 0..2 {
@@ -269,7 +289,7 @@ impl<S: FarSpace> Grid<S> {
                         by_slope[b][f] = plain * by[0][b][f];
                     }
                 }
-                let points = &mut values[start..start + WIDTH];
+                let points = &mut values[start..start + W];
                 for (c, point) in points.iter_mut().enumerate() {
                     let (v, s) = (along.values[c], along.slopes[c]);
                     for b in 0..S::DIMENSIONS {
@@ -281,7 +301,7 @@ impl<S: FarSpace> Grid<S> {
                 }
             }
         }
-        for line in values.chunks_exact_mut(counts[0] + WIDTH) {
+        for line in values.chunks_exact_mut(counts[0] + W) {
             let (line, beyond) = line.split_at_mut(counts[0]);
             for (point, beyond) in line.iter_mut().zip(beyond) {
                 for b in 0..S::DIMENSIONS {
@@ -297,7 +317,8 @@ impl<S: FarSpace> Grid<S> {
     /// axes before it: those after it hold points.
     fn transform_axis(&mut self, axis: usize, direction: usize) {
         let [first, second, third] = self.counts();
-        let strides = [1, first + WIDTH, (first + WIDTH) * second];
+        let width = self.sampling.width;
+        let strides = [1, first + width, (first + width) * second];
         let Self {
             axes,
             values,
@@ -341,7 +362,7 @@ impl<S: FarSpace> Grid<S> {
         }
         if axis == 0 && direction == 1 {
             for line in values.chunks_exact_mut(strides[1]) {
-                line.copy_within(..WIDTH, first);
+                line.copy_within(..width, first);
             }
         }
     }
@@ -383,32 +404,41 @@ impl<S: FarSpace> Grid<S> {
 
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
     #[inline(always)]
-    fn read(&self, y: &mut [S::PerAnyMode<f64>]) {
+    fn read<const W: usize>(&self, y: &mut [S::PerAnyMode<f64>]) {
         let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
         for ((windows, size), y) in self.windows.iter().zip(&self.sizes).zip(y) {
             // Of u and v: value, and derivatives of the window by the lattice coordinates.
             let (mut value, mut by) = (none, [none; 3]);
             let along = &windows[0];
-            for line in 0..lines::<S>() {
-                let (start, [plain, second, third]) = line_under::<S>(windows, counts, line);
-                let (mut by_value, mut by_slope) = (none, none);
-                let points = &self.values[start..start + WIDTH];
-                for (c, point) in points.iter().enumerate() {
-                    let (v, s) = (along.values[c], along.slopes[c]);
-                    for b in 0..S::DIMENSIONS {
-                        for f in 0..2 {
-                            by_value[b][f] = point[b][f].mul_add(v, by_value[b][f]);
-                            by_slope[b][f] = point[b][f].mul_add(s, by_slope[b][f]);
-                        }
+            // Two points at a time, whose numbers fill whole registers.
+            let numbers = 4 * S::DIMENSIONS;
+            let mut weights = [[[0.0; 12]; 2]; WIDEST / 2];
+            for (two, [values, slopes]) in weights.iter_mut().enumerate().take(W / 2) {
+                for (k, (value, slope)) in values.iter_mut().zip(slopes).enumerate().take(numbers) {
+                    let point = 2 * two + k / (2 * S::DIMENSIONS);
+                    (*value, *slope) = (along.values[point], along.slopes[point]);
+                }
+            }
+            for line in 0..lines::<S, W>() {
+                let (start, [plain, second, third]) = line_under::<S, W>(windows, counts, line);
+                let points = S::PerComponent::flat(&self.values[start..start + W]).as_flattened();
+                let mut sums = [[0.0; 12]; 2];
+                for (two, points) in points.chunks_exact(numbers).enumerate() {
+                    for k in 0..numbers {
+                        sums[0][k] = points[k].mul_add(weights[two][0][k], sums[0][k]);
+                        sums[1][k] = points[k].mul_add(weights[two][1][k], sums[1][k]);
                     }
                 }
                 for b in 0..S::DIMENSIONS {
                     for f in 0..2 {
-                        value[b][f] += plain * by_value[b][f];
-                        by[0][b][f] += plain * by_slope[b][f];
-                        by[1][b][f] += second * by_value[b][f];
-                        by[2][b][f] += third * by_value[b][f];
+                        let (even, odd) = (2 * b + f, 2 * (S::DIMENSIONS + b) + f);
+                        let by_value = sums[0][even] + sums[0][odd];
+                        let by_slope = sums[1][even] + sums[1][odd];
+                        value[b][f] += plain * by_value;
+                        by[0][b][f] += plain * by_slope;
+                        by[1][b][f] += second * by_value;
+                        by[2][b][f] += third * by_value;
                     }
                 }
             }
@@ -452,48 +482,69 @@ impl<S: FarSpace> Grid<S> {
 
 /// Lines of the grid under a window.
 #[inline(always)]
-fn lines<S: FarSpace>() -> usize {
-    if S::DIMENSIONS < 3 {
-        WIDTH
-    } else {
-        WIDTH * WIDTH
-    }
+fn lines<S: FarSpace, const W: usize>() -> usize {
+    if S::DIMENSIONS < 3 { W } else { W * W }
 }
 
 /// Where a line under a window starts in the grid, and the window's weight across it: its value and
 /// its derivatives by the second and the third coordinate.
 #[inline(always)]
-fn line_under<S: FarSpace>(
+fn line_under<S: FarSpace, const W: usize>(
     windows: &S::PerComponent<Window>,
     [first, second, third]: [usize; 3],
     line: usize,
 ) -> (usize, [f64; 3]) {
     let across = &windows[1];
-    let r = line % WIDTH;
+    let r = line % W;
     let row = (across.first + r) % second;
     let (v, s) = (across.values[r], across.slopes[r]);
     if S::DIMENSIONS < 3 {
-        return (row * (first + WIDTH) + windows[0].first, [v, s, 0.0]);
+        return (row * (first + W) + windows[0].first, [v, s, 0.0]);
     }
     let up = &windows[S::DIMENSIONS - 1];
-    let p = line / WIDTH;
+    let p = line / W;
     let plane = (up.first + p) % third * second;
-    let start = (plane + row) * (first + WIDTH) + windows[0].first;
+    let start = (plane + row) * (first + W) + windows[0].first;
     (
         start,
         [v * up.values[p], s * up.values[p], v * up.slopes[p]],
     )
 }
 
-/// Grid points over wave numbers that keep the window's errors below a tolerance of M.
+/// The cheapest sampling of waves up to a cut-off whose errors stay below a tolerance of M, and its
+/// cost in an application, in nanoseconds.
 ///
-/// The window leaves exp(−π WIDTH √(1 − 1/oversampling)) of each wave; derivatives of aliases on
-/// the smallest wave vectors weigh about a hundred times more. Test
-/// `operator_is_the_dense_mobility`.
-fn oversampling(tolerance: f64) -> f64 {
-    let root = (ALIASING_GAIN / tolerance).ln() / (PI * WIDTH as f64);
-    (1.0 - root * root).max(0.25).recip().max(1.25)
+/// The window leaves exp(−π W √(1 − 1/ratio)) of each wave; derivatives of aliases on the smallest
+/// wave vectors weigh about a hundred times more. Test `operator_is_the_dense_mobility`.
+pub(super) fn sampling<S: FarSpace>(
+    lattice: &Lattice<S>,
+    spheres: usize,
+    cut_off: f64,
+    tolerance: f64,
+) -> (Sampling, f64) {
+    let lengths = lattice.wave_lengths();
+    let [of_window, of_point] = S::GRID_COSTS;
+    let all = WIDTHS.map(|width| {
+        let root = (ALIASING_GAIN / tolerance).ln() / (PI * width as f64);
+        let ratio = (1.0 - root * root).max(0.1).recip().max(1.25);
+        let sampling = Sampling { width, ratio };
+        let points = lengths[..S::DIMENSIONS]
+            .iter()
+            .map(|&length| sampling.points(highest(length, cut_off)) as f64)
+            .product::<f64>();
+        let under = width.pow(if S::DIMENSIONS < 3 { 2 } else { 3 }) as f64;
+        (
+            sampling,
+            of_window * under * spheres as f64 + of_point * points,
+        )
+    });
+    all.into_iter()
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or(all[0])
 }
+
+/// Points under a window that may be chosen, the largest first.
+const WIDTHS: [usize; 3] = [12, 10, 8];
 
 /// How much larger aliasing errors are in dipole entries of M than in others.
 const ALIASING_GAIN: f64 = 200.0;

@@ -19,6 +19,7 @@
 //! and Z functions.
 
 use nalgebra::Vector3;
+use std::ops::{Add, Mul, Sub};
 
 /// Modes of a sphere in a suspension.
 pub(crate) const MODES: usize = 11;
@@ -32,89 +33,264 @@ const ROOT_2_3: f64 = 0.816_496_580_927_726;
 const ROOT_1_6: f64 = 0.408_248_290_463_863;
 const ROOT_1_2: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// A number, or several side by side.
+pub(crate) trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f64, Output = Self>
+{
+    /// `self · factor + more`, rounded once.
+    fn times_plus(self, factor: Self, more: Self) -> Self;
+}
+
+impl Number for f64 {
+    #[inline(always)]
+    fn times_plus(self, factor: Self, more: Self) -> Self {
+        self.mul_add(factor, more)
+    }
+}
+
+/// Four numbers side by side.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
+pub(crate) struct Lanes(pub(crate) [f64; 4]);
+
+impl Add for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, Self(other): Self) -> Self {
+        let mut lanes = self.0;
+        for k in 0..4 {
+            lanes[k] += other[k];
+        }
+        Self(lanes)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, Self(other): Self) -> Self {
+        let mut lanes = self.0;
+        for k in 0..4 {
+            lanes[k] -= other[k];
+        }
+        Self(lanes)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, Self(other): Self) -> Self {
+        let mut lanes = self.0;
+        for k in 0..4 {
+            lanes[k] *= other[k];
+        }
+        Self(lanes)
+    }
+}
+
+impl Mul<f64> for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: f64) -> Self {
+        self * Self([factor; 4])
+    }
+}
+
+impl Number for Lanes {
+    #[inline(always)]
+    fn times_plus(self, Self(factor): Self, Self(more): Self) -> Self {
+        let mut lanes = more;
+        for k in 0..4 {
+            lanes[k] = self.0[k].mul_add(factor[k], more[k]);
+        }
+        Self(lanes)
+    }
+}
+
+// Adapters of the library are not inlined into code for this processor, hence written out.
+/// Two numbers, each in two lanes.
+#[inline(always)]
+fn both(there: f64, back: f64) -> Lanes {
+    Lanes([there, there, back, back])
+}
+
+#[inline(always)]
+fn both_of(there: [f64; 2], back: [f64; 2]) -> [Lanes; 2] {
+    [both(there[0], back[0]), both(there[1], back[1])]
+}
+
+/// A vector times a number.
+#[inline(always)]
+fn scaled<T: Number>(x: &[T; 3], by: T) -> [T; 3] {
+    [x[0] * by, x[1] * by, x[2] * by]
+}
+
+#[inline(always)]
+fn sum<T: Number>(x: [T; 3], y: [T; 3]) -> [T; 3] {
+    [x[0] + y[0], x[1] + y[1], x[2] + y[2]]
+}
+
+#[inline(always)]
+fn difference<T: Number>(x: [T; 3], y: [T; 3]) -> [T; 3] {
+    [x[0] - y[0], x[1] - y[1], x[2] - y[2]]
+}
+
+#[inline(always)]
+fn dot<T: Number>(x: &[T; 3], y: &[T; 3]) -> T {
+    x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+}
+
+#[inline(always)]
+fn cross<T: Number>(x: &[T; 3], y: &[T; 3]) -> [T; 3] {
+    [
+        x[1] * y[2] - x[2] * y[1],
+        x[2] * y[0] - x[0] * y[2],
+        x[0] * y[1] - x[1] * y[0],
+    ]
+}
+
 /// The modes of one sphere from those of another, see the module.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Coupling {
+pub(crate) struct Coupling<T = f64> {
     /// Force from velocity, along and across n.
-    pub(crate) force_velocity: [f64; 2],
+    pub(crate) force_velocity: [T; 2],
     /// Force from n × Ω.
-    pub(crate) force_rotation: f64,
+    pub(crate) force_rotation: T,
     /// Force from a and σ.
-    pub(crate) force_strain: [f64; 2],
+    pub(crate) force_strain: [T; 2],
     /// Torque from n × U.
-    pub(crate) torque_velocity: f64,
+    pub(crate) torque_velocity: T,
     /// Torque from angular velocity, along and across n.
-    pub(crate) torque_rotation: [f64; 2],
+    pub(crate) torque_rotation: [T; 2],
     /// Torque from n × σ.
-    pub(crate) torque_strain: f64,
+    pub(crate) torque_strain: T,
     /// a and σ from velocity along and across n.
-    pub(crate) stress_velocity: [f64; 2],
+    pub(crate) stress_velocity: [T; 2],
     /// σ from n × Ω.
-    pub(crate) stress_rotation: f64,
+    pub(crate) stress_rotation: T,
     /// a from a, σ from σ, W from W.
-    pub(crate) stress_strain: [f64; 3],
+    pub(crate) stress_strain: [T; 3],
 }
 
 /// `E·n` of a strain in components.
 #[inline(always)]
-fn strain_on(e: &[f64], n: &Vector3<f64>) -> Vector3<f64> {
-    let (sum, difference) = (ROOT_1_6 * e[2], ROOT_1_2 * e[0]);
-    let (xy, xz, yz) = (ROOT_1_2 * e[1], ROOT_1_2 * e[3], ROOT_1_2 * e[4]);
-    Vector3::new(
-        (sum + difference) * n.x + xy * n.y + xz * n.z,
-        xy * n.x + (sum - difference) * n.y + yz * n.z,
-        xz * n.x + yz * n.y - 2.0 * sum * n.z,
-    )
+fn strain_on<T: Number>(e: &[T], n: &[T; 3]) -> [T; 3] {
+    let (sum, difference) = (e[2] * ROOT_1_6, e[0] * ROOT_1_2);
+    let (xy, xz, yz) = (e[1] * ROOT_1_2, e[3] * ROOT_1_2, e[4] * ROOT_1_2);
+    let &[x, y, z] = n;
+    [
+        (sum + difference) * x + xy * y + xz * z,
+        xy * x + (sum - difference) * y + yz * z,
+        xz * x + yz * y - sum * 2.0 * z,
+    ]
 }
 
 /// Components of `√(3/2) a (nn − I/3) + (nσ + σn)/√2`.
 #[inline(always)]
-fn strain_from(n: &Vector3<f64>, a: f64, sigma: &Vector3<f64>) -> [f64; 5] {
+fn strain_from<T: Number>(n: &[T; 3], a: T, sigma: &[T; 3]) -> [T; 5] {
     // n w + w n less its trace, with w = √(3/8) a n + σ/√2.
-    let w = n * (1.5 * ROOT_1_6 * a) + sigma * ROOT_1_2;
-    let trace = 2.0 / 3.0 * n.dot(&w);
-    let (xx, yy) = (2.0 * n.x * w.x - trace, 2.0 * n.y * w.y - trace);
+    let along = a * (1.5 * ROOT_1_6);
+    let root = [
+        sigma[0] * ROOT_1_2,
+        sigma[1] * ROOT_1_2,
+        sigma[2] * ROOT_1_2,
+    ];
+    let w = sum(scaled(n, along), root);
+    let trace = dot(n, &w) * (2.0 / 3.0);
+    let (xx, yy) = (n[0] * 2.0 * w[0] - trace, n[1] * 2.0 * w[1] - trace);
     [
-        ROOT_1_2 * (xx - yy),
-        2.0 * ROOT_1_2 * (n.x * w.y + n.y * w.x),
-        1.5 * ROOT_2_3 * (xx + yy),
-        2.0 * ROOT_1_2 * (n.x * w.z + n.z * w.x),
-        2.0 * ROOT_1_2 * (n.y * w.z + n.z * w.y),
+        (xx - yy) * ROOT_1_2,
+        (n[0] * w[1] + n[1] * w[0]) * (2.0 * ROOT_1_2),
+        (xx + yy) * (1.5 * ROOT_2_3),
+        (n[0] * w[2] + n[2] * w[0]) * (2.0 * ROOT_1_2),
+        (n[1] * w[2] + n[2] * w[1]) * (2.0 * ROOT_1_2),
     ]
 }
 
-impl Coupling {
+impl<T: Number> Coupling<T> {
     /// Adds the product with the modes `x` of one sphere to the modes of the other.
     #[inline(always)]
-    pub(crate) fn add(&self, n: &Vector3<f64>, x: &Modes, to: &mut Modes) {
-        let u = Vector3::new(x[0], x[1], x[2]);
-        let w = Vector3::new(x[3], x[4], x[5]);
-        let (along, turning) = (n.dot(&u), n.dot(&w));
+    pub(crate) fn add_product(&self, n: &[T; 3], x: &[T; MODES], to: &mut [T; MODES]) {
+        let (u, w) = ([x[0], x[1], x[2]], [x[3], x[4], x[5]]);
+        let (along, turning) = (dot(n, &u), dot(n, &w));
         let on = strain_on(&x[6..], n);
-        let stretch = n.dot(&on);
-        let a = 1.5 * ROOT_2_3 * stretch;
-        let sigma = (on - n * stretch) / ROOT_1_2;
-        let across = u - n * along;
-        let turn = n.cross(&w);
-        let force = across * self.force_velocity[1]
-            + turn * self.force_rotation
-            + sigma * self.force_strain[1]
-            + n * (self.force_velocity[0] * along + self.force_strain[0] * a);
-        let torque = n.cross(&(u * self.torque_velocity + sigma * self.torque_strain))
-            + w * self.torque_rotation[1]
-            + n * ((self.torque_rotation[0] - self.torque_rotation[1]) * turning);
+        let stretch = dot(n, &on);
+        let a = stretch * (1.5 * ROOT_2_3);
+        let [s, t, v] = difference(on, scaled(n, stretch));
+        let root = 2.0 * ROOT_1_2;
+        let sigma = [s * root, t * root, v * root];
+        let across = difference(u, scaled(n, along));
+        let turn = cross(n, &w);
+        let force = sum(
+            sum(
+                sum(
+                    scaled(&across, self.force_velocity[1]),
+                    scaled(&turn, self.force_rotation),
+                ),
+                scaled(&sigma, self.force_strain[1]),
+            ),
+            scaled(n, self.force_velocity[0] * along + self.force_strain[0] * a),
+        );
+        let pushed = sum(
+            scaled(&u, self.torque_velocity),
+            scaled(&sigma, self.torque_strain),
+        );
+        let twisted = (self.torque_rotation[0] - self.torque_rotation[1]) * turning;
+        let torque = sum(
+            sum(cross(n, &pushed), scaled(&w, self.torque_rotation[1])),
+            scaled(n, twisted),
+        );
         let whole = self.stress_strain[2];
         let axial = self.stress_velocity[0] * along + (self.stress_strain[0] - whole) * a;
-        let shear = across * self.stress_velocity[1]
-            + turn * self.stress_rotation
-            + sigma * (self.stress_strain[1] - whole);
+        let shear = sum(
+            sum(
+                scaled(&across, self.stress_velocity[1]),
+                scaled(&turn, self.stress_rotation),
+            ),
+            scaled(&sigma, self.stress_strain[1] - whole),
+        );
         let stress = strain_from(n, axial, &shear);
         for k in 0..3 {
-            to[k] += force[k];
-            to[3 + k] += torque[k];
+            to[k] = to[k] + force[k];
+            to[3 + k] = to[3 + k] + torque[k];
         }
         for k in 0..5 {
-            to[6 + k] = whole.mul_add(x[6 + k], to[6 + k] + stress[k]);
+            to[6 + k] = whole.times_plus(x[6 + k], to[6 + k] + stress[k]);
+        }
+    }
+}
+
+impl Coupling {
+    /// As [`Coupling::add_product`].
+    #[inline(always)]
+    pub(crate) fn add(&self, n: &Vector3<f64>, x: &Modes, to: &mut Modes) {
+        self.add_product(&[n.x, n.y, n.z], x, to);
+    }
+
+    /// This coupling in the first two lanes, and in the others that of the two spheres exchanged.
+    #[inline(always)]
+    pub(crate) fn there_and_back(&self) -> Coupling<Lanes> {
+        let back = self.transposed();
+        let [axial, shear, across] = self.stress_strain;
+        Coupling {
+            force_velocity: both_of(self.force_velocity, back.force_velocity),
+            force_rotation: both(self.force_rotation, back.force_rotation),
+            force_strain: both_of(self.force_strain, back.force_strain),
+            torque_velocity: both(self.torque_velocity, back.torque_velocity),
+            torque_rotation: both_of(self.torque_rotation, back.torque_rotation),
+            torque_strain: both(self.torque_strain, back.torque_strain),
+            stress_velocity: both_of(self.stress_velocity, back.stress_velocity),
+            stress_rotation: both(self.stress_rotation, back.stress_rotation),
+            stress_strain: [
+                both(axial, back.stress_strain[0]),
+                both(shear, back.stress_strain[1]),
+                both(across, back.stress_strain[2]),
+            ],
         }
     }
 
@@ -256,9 +432,10 @@ mod tests {
             assert!((identity[column][row] - expected).abs() < 1e-15);
         }
         // Stretch along n alone is a.
-        let e = strain_from(&n, 1.0, &Vector3::zeros());
-        let on = strain_on(&e, &n);
-        assert!((on - n * ROOT_2_3).norm() < 1e-15);
+        let n = [n.x, n.y, n.z];
+        let e = strain_from(&n, 1.0, &[0.0; 3]);
+        let on = difference(strain_on(&e, &n), scaled(&n, ROOT_2_3));
+        assert!(dot(&on, &on).sqrt() < 1e-15);
         assert!((e.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15);
     }
 }

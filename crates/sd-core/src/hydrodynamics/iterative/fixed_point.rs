@@ -48,6 +48,11 @@ pub trait FixedPointMap {
         progress: Progress,
         velocities: &mut [f64],
     ) -> Result<bool, Error>;
+
+    /// Whether the last evaluation was exact enough to be the last. If not, later ones must be.
+    fn accepts(&mut self) -> bool {
+        true
+    }
 }
 
 /// Number of evaluations after which friction bounds are held. Near jamming about thirty are
@@ -118,7 +123,7 @@ impl<S: Fluid> IterativeFarField<S> {
             found.evaluations += 1;
             work.take_change(&self.uniform, &self.local, strains);
             found.residual = work.relative_residual();
-            found.converged = found.residual <= self.residual && !changed;
+            found.converged = found.residual <= self.residual && !changed && map.accepts();
             if found.converged
                 || found.evaluations >= self.max_evaluations
                 || !found.residual.is_finite()

@@ -20,7 +20,7 @@ impl<S: RunSpace> Spheres<S> {
             &self.radii,
             &self.centres,
             &NearFields::default(),
-            &SolverSettings::default(),
+            &SolverSettings::precise(),
         )
         .unwrap()
     }

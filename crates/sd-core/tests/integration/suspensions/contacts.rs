@@ -391,7 +391,7 @@ fn coulomb_friction_of_dense_suspensions_takes_few_systems() {
                 &snapshot.radii,
                 &tables,
                 &[],
-                &SolverSettings::default(),
+                &SolverSettings::precise(),
             )
             .unwrap();
         stage.assemble(&cell, suspension.centres()).unwrap();

@@ -1,7 +1,7 @@
 //! One lattice direction of the grid: its points, its window, its transforms.
 //!
 //! ```text
-//! window w(z) = I₀(β √(1 − z²))/I₀(β), |z| < 1, over WIDTH points;   its transform at m: WIDTH sinh(s)/(s I₀(β)), s = √(β² − (π WIDTH m/points)²)
+//! window w(z) = I₀(β √(1 − z²))/I₀(β), |z| < 1, over W points;   its transform at m: W sinh(s)/(s I₀(β)), s = √(β² − (π W m/points)²)
 //! ```
 //! Between two grid points every value of the window is a fitted polynomial of the position.
 
@@ -11,8 +11,8 @@ use rustfft::{Fft, FftPlanner};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Points under the window along each coordinate.
-pub(in crate::hydrodynamics::far_field) const WIDTH: usize = 12;
+/// Most points W under the window along each coordinate.
+pub(in crate::hydrodynamics::far_field) const WIDEST: usize = 12;
 /// Degree of the polynomials that approximate the window.
 const DEGREE: usize = 15;
 
@@ -21,23 +21,43 @@ const DEGREE: usize = 15;
 pub(in crate::hydrodynamics::far_field) struct Window {
     /// First grid point; the next ones follow, wrapped.
     pub(in crate::hydrodynamics::far_field) first: usize,
-    pub(in crate::hydrodynamics::far_field) values: [f64; WIDTH],
+    /// Values at the W points; those beyond are of no use.
+    pub(in crate::hydrodynamics::far_field) values: [f64; WIDEST],
     /// Derivatives with respect to the grid point's lattice coordinate.
-    pub(in crate::hydrodynamics::far_field) slopes: [f64; WIDTH],
+    pub(in crate::hydrodynamics::far_field) slopes: [f64; WIDEST],
 }
 
 /// One lattice direction of the grid.
 pub(in crate::hydrodynamics::far_field) struct Axis {
     /// Grid points.
     pub(in crate::hydrodynamics::far_field) points: usize,
+    /// Points under the window.
+    width: usize,
     /// Largest wave number kept.
     pub(in crate::hydrodynamics::far_field) highest: usize,
     /// One over the window's transform, by wave number ≥ 0.
     pub(in crate::hydrodynamics::far_field) correction: Vec<f64>,
     /// Coefficients of the window's values in u = 2t − 1, t the position between two grid points.
-    polynomials: [[f64; WIDTH]; DEGREE + 1],
+    polynomials: [[f64; WIDEST]; DEGREE + 1],
     /// Transforms along the axis, forward and back.
     pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
+}
+
+/// How finely waves are sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::hydrodynamics::far_field) struct Sampling {
+    /// Points under a window along each coordinate.
+    pub(in crate::hydrodynamics::far_field) width: usize,
+    /// Grid points over wave numbers, at least.
+    pub(in crate::hydrodynamics::far_field) ratio: f64,
+}
+
+impl Sampling {
+    /// Grid points along a direction with wave numbers up to `highest`.
+    pub(in crate::hydrodynamics::far_field) fn points(&self, highest: usize) -> usize {
+        let least = whole((self.ratio * (2 * highest + 1) as f64).ceil());
+        regular(least.max(2 * self.width))
+    }
 }
 
 /// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their
@@ -47,12 +67,12 @@ pub(in crate::hydrodynamics::far_field) struct Axis {
 pub(in crate::hydrodynamics::far_field) fn plan_axes(
     lengths: &[f64],
     cut_off: f64,
-    oversampling: f64,
+    sampling: Sampling,
 ) -> (Vec<Axis>, usize) {
     let mut planner = FftPlanner::new();
     let axes: Vec<_> = lengths
         .iter()
-        .map(|&length| Axis::new(highest(length, cut_off), oversampling, &mut planner))
+        .map(|&length| Axis::new(highest(length, cut_off), sampling, &mut planner))
         .collect();
     let scratch = axes
         .iter()
@@ -68,31 +88,31 @@ pub(in crate::hydrodynamics::far_field) fn highest(length: f64, cut_off: f64) ->
 }
 
 impl Axis {
-    /// An axis with wave numbers up to `highest` on a grid at least `oversampling` times as fine as
-    /// required.
+    /// An axis with wave numbers up to `highest`.
     pub(in crate::hydrodynamics::far_field) fn new(
         highest: usize,
-        oversampling: f64,
+        sampling: Sampling,
         planner: &mut FftPlanner<f64>,
     ) -> Self {
-        let least = whole((oversampling * (2 * highest + 1) as f64).ceil());
-        let points = regular(least.max(2 * WIDTH));
+        let points = sampling.points(highest);
+        let width = sampling.width as f64;
         let ratio = points as f64 / (2 * highest + 1) as f64;
         // Beatty, Nishimura & Pauly 2005, eq. (5).
-        let scaled = WIDTH as f64 / ratio * (ratio - 0.5);
+        let scaled = width / ratio * (ratio - 0.5);
         let shape = PI * (scaled * scaled - 0.8).sqrt();
         let correction = (0..=highest)
             .map(|m| {
-                let argument = PI * m as f64 / points as f64 * WIDTH as f64;
+                let argument = PI * m as f64 / points as f64 * width;
                 let root = (shape * shape - argument * argument).sqrt();
-                bessel(shape) * root / (WIDTH as f64 * root.sinh())
+                bessel(shape) * root / (width * root.sinh())
             })
             .collect();
         Self {
             points,
+            width: sampling.width,
             highest,
             correction,
-            polynomials: fit_window(shape),
+            polynomials: fit_window(shape, sampling.width),
             plans: [
                 planner.plan_fft_forward(points),
                 planner.plan_fft_inverse(points),
@@ -105,13 +125,13 @@ impl Axis {
     pub(in crate::hydrodynamics::far_field) fn window(&self, coordinate: f64) -> Window {
         let points = self.points as f64;
         let position = (coordinate - coordinate.floor()) * points;
-        let begin = position - 0.5 * WIDTH as f64;
+        let begin = position - 0.5 * self.width as f64;
         let start = begin.ceil();
         let u = 2.0 * (start - begin) - 1.0;
         let mut values = self.polynomials[DEGREE];
-        let mut slopes = [0.0_f64; WIDTH];
+        let mut slopes = [0.0_f64; WIDEST];
         for coefficients in self.polynomials[..DEGREE].iter().rev() {
-            for k in 0..WIDTH {
+            for k in 0..WIDEST {
                 slopes[k] = slopes[k].mul_add(u, values[k]);
                 values[k] = values[k].mul_add(u, coefficients[k]);
             }
@@ -133,13 +153,17 @@ impl Axis {
 }
 
 /// Polynomials through the window's values at Chebyshev points.
-fn fit_window(shape: f64) -> [[f64; WIDTH]; DEGREE + 1] {
+fn fit_window(shape: f64, width: usize) -> [[f64; WIDEST]; DEGREE + 1] {
     let nodes: [f64; DEGREE + 1] = chebyshev_points();
     let scale = bessel(shape).recip();
     let values = nodes.map(|u| {
         std::array::from_fn(|k| {
-            let z = (0.5 * (u + 1.0) + k as f64) / (0.5 * WIDTH as f64) - 1.0;
-            scale * bessel(shape * (1.0 - z * z).max(0.0).sqrt())
+            let z = (0.5 * (u + 1.0) + k as f64) / (0.5 * width as f64) - 1.0;
+            if k < width {
+                scale * bessel(shape * (1.0 - z * z).max(0.0).sqrt())
+            } else {
+                0.0
+            }
         })
     });
     interpolate(&nodes, values)
@@ -181,25 +205,30 @@ mod tests {
 
     #[test]
     fn window_is_the_bessel_function_and_its_slope() {
-        let axis = Axis::new(40, 1.7, &mut FftPlanner::new());
-        let ratio = axis.points as f64 / 81.0;
-        let scaled = WIDTH as f64 / ratio * (ratio - 0.5);
-        let shape = PI * (scaled * scaled - 0.8).sqrt();
-        let exact = |z: f64| bessel(shape * (1.0 - z * z).max(0.0).sqrt()) / bessel(shape);
-        for coordinate in [0.0, 0.1234, -3.77, 0.9999] {
+        for (width, coordinate) in [12, 8, 6]
+            .into_iter()
+            .flat_map(|width| [0.0, 0.1234, -3.77, 0.9999].map(|coordinate| (width, coordinate)))
+        {
+            let sampling = Sampling { width, ratio: 1.7 };
+            let axis = Axis::new(40, sampling, &mut FftPlanner::new());
+            let ratio = axis.points as f64 / 81.0;
+            let half = 0.5 * width as f64;
+            let scaled = width as f64 / ratio * (ratio - 0.5);
+            let shape = PI * (scaled * scaled - 0.8).sqrt();
+            let exact = |z: f64| bessel(shape * (1.0 - z * z).max(0.0).sqrt()) / bessel(shape);
             let window = axis.window(coordinate);
             let position = (coordinate - coordinate.floor()) * axis.points as f64;
-            for k in 0..WIDTH {
+            for k in 0..width {
                 let mut distance = (window.first + k) as f64 - position;
                 distance -= (distance / axis.points as f64).round() * axis.points as f64;
-                let z = distance / (0.5 * WIDTH as f64);
+                let z = distance / half;
                 assert!(
                     (window.values[k] - exact(z)).abs() < 1e-12,
                     "{coordinate} {k}"
                 );
                 if z.abs() < 0.95 {
                     let h = 1e-4;
-                    let slope = (exact(z + h) - exact(z - h)) / (2.0 * h) / (0.5 * WIDTH as f64);
+                    let slope = (exact(z + h) - exact(z - h)) / (2.0 * h) / half;
                     let found = window.slopes[k] / axis.points as f64;
                     assert!((found - slope).abs() < 1e-6, "{coordinate} {k}");
                 }
