@@ -319,8 +319,8 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         })
     }
 
-    /// The motion under given forces without contacts, from the given velocities. The contact problem
-    /// starts from it unless it has a motion.
+    /// The motion under given forces without contacts, from the given velocities. The contact
+    /// problem starts from it unless it has a motion.
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`], if the resistance cannot be factored.
