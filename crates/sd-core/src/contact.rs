@@ -31,7 +31,7 @@ pub(crate) mod springs;
 
 pub use crate::model::Surface;
 pub use contact_pair::{Contact, ContactState};
-pub(crate) use contact_solver::{ContactSolver, SolvePass};
+pub(crate) use contact_solver::{ContactSolver, ImposedPressure, SolvePass};
 pub use laws::{ForceLaw, Laws, NormalForce};
 pub(crate) use memory::ContactMemory;
 pub use pair_forces::PairForces;

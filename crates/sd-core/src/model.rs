@@ -121,6 +121,10 @@ pub struct Params {
     /// 0: none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub thermal_load: f64,
+    /// Imposed viscous number J = mu·rate/P, above 0, which imposes the particle pressure P; the
+    /// fraction is then that of the start. `None` where the fraction is imposed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscous_number: Option<f64>,
     /// Type of the imposed flow. Rates are then √(2 E:E), of which strains are the integral.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flow: FlowType,
@@ -200,6 +204,7 @@ impl Params {
         contact: ContactScheme::Laws(ContactLaws::PAPER),
         time_step: f64::NAN,
         shear_stress: None,
+        viscous_number: None,
         flow: FlowType::Shear,
         peclet: f64::INFINITY,
         thermal_load: 0.0,

@@ -338,9 +338,11 @@ impl<S: Fluid> StageSolver<S> {
                 )?
             }
         };
-        self.distant.finish(&self.velocities);
+        let dilation = self.contacts.dilation;
+        self.distant.finish(&self.velocities, dilation);
         for contact in &mut self.contacts.list {
             contact.set_velocities(&self.velocities);
+            contact.normal_velocity += contact.opening() * dilation;
         }
         match self.velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
@@ -368,6 +370,7 @@ impl<S: Fluid> StageSolver<S> {
         if let StageContacts::Laws { laws, span, .. } = contact {
             self.distant.add(laws, resistance, flow, span, forces);
         }
+        self.contacts.distant_work = self.distant.work();
         resistance.factor()?;
         if !self.random_forces.is_empty() {
             let (random, motion) = (&self.random_forces, &mut self.random_motion);

@@ -63,6 +63,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         counters: counters(),
         network: None,
         structure: None,
+        fraction: None,
     }
 }
 

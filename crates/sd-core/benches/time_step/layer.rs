@@ -99,6 +99,7 @@ impl Layer {
                 time: span,
                 kind,
                 first: &self.disturbances,
+                dilation: 0.0,
             },
             memory: &mut self.memory,
         };

@@ -162,6 +162,11 @@ impl<S: Space> Contact<S> {
         S::tangent(&self.directions(), &components)
     }
 
+    /// The rate at which the pair opens per rate of dilation: r/d in d dimensions.
+    pub(crate) fn opening(&self) -> f64 {
+        self.pair.distance / S::DIMENSIONS as f64
+    }
+
     /// v_n for given disturbance velocities of all spheres.
     pub(crate) fn approach(&self, velocities: &[f64]) -> f64 {
         self.background_approach + self.normal_row().read(velocities)

@@ -57,6 +57,17 @@ enum Backend<S: Fluid> {
     Sparse(Box<SparseSystem<S>>),
 }
 
+/// An imposed pressure: that which the forces of the pairs together bear in the mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ImposedPressure {
+    /// Pressure P, in mu·rate.
+    pub(crate) pressure: f64,
+    /// Volume that stresses are means over, in a³.
+    pub(crate) volume: f64,
+    /// Resistance κ_V of the volume to its rate of change, in mu.
+    pub(crate) resistance: f64,
+}
+
 /// The contact problem with its workspace. It allocates only when there are more contacts than ever
 /// before.
 pub struct ContactSolver<S: Fluid = Layer> {
@@ -67,6 +78,13 @@ pub struct ContactSolver<S: Fluid = Layer> {
     solver: ProblemSolver<S>,
     held_loads: Vec<f64>,
     backend: Backend<S>,
+    /// The imposed pressure; `None` where the volume is imposed.
+    pub(crate) pressure: Option<ImposedPressure>,
+    /// `Σ r f/d` of the pairs that repel and attract each other without contact, in mu·a³·rate, and
+    /// by how much it decreases per rate of dilation.
+    pub(crate) distant_work: [f64; 2],
+    /// Rate of dilation e of the last solution; 0 where the volume is imposed.
+    pub(crate) dilation: f64,
 }
 
 impl<S: Fluid> ContactSolver<S> {
@@ -78,6 +96,9 @@ impl<S: Fluid> ContactSolver<S> {
             problem: Problem::default(),
             solver: ProblemSolver::default(),
             held_loads: Vec::new(),
+            pressure: None,
+            distant_work: [0.0; 2],
+            dilation: 0.0,
             backend: if resistance.pairwise().is_some() {
                 Backend::Sparse(Box::default())
             } else {
@@ -151,6 +172,7 @@ impl<S: Fluid> ContactSolver<S> {
                 }
             };
             systems += solved.systems;
+            self.dilation = self.problem.dilation.rate(&self.solver.forces.normal);
             self.store_forces(laws);
             if !holds_bounds {
                 for contact in &mut self.list {

@@ -327,6 +327,8 @@ pub struct Span<'s> {
     /// Disturbance velocities of the first stage, at a later stage that depends on them; else
     /// empty.
     pub first: &'s [f64],
+    /// Rate of dilation of the cell at that stage; 0 where the volume is imposed.
+    pub dilation: f64,
 }
 
 impl Span<'_> {
@@ -336,6 +338,7 @@ impl Span<'_> {
             time,
             kind: StageKind::Single,
             first: &[],
+            dilation: 0.0,
         }
     }
 
@@ -350,7 +353,8 @@ impl Span<'_> {
                 let half = 0.5 * self.time;
                 let first = S::by_sphere(self.first);
                 let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
-                let drifted = pair.normal * pair.distance - (u_j - u_i) * half;
+                let grown = 1.0 + self.dilation * half / S::DIMENSIONS as f64;
+                let drifted = pair.normal * (pair.distance / grown) - (u_j - u_i) * half;
                 let start = flow.advect_backward(&drifted, half, [pair.i, pair.j]);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
@@ -362,7 +366,9 @@ impl Span<'_> {
     pub(super) fn twice_first_approach<S: Space>(&self, contact: &Contact<S>) -> f64 {
         match self.kind {
             StageKind::Single | StageKind::Midpoint | StageKind::First => 0.0,
-            StageKind::Second => 2.0 * contact.approach(self.first),
+            StageKind::Second => {
+                2.0 * (contact.approach(self.first) + contact.opening() * self.dilation)
+            }
         }
     }
 

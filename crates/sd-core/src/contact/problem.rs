@@ -20,6 +20,14 @@
 //! | stick-slide with springs k_t | | 1/(k_t s), d includes the spring force | ν f |
 //! | stick-rotate | | 0, with a second row for the relative rotation | no bound |
 //!
+//! Under an imposed pressure P the cell dilates at a rate e, one more coordinate, and a pair at the
+//! distance r opens at the rate c e, c = r/d in d dimensions:
+//!
+//! ```text
+//! w = C v + c e + b + κ f,   V κ_V e = Σ c f − V P
+//! ```
+//! Eliminated, e adds c cᵀ/(V κ_V) to the Delassus matrix and a constant to w.
+//!
 //! In a suspension, slip and friction are vectors perpendicular to the line of centres, |t| is a
 //! length, and at the bound z = λ t with λ ≥ 0. For the reduced onset f − F_crit replaces f. Where
 //! friction is not active, ρ = 0.

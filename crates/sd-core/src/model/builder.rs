@@ -114,6 +114,14 @@ impl ParamsBuilder {
         self.with(["shear_stress"], |p| p.shear_stress = Some(stress))
     }
 
+    /// Imposed viscous number J = mu·rate/P, above 0, which imposes the particle pressure P; the
+    /// fraction is then that of the start.
+    pub fn viscous_number(self, number: f64) -> Self {
+        self.with(["imposed_viscous_number"], |p| {
+            p.viscous_number = Some(number)
+        })
+    }
+
     /// Two sizes: radius of the large spheres over that of the small, and number of large spheres
     /// over all. All spheres are equal by default.
     pub fn two_sizes(self, ratio: f64, large_fraction: f64) -> Self {

@@ -123,6 +123,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     }
     check_suspension(params)?;
     check_flow(params)?;
+    check_pressure(params)?;
     for parameter in &PARAMETERS {
         parameter.check(params)?;
     }
@@ -305,6 +306,65 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
             allowed: format!("at most roughness Pe/80 = {longest:.3e}, at rest roughness/80"),
             because: Some(key),
         });
+    }
+    Ok(())
+}
+
+/// Refuses what cannot be combined with an imposed pressure.
+fn check_pressure(params: &Params) -> Result<(), Refusal> {
+    let Some(number) = params.viscous_number else {
+        return Ok(());
+    };
+    let refuse = |problem: &str, allowed: &str, because| {
+        Err(Refusal {
+            key: "imposed_viscous_number",
+            value: number.to_string(),
+            problem: problem.into(),
+            allowed: allowed.into(),
+            because: Some(because),
+        })
+    };
+    if params.at_rest || params.shear_stress.is_some() {
+        return refuse(
+            "is imposed without a rate",
+            "a `shear_rate`, in units of which the pressure is then given",
+            "shear_stress",
+        );
+    }
+    if params.flow != FlowType::Shear {
+        return refuse(
+            "is imposed in a flow that is no shear",
+            "`flow` = \"shear\"",
+            "flow",
+        );
+    }
+    if params.contact == ContactScheme::Procedure {
+        return refuse(
+            "is imposed on the paper's procedure, which has no equation for the volume",
+            "another `contact`",
+            "contact",
+        );
+    }
+    if params.hydrodynamics == Hydrodynamics::StokesianDynamics {
+        return refuse(
+            "changes the size of the cell, for which the far field is planned",
+            "`hydrodynamics` = \"ball-melrose\" or \"lubrication\"",
+            "hydrodynamics",
+        );
+    }
+    if params.thermal_energy().is_some() {
+        return refuse(
+            "is imposed on Brownian spheres, whose own pressure it leaves out",
+            "no `peclet` and no `thermal_load`",
+            "peclet",
+        );
+    }
+    if params.given_layer().is_some() {
+        return refuse(
+            "is imposed on a given layer",
+            "a fraction, from which the seed makes the start",
+            "start",
+        );
     }
     Ok(())
 }

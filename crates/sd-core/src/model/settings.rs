@@ -35,6 +35,9 @@ pub struct SolverSettings {
     /// Relative difference between the imposed stress and that of a stage, 1e-12 to 1e-4; 1e-10 by
     /// default.
     pub stress_tolerance: f64,
+    /// Rate, over the shear rate, 0.1 to 100, at which the volume shrinks under an imposed pressure
+    /// that nothing bears; 5 by default. Mean volumes do not depend on it.
+    pub volume_rate: f64,
     /// Share of the roughness height, 0.5 to 0.999, that a gap of rigid contacts keeps: steps in
     /// which it falls below are divided; 0.95 by default.
     pub held_share: f64,
@@ -54,6 +57,7 @@ impl Default for SolverSettings {
             far_field_tolerance: None,
             far_field_residual: 3e-5,
             stress_tolerance: 1e-10,
+            volume_rate: 5.0,
             held_share: 0.95,
             inexact_friction: 1e-3,
             halvings: 6,
@@ -83,6 +87,7 @@ impl SolverSettings {
             ("far_field_tolerance", tolerance, [least, 1e-3]),
             ("far_field_residual", self.far_field_residual, [1e-7, 1e-2]),
             ("stress_tolerance", self.stress_tolerance, [1e-12, 1e-4]),
+            ("volume_rate", self.volume_rate, [0.1, 100.0]),
             ("held_share", self.held_share, [0.5, 0.999]),
             ("inexact_friction", self.inexact_friction, [1e-6, 1.0]),
             ("halvings", self.halvings.into(), [0.0, 20.0]),

@@ -9,6 +9,7 @@ mod sampling;
 mod shear_control;
 mod snapshot;
 mod step;
+mod volume;
 
 pub use crate::stress::JAM_VISCOSITY;
 pub use forces::Instant;
@@ -37,6 +38,7 @@ use brownian::Brownian;
 use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
+use volume::Dilations;
 
 /// A run that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
@@ -64,6 +66,8 @@ pub struct Simulation<S: Starts = Layer> {
     steps: u64,
     /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub(crate) side: f64,
+    /// How the cell dilates in the current step.
+    dilations: Dilations,
     /// The lattice, unless the run is sheared throughout.
     path: Option<Box<CellPath<S>>>,
     state: State<S>,
@@ -111,6 +115,7 @@ fn background<S: Space>(params: &Params, imposed: &Imposed) -> VelocityGradient<
 /// What a step changes, as it was before the step.
 struct Before<S: Space> {
     state: State<S>,
+    side: f64,
     memory: SchemeMemory<S>,
     shear_control: ShearControl,
     counters: Counters,
@@ -190,6 +195,7 @@ impl<S: Starts> Simulation<S> {
         Ok(Self {
             before: Before {
                 state: State::default(),
+                side: snapshot.side,
                 memory: SchemeMemory::new(&params.contact),
                 shear_control,
                 counters: snapshot.counters,
@@ -200,6 +206,7 @@ impl<S: Starts> Simulation<S> {
             imposed,
             steps: snapshot.steps,
             side: snapshot.side,
+            dilations: Dilations::default(),
             path,
             state: State {
                 centres: snapshot.centres.iter().map(S::vector).collect(),
@@ -246,7 +253,9 @@ impl<S: Starts> Simulation<S> {
             };
         }
         let [offset, cross_offset] = self.travelled_at(strain);
-        Cell::equal_sides(self.side, offset)?.with_cross_offset(cross_offset)
+        let growth = self.dilations.growth();
+        Cell::equal_sides(self.side * growth, offset * growth)?
+            .with_cross_offset(cross_offset * growth)
     }
 
     /// Distances along x and z by which the upper image cell is shifted at a strain of the current

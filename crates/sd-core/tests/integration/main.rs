@@ -20,6 +20,7 @@ mod lubrication;
 mod motion;
 mod pair;
 mod pairwise;
+mod pressure;
 mod products;
 mod recorded_laws;
 mod reference;

@@ -3,7 +3,7 @@
 use super::axis_values::{SIZES, axis_values};
 use super::error::Problem;
 use super::protocol::WrittenProtocol;
-use super::reader::{Faults, Located, Reader, Values};
+use super::reader::{Entry, Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
 use super::start::{Layers, START, Start, is_equilibrium};
 use crate::data::Value;
@@ -33,6 +33,15 @@ const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 /// Number of problems of one grid after which the check stops.
 const MAX_PROBLEMS: usize = 200;
 
+/// The key of an imposed viscous number, which is a column of its own beside the measured one.
+const VISCOUS_NUMBER: &str = "viscous_number";
+
+/// The entry of an axis.
+fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {
+    let short = (axis.key == "imposed_viscous_number").then_some(VISCOUS_NUMBER);
+    table.get(axis.key).or_else(|| table.get(short?))
+}
+
 /// One value of each axis of the file.
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 
@@ -45,11 +54,12 @@ impl<'t> Grid<'t> {
         folder: &Path,
         faults: &'t Faults,
     ) -> Self {
-        let known: Vec<&str> = AXES.iter().map(|axis| axis.key).chain([SEEDS]).collect();
+        let known = AXES.iter().map(|axis| axis.key);
+        let known: Vec<&str> = known.chain([SEEDS, VISCOUS_NUMBER]).collect();
         let table = Reader::new(entries, span, "[[grid]]", &known, faults);
         let mut shear = AXES.iter().filter(|axis| axis.is_of_shear());
         let imposes = shear.any(|axis| table.get(axis.key).is_some());
-        let axes = AXES.iter().map(|axis| match table.get(axis.key) {
+        let axes = AXES.iter().map(|axis| match written(&table, axis) {
             // A layer, which is no number.
             Some(_) if axis.key == START => None,
             Some(written) => axis_values(written, axis, faults),

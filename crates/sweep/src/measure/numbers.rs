@@ -43,6 +43,8 @@ enum InSample {
     Part(fn(&mut StressComponents) -> &mut f64),
     /// A number of the contact network, which samples have only if it is observed.
     Network(fn(&mut NetworkSample) -> &mut f64),
+    /// A number that samples have only where it is not imposed.
+    Free(fn(&mut Sample) -> &mut Option<f64>),
     /// A number of the spheres, which samples of earlier programs lack.
     Structure(fn(&mut StructureSample) -> &mut f64),
 }
@@ -123,7 +125,7 @@ impl Number {
 #[rustfmt::skip]
 #[expect(clippy::redundant_closure_for_method_calls, reason = "a method is one of runs of one lifetime")]
 pub static NUMBERS: &[Number] = {
-    use InSample::{Count, Extreme, Network, Part, Real, Structure, Sum, Total};
+    use InSample::{Count, Extreme, Free, Network, Part, Real, Structure, Sum, Total};
     use InTime::{Count as CountOf, Mean, Real as Of};
     use OverRuns::{Count as CountOver, Mean as MeanOver, Real as Over};
     &[
@@ -285,6 +287,7 @@ pub static NUMBERS: &[Number] = {
         number("sigma_yz_tangential_contact", "mu rate").sample("Σ_yz of the tangential contact forces", Part(|s| &mut s.yz.tangential_contact)).averaged().label(""),
         number("sigma_yz_repulsion", "mu rate").sample("Σ_yz of the repulsion", Part(|s| &mut s.yz.repulsion)).averaged().label(""),
         number("sigma_yz_brownian", "mu rate").sample("Σ_yz of Brownian motion", Part(|s| &mut s.yz.brownian)).averaged().label(""),
+        number("fraction", "1").sample("area or volume fraction under an imposed pressure", Free(|s| &mut s.fraction)).averaged(),
         number("pressure", "mu rate").label("particle pressure P")
             .run("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
             .point("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
@@ -403,7 +406,10 @@ impl Number {
     pub fn is_observed(&self) -> bool {
         matches!(
             self.sample,
-            Some((_, InSample::Network(_) | InSample::Structure(_)))
+            Some((
+                _,
+                InSample::Network(_) | InSample::Structure(_) | InSample::Free(_)
+            ))
         )
     }
 
@@ -433,6 +439,7 @@ impl Number {
             InSample::Total(count) => Value::Count(*count(&mut copy.counters)),
             InSample::Sum(sum) => Value::Number(sum(&copy.stress)),
             InSample::Part(part) => Value::Number(*part(&mut copy.stress)),
+            InSample::Free(number) => Value::Number(number(&mut copy).unwrap_or(f64::NAN)),
             InSample::Network(number) => {
                 let network = &mut copy.network.unwrap_or(NetworkSample::NONE);
                 Value::Number(*number(network))
@@ -459,6 +466,7 @@ impl Number {
             Some((_, InSample::Extreme(of))) => *of(&mut sample.counters) = number,
             Some((_, InSample::Total(of))) => *of(&mut sample.counters) = count,
             Some((_, InSample::Part(of))) => *of(&mut sample.stress) = number,
+            Some((_, InSample::Free(of))) => *of(sample) = (!number.is_nan()).then_some(number),
             Some((_, InSample::Network(of))) if !number.is_nan() => {
                 *of(sample.network.get_or_insert(NetworkSample::NONE)) = number;
             }

@@ -81,8 +81,12 @@ impl Case {
             None if acts || p.shear_rate != 0.0 => format!(" Γ={}", p.shear_rate),
             None => String::new(),
         };
+        let pressure = match p.viscous_number {
+            Some(number) => format!(" J={number}"),
+            None => String::new(),
+        };
         format!(
-            "{fraction} {friction} h={}{flow}{shear} N={} seed {}",
+            "{fraction} {friction} h={}{flow}{shear}{pressure} N={} seed {}",
             p.roughness, p.spheres, self.seed
         )
     }

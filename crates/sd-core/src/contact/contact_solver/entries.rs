@@ -1,13 +1,13 @@
 //! Conversion of the laws of the candidates to coefficients of the contact problem, and of its
 //! solution to contact forces and states.
 
-use super::super::contact_pair::ContactState;
+use super::super::contact_pair::{Contact, ContactState};
 use super::super::laws::{COMPLIANCE, Laws, Overlap};
 use super::super::memory::ContactMemory;
 use super::super::problem::statement::{self, Forces, FrictionState, Problem};
 use super::super::row::Row;
 use super::candidates::overlap_of;
-use super::{ContactSolver, SolvePass, StageInput};
+use super::{ContactSolver, ImposedPressure, SolvePass, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
 use crate::law::FrictionConstraint;
 
@@ -47,12 +47,33 @@ impl<S: Fluid> ContactSolver<S> {
             });
             self.solver.forces.normal.push(contact.normal_force);
         }
+        self.set_up_dilation();
         if has_friction {
             for k in 0..self.list.len() {
                 self.add_friction(input, memory, pass, k);
             }
         }
         self.solver.infer_states(&self.problem);
+    }
+
+    /// Sets up the rate at which the cell dilates under an imposed pressure.
+    fn set_up_dilation(&mut self) {
+        let dilation = &mut self.problem.dilation;
+        dilation.openings.clear();
+        (dilation.mobility, dilation.free) = (0.0, 0.0);
+        let Some(ImposedPressure {
+            pressure,
+            volume,
+            resistance,
+        }) = self.pressure
+        else {
+            return;
+        };
+        let each = self.list.iter();
+        dilation.openings.extend(each.map(Contact::opening));
+        let [work, slope] = self.distant_work;
+        dilation.mobility = (volume * resistance + slope).recip();
+        dilation.free = dilation.mobility * (work - volume * pressure);
     }
 
     /// Adds the friction forces of one candidate.

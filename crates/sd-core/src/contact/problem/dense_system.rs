@@ -12,7 +12,8 @@
 //! slipping contacts, whose friction is proportional to the load: `t = ±ν (f − f₀)`.
 
 use super::statement::{
-    FORCE_ROUNDOFF, Forces, FrictionState, Problem, RoundoffThresholds, States, System, largest,
+    Dilation, FORCE_ROUNDOFF, Forces, FrictionState, Problem, RoundoffThresholds, States, System,
+    largest,
 };
 use crate::contact::row::Row;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -74,6 +75,17 @@ impl DenseSystem {
         columns.gram(&mut self.g_nn);
         self.free_normal.clear();
         columns.add_transposed_product(&self.free, &mut self.free_normal);
+        let Dilation {
+            openings,
+            mobility,
+            free,
+        } = &problem.dilation;
+        for (k, c) in openings.iter().enumerate() {
+            self.free_normal[k] += c * free;
+            for (entry, other) in self.g_nn.column_mut(k).iter_mut().zip(openings) {
+                *entry += mobility * c * other;
+            }
+        }
         self.set_up_friction(resistance, problem);
     }
 

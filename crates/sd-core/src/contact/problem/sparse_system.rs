@@ -128,6 +128,7 @@ impl<S: Fluid> SparseSystem<S> {
                 *r = f - *r;
             }
         }
+        let dilation = problem.dilation.rate(&forces.normal);
         for entry in &linear.active.closed {
             let (k, row) = (entry.index as usize, entry.row());
             let f = forces.normal[k];
@@ -135,7 +136,10 @@ impl<S: Fluid> SparseSystem<S> {
             if problem.uses_frictionless_slip {
                 row.add(f, r_n);
             }
-            let moved = row.read(&self.velocities) + entry.compliance * f;
+            let mut moved = row.read(&self.velocities) + entry.compliance * f;
+            if let Some(c) = problem.dilation.openings.get(k) {
+                moved += c * dilation;
+            }
             r_f[k] = -VELOCITY_WEIGHT * (moved + problem.normal[k].bias);
         }
         for (entry, t) in problem.friction.iter().zip(&forces.tangential) {
@@ -378,6 +382,10 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         slack.clear();
         let entries = problem.normal.iter().zip(&*normal);
         slack.extend(entries.map(|(e, f)| e.row.read(v) + e.bias + e.compliance * f));
+        let dilation = problem.dilation.rate(normal);
+        for (w, c) in slack.iter_mut().zip(&problem.dilation.openings) {
+            *w += c * dilation;
+        }
         let flow = if problem.uses_frictionless_slip {
             &self.system.frictionless
         } else {

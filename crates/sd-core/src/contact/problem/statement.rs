@@ -77,6 +77,26 @@ impl<S: Space> Friction<S> {
     }
 }
 
+/// The rate at which the cell dilates under an imposed pressure, as it follows from the normal
+/// forces: `e = mobility Σ c f + free`. Candidates open at the rates c e.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Dilation {
+    /// c of each candidate, in a; empty where the volume is imposed.
+    pub(crate) openings: Vec<f64>,
+    /// In rate per unit of `Σ c f`.
+    pub(crate) mobility: f64,
+    /// The rate without contact forces.
+    pub(crate) free: f64,
+}
+
+impl Dilation {
+    /// e under normal forces; 0 where the volume is imposed.
+    pub(crate) fn rate(&self, normal: &[f64]) -> f64 {
+        let work: f64 = self.openings.iter().zip(normal).map(|(c, f)| c * f).sum();
+        self.mobility * work + self.free
+    }
+}
+
 /// One contact problem; see [`super`].
 #[derive(Default)]
 pub(crate) struct Problem<S: Space = Layer> {
@@ -84,6 +104,8 @@ pub(crate) struct Problem<S: Space = Layer> {
     pub(crate) normal: Vec<Normal<S>>,
     /// Friction forces, ordered by candidate; candidates without one have no friction.
     pub(crate) friction: Vec<Friction<S>>,
+    /// How the cell dilates.
+    pub(crate) dilation: Dilation,
     /// Whether friction depends on the motion v_N under normal forces alone, instead of v.
     pub(crate) uses_frictionless_slip: bool,
     /// Load above which friction is active; `None` where its activation is fixed. Where friction is
@@ -96,6 +118,7 @@ impl<S: Space> Problem<S> {
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.normal.clone_from(&other.normal);
         self.friction.clone_from(&other.friction);
+        self.dilation.clone_from(&other.dilation);
         self.uses_frictionless_slip = other.uses_frictionless_slip;
         self.critical_load = other.critical_load;
     }

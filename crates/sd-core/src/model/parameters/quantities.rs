@@ -95,6 +95,15 @@ pub(super) static SHEAR_STRESS: Quantity = Quantity {
     note: "in F_crit/a²; for the plateaus impose `shear_rate` = 0 or inf",
 };
 
+/// J.
+pub(super) static VISCOUS_NUMBER: Quantity = Quantity {
+    key: "imposed_viscous_number",
+    unit: "1",
+    meaning: "imposed viscous number J; the fraction is then that of the start",
+    range: Range::between(0.0, f64::INFINITY),
+    note: "μ rate over the particle pressure; without it the fraction is imposed",
+};
+
 /// Sense of the flow.
 pub(super) static DIRECTION: Quantity = Quantity {
     key: "direction",

@@ -10,7 +10,7 @@ use super::choices::{
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, PECLET, ROUGHNESS,
-    SHEAR_RATE, SHEAR_STRESS, SIZE_RATIO, SPHERES, START, THERMAL_LOAD, TIME_STEP, VOLUME_FRACTION,
+    SHEAR_RATE, SHEAR_STRESS, SIZE_RATIO, SPHERES, START, THERMAL_LOAD, TIME_STEP, VISCOUS_NUMBER, VOLUME_FRACTION,
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
@@ -36,7 +36,7 @@ use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOr
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 33] = [
+pub static PARAMETERS: [Parameter; 34] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -443,6 +443,19 @@ pub static PARAMETERS: [Parameter; 33] = [
             ..NEEDED
         }),
         ..number(&SHEAR_STRESS)
+    },
+    Parameter {
+        has_meaning: |p| p.viscous_number.is_some(),
+        needs: Some(|| "a number above 0".into()),
+        form: Form::Number(Number {
+            quantity: &VISCOUS_NUMBER,
+            default: Some(|_| 0.0),
+            get: |p| p.viscous_number.unwrap_or(0.0),
+            set: |p, value| p.viscous_number = (value > 0.0).then_some(value),
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&VISCOUS_NUMBER)
     },
 ];
 

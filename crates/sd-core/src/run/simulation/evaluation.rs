@@ -19,6 +19,14 @@ impl<S: Starts> Simulation<S> {
         centres: &[S::Vector],
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
+        let grown;
+        let centres = match self.begin_dilation(&stage) {
+            None => centres,
+            Some(growth) => {
+                grown = centres.iter().map(|&x| x * growth).collect::<Vec<_>>();
+                &grown
+            }
+        };
         let cell = self.cell_at(stage.time)?;
         if stage.number == 0 {
             // This gives a run that is resumed here the same bits.
@@ -44,6 +52,7 @@ impl<S: Starts> Simulation<S> {
         }
         self.motion.clear();
         self.motion.extend_from_slice(velocities);
+        self.end_dilation(centres, velocities);
         Ok(quality)
     }
 
@@ -92,6 +101,7 @@ impl<S: Starts> Simulation<S> {
                     time: stage.span,
                     kind: stage.kind,
                     first: &self.first,
+                    dilation: self.dilations.first(),
                 };
                 let contact = StageContacts::Laws { laws, span, memory };
                 let quality = solver.solve(&flow, external, contact, pass)?;

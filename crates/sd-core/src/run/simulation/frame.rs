@@ -172,6 +172,7 @@ impl<S: Starts> Simulation<S> {
             }
             _ => (Vec::new(), [cell.offset(), cell.cross_offset()]),
         };
+        let growth = self.dilations.growth();
         // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.time();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
@@ -189,15 +190,15 @@ impl<S: Starts> Simulation<S> {
         let orientations = self.before.state.orientations.iter().enumerate();
         let frame = Frame {
             strain: stage.time,
-            side: self.side,
+            side: self.side * growth,
             vectors,
             offset: offsets[0],
             cross_offset: offsets[1],
             radii: self.solver.resistance.radii().to_vec(),
-            centres: centres.iter().map(S::point).collect(),
+            centres: centres.iter().map(|&x| S::point(&(x * growth))).collect(),
             unwrapped: self
                 .unwrapped_at(stage.time, centres)
-                .map(|x| S::point(&x))
+                .map(|x| S::point(&(x * growth)))
                 .collect(),
             velocities: motion().map(|u| S::point(&S::translation(u))).collect(),
             angular_velocities: motion().map(S::rotation).collect(),

@@ -49,6 +49,9 @@ pub struct Sample {
     /// a step.
     #[serde(default)]
     pub structure: Option<StructureSample>,
+    /// Area fraction of a layer, volume fraction of a suspension, under an imposed pressure.
+    #[serde(default)]
+    pub fraction: Option<f64>,
 }
 
 /// Order, motion and constraints of the spheres at one instant; NaN where a number has no meaning.

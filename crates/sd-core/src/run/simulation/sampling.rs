@@ -56,7 +56,8 @@ impl<S: Starts> Simulation<S> {
 
     /// Area or volume of the cell.
     fn content(&self) -> f64 {
-        (0..S::DIMENSIONS).map(|_| self.side).product()
+        let side = self.side * self.dilations.growth();
+        (0..S::DIMENSIONS).map(|_| side).product()
     }
 
     /// The flow that viscosities refer to.
@@ -119,6 +120,7 @@ impl<S: Starts> Simulation<S> {
             counters: self.counters,
             network: None,
             structure: None,
+            fraction: self.params.viscous_number.map(|_| self.fraction()),
         });
     }
 

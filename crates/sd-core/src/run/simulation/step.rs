@@ -1,6 +1,7 @@
 //! A step of a run: undivided, or in halves where spheres would come too close.
 
 use super::sampling::StepRecord;
+use super::volume::Growth;
 use super::{Sample, SchemeMemory, Simulation};
 use crate::contact::laws::StageKind;
 use crate::contact::springs::Springs;
@@ -81,6 +82,7 @@ impl<S: Starts> Simulation<S> {
     pub(in crate::run) fn save(&mut self) {
         let before = &mut self.before;
         before.state.copy_from(&self.state);
+        before.side = self.side;
         before.memory.copy_from(&self.memory);
         (before.shear_control, before.counters) = (self.shear_control, self.counters);
         self.solver.save();
@@ -90,6 +92,7 @@ impl<S: Starts> Simulation<S> {
     /// Returns the error with the place of the step in the run.
     pub(in crate::run) fn restore(&mut self, source: Error) -> Error {
         self.restore_contacts();
+        self.restore_side(self.before.side);
         self.state.copy_from(&self.before.state);
         self.counters = self.before.counters;
         self.solver.restore();
@@ -141,8 +144,10 @@ impl<S: Starts> Simulation<S> {
         let advance = result?;
         let end = self.cell_at(self.time_of(self.steps + 1))?;
         self.check_lattice(&end)?;
+        self.check_width(&end)?;
         let sample = self.count_step(&record);
         if advance == Advance::Blocked {
+            self.restore_side(self.before.side);
             self.state.copy_from(&self.before.state);
             self.counters.jammed_steps_running = self.jam_steps();
             return Ok(sample);
@@ -221,8 +226,10 @@ impl<S: Starts> Simulation<S> {
                 self.begin_sample(quality.jammed(), record);
                 self.take_sample(&stage, centres, record);
             }
-            Ok(self.has_contact_forces())
-        })
+            Ok::<_, Error>(self.has_contact_forces())
+        })?;
+        self.end_growth(Growth::of(stepper), dt, &mut state.centres);
+        Ok(())
     }
 
     /// Moves soft spheres over one step: undivided, or in two, four and more parts
@@ -253,6 +260,7 @@ impl<S: Starts> Simulation<S> {
                 return Ok(Advance::Moved);
             };
             state.copy_from(&self.before.state);
+            self.restore_side(self.before.side);
             self.restore_contacts();
             self.impose(self.steps);
             let overlaps = matches!(error, Error::Overlap { .. });
@@ -283,7 +291,7 @@ impl<S: Starts> Simulation<S> {
         part: Part,
         record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (before, counters) = (*record, self.counters);
+        let (before, counters, side) = (*record, self.counters, self.side);
         let attempt = self.attempt_rigid(method, state, part, record)?;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
@@ -294,6 +302,7 @@ impl<S: Starts> Simulation<S> {
         if part.halvings < halvings {
             if has_moved {
                 method.undo(state);
+                self.restore_side(side);
             }
             *record = before;
             self.counters = counters;
@@ -324,10 +333,12 @@ impl<S: Starts> Simulation<S> {
             Ok::<_, Error>(self.has_contact_forces())
         })?;
         self.each_spring(Springs::end_with_first_stage);
+        self.end_growth(Growth::Midpoint, part.dt, &mut state.centres);
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
+            self.restore_side(side);
             return Ok(Advance::Blocked);
         }
         Ok(Advance::Moved)
@@ -344,7 +355,7 @@ impl<S: Starts> Simulation<S> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = self.settings.held_share * self.params.roughness;
         self.each_spring(Springs::begin_attempt);
-        let span = [part.time, part.dt];
+        let (span, side) = ([part.time, part.dt], self.side);
         let moved = method.step(state, span, Stages::Both, |stage, centres, velocities| {
             let quality = self.evaluate(stage, centres, velocities)?;
             jammed |= quality.jammed();
@@ -368,13 +379,17 @@ impl<S: Starts> Simulation<S> {
         });
         match moved {
             Err(Stop::Failed(error)) => return Err(error),
-            Err(Stop::LowGap) => return Ok(Attempt::LowGap { jammed }),
-            Ok(()) => {}
+            Err(Stop::LowGap) => {
+                self.restore_side(side);
+                return Ok(Attempt::LowGap { jammed });
+            }
+            Ok(()) => self.end_growth(Growth::Midpoint, part.dt, &mut state.centres),
         }
         let end = self.cell_at(part.time + part.dt)?;
         let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
+            self.restore_side(side);
             return Ok(Attempt::LowGap { jammed });
         }
         Ok(if jammed || inexact {

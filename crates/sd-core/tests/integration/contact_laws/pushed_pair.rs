@@ -104,6 +104,7 @@ fn pushed_in_turn(
                     time: span,
                     kind,
                     first: &first,
+                    dilation: 0.0,
                 };
                 let law = StageContacts::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;

@@ -33,6 +33,7 @@ impl Axis {
             "time_step" => "Δt",
             "shear_rate" => "Γ",
             "shear_stress" => "σ*",
+            "imposed_viscous_number" => "J",
             key => key,
         }
     }
@@ -60,6 +61,7 @@ impl Axis {
             "direction" => "-1",
             "shear_rate" => "[0.1, 1.0, 10.0, inf]",
             "shear_stress" => "[0.1, 1.0, 10.0]",
+            "imposed_viscous_number" => "[0.001, 0.01, 0.1]",
             _ if self.is_numeric() => "1",
             _ => "",
         }
@@ -76,6 +78,7 @@ impl Axis {
             "thermal_load",
             "shear_rate",
             "shear_stress",
+            "imposed_viscous_number",
         ];
         keys.contains(&self.key)
     }

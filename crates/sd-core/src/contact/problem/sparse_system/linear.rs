@@ -106,6 +106,19 @@ impl<S: Fluid> Linear<'_, S> {
             row.add_to_first::<L, L>(-f[k], y);
             y_f[k] = VELOCITY_WEIGHT * (row.read(v) + closed.compliance * f[k]);
         }
+        let dilation = &self.problem.dilation;
+        if !dilation.openings.is_empty() {
+            let closed = || {
+                self.active
+                    .closed
+                    .iter()
+                    .map(|closed| closed.index as usize)
+            };
+            let work: f64 = closed().map(|k| dilation.openings[k] * f[k]).sum();
+            for k in closed() {
+                y_f[k] += VELOCITY_WEIGHT * dilation.openings[k] * dilation.mobility * work;
+            }
+        }
         for term in &self.active.force_terms {
             let force = term.factor * forces[term.force];
             term.row.add_to_first::<1, L>(force, y);

@@ -1,0 +1,241 @@
+//! Imposed pressure: the volume of the cell follows.
+
+use sd_core::{
+    Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params,
+    RunSpace, Simulation, Snapshot, StiffnessUnit, TangentialLaw, model::SolverSettings,
+};
+
+const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+
+/// Rigid spheres that begin at a fraction.
+fn suspension(number: f64, fraction: f64, friction: f64) -> Params {
+    let laws = ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        ..ContactLaws::PAPER
+    };
+    Params::builder()
+        .spheres(40)
+        .volume_fraction(fraction)
+        .roughness(0.01)
+        .friction(friction)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(LUBRICATION)
+        .contact(ContactScheme::Laws(laws))
+        .viscous_number(number)
+        .build()
+        .unwrap()
+}
+
+fn layer(number: f64) -> Params {
+    Params::builder()
+        .spheres(40)
+        .area_fraction(0.6)
+        .roughness(0.01)
+        .friction(0.5)
+        .shear_rate(f64::INFINITY)
+        .hydrodynamics(Hydrodynamics::BallMelrose)
+        .viscous_number(number)
+        .build()
+        .unwrap()
+}
+
+/// Mean pressure, fraction and viscosity from a strain on.
+struct Means {
+    pressure: f64,
+    fraction: f64,
+    viscosity: f64,
+}
+
+fn means<S: RunSpace>(mut run: Simulation<S>, [from, to]: [f64; 2]) -> Means {
+    let mut sums = [0.0; 3];
+    let mut count = 0.0;
+    while run.strain() < to {
+        let sample = run.step().unwrap();
+        if sample.strain >= from {
+            let [xx, yy, zz] = [sample.stress.xx(), sample.stress.yy(), sample.stress.zz()];
+            // That of the contacts, which the volume answers to.
+            let fraction = sample.fraction.unwrap_or(run.fraction());
+            let normal = [xx, yy, zz].map(|part| part.normal_contact + part.repulsion);
+            let pressure = -normal.iter().sum::<f64>() / S::DIMENSIONS as f64;
+            for (sum, x) in sums.iter_mut().zip([pressure, fraction, sample.viscosity]) {
+                *sum += x;
+            }
+            count += 1.0;
+        }
+    }
+    let [pressure, fraction, viscosity] = sums.map(|sum| sum / count);
+    Means {
+        pressure,
+        fraction,
+        viscosity,
+    }
+}
+
+fn begun<S: RunSpace>(params: &Params, seed: u64) -> Simulation<S> {
+    Simulation::new(params, seed, &NearFields::default()).unwrap()
+}
+
+#[test]
+fn contacts_bear_the_imposed_pressure_from_any_start() {
+    for number in [0.1, 0.01] {
+        let runs = [0.45, 0.52].map(|fraction| {
+            let run = begun::<Bulk>(&suspension(number, fraction, 0.0), 1);
+            means(run, [2.0, 6.0])
+        });
+        for run in &runs {
+            let ratio = run.pressure * number;
+            assert!((ratio - 1.0).abs() < 0.03, "{number}: {ratio}");
+        }
+        let [a, b] = runs.map(|run| run.fraction);
+        assert!((a - b).abs() < 0.015, "{number}: {a} {b}");
+    }
+    let planar = means(begun::<Layer>(&layer(0.05), 1), [2.0, 6.0]);
+    assert!(
+        (planar.pressure * 0.05 - 1.0).abs() < 0.03,
+        "{}",
+        planar.pressure
+    );
+    assert!(
+        planar.fraction > 0.62 && planar.fraction < 0.8,
+        "{}",
+        planar.fraction
+    );
+}
+
+#[test]
+fn the_pressure_at_an_imposed_fraction_gives_that_fraction() {
+    let fixed = Params {
+        viscous_number: None,
+        ..suspension(1.0, 0.52, 0.5)
+    };
+    let fixed = means(begun::<Bulk>(&fixed, 2), [2.0, 10.0]);
+    assert_eq!(fixed.fraction, 0.52);
+    let free = suspension(fixed.pressure.recip(), 0.5, 0.5);
+    let free = means(begun::<Bulk>(&free, 2), [2.0, 10.0]);
+    assert!((free.fraction - 0.52).abs() < 0.01, "{}", free.fraction);
+    let ratio = free.viscosity / fixed.viscosity;
+    assert!((ratio - 1.0).abs() < 0.25, "{ratio}");
+}
+
+#[test]
+fn means_do_not_depend_on_how_fast_the_volume_answers() {
+    let params = suspension(0.05, 0.5, 0.3);
+    let [slow, fast] = [2.0, 20.0].map(|rate| {
+        let mut settings = SolverSettings::default();
+        settings.volume_rate = rate;
+        let start = Snapshot::<Bulk>::start(&params, 3).unwrap();
+        let tables = NearFields::default();
+        means(
+            Simulation::with_settings(&params, start, &tables, &settings).unwrap(),
+            [2.0, 8.0],
+        )
+    });
+    assert!((slow.fraction - fast.fraction).abs() < 0.01);
+    assert!((slow.pressure / fast.pressure - 1.0).abs() < 0.05);
+}
+
+fn check_interrupted<S: RunSpace>(params: &Params) {
+    let mut run = begun::<S>(params, 1);
+    for _ in 0..12 {
+        run.step().unwrap();
+    }
+    let mut resumed =
+        Simulation::from_snapshot(params, run.snapshot(), &NearFields::default()).unwrap();
+    for _ in 0..6 {
+        assert_eq!(run.step().unwrap(), resumed.step().unwrap());
+    }
+    assert_eq!(run.snapshot(), resumed.snapshot());
+    assert!(run.unwrapped().eq(resumed.unwrapped()));
+}
+
+#[test]
+fn an_interrupted_run_continues_with_the_same_bits() {
+    check_interrupted::<Bulk>(&suspension(0.05, 0.5, 0.5));
+    check_interrupted::<Layer>(&layer(0.05));
+    check_interrupted::<Layer>(&Params {
+        spheres: 70,
+        ..layer(0.05)
+    });
+    for normal in [
+        ContactLaws {
+            stiffness_unit: StiffnessUnit::Flow,
+            ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.0)
+        },
+        ContactLaws {
+            repulsion: 2.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::PAPER
+        },
+    ] {
+        check_interrupted::<Bulk>(&Params {
+            contact: ContactScheme::Laws(normal),
+            shear_rate: 1.0,
+            ..suspension(0.05, 0.5, 0.5)
+        });
+    }
+}
+
+#[test]
+fn springs_and_repulsions_bear_the_pressure_too() {
+    for normal in [
+        ContactLaws {
+            stiffness_unit: StiffnessUnit::Flow,
+            ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.0)
+        },
+        ContactLaws {
+            repulsion: 2.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::PAPER
+        },
+    ] {
+        let params = Params {
+            contact: ContactScheme::Laws(normal),
+            shear_rate: 1.0,
+            ..suspension(0.05, 0.5, 0.0)
+        };
+        let run = means(begun::<Bulk>(&params, 1), [2.0, 5.0]);
+        assert!((run.pressure * 0.05 - 1.0).abs() < 0.05, "{}", run.pressure);
+    }
+}
+
+#[test]
+fn a_pressure_is_refused_where_it_cannot_be_imposed() {
+    let good = suspension(0.05, 0.5, 0.5);
+    for (bad, part) in [
+        (
+            Params {
+                viscous_number: Some(0.0),
+                ..good.clone()
+            },
+            "out of range",
+        ),
+        (
+            Params {
+                shear_rate: 0.0,
+                shear_stress: Some(1.0),
+                ..good.clone()
+            },
+            "without a rate",
+        ),
+        (
+            Params {
+                hydrodynamics: Hydrodynamics::StokesianDynamics,
+                ..good.clone()
+            },
+            "ball-melrose",
+        ),
+        (
+            Params {
+                flow: sd_core::model::FlowType::PlanarExtension,
+                ..good.clone()
+            },
+            "no shear",
+        ),
+    ] {
+        let error = bad.validate().unwrap_err().to_string();
+        assert!(
+            error.contains("viscous_number") && error.contains(part),
+            "{error}"
+        );
+    }
+}
