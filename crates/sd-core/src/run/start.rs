@@ -40,6 +40,9 @@ const SPHERES: Density = Density {
 /// hundred spheres with a roughness of 0.01 were packed at 0.62, but not at 0.63.
 const CLOSEST_AT_RANDOM: f64 = 0.645;
 
+/// Area and volume fraction up to which an imposed pressure may compress discs and spheres.
+const DENSEST: [f64; 2] = [0.84, 0.64];
+
 /// Area fraction up to which equal hard discs in equilibrium are a fluid (Bernard & Krauth, Phys.
 /// Rev. Lett. 107, 155704, 2011).
 const FREEZING_OF_DISCS: f64 = 0.700;
@@ -117,7 +120,11 @@ pub fn check(params: &Params) -> Result<(), Error> {
             };
         }
         Err(Error::CellTooSmall { side, needed, .. }) => {
-            (format!("a cell {side:.3} wide"), side, needed)
+            let shape = match params.viscous_number {
+                None => format!("a cell {side:.3} wide"),
+                Some(_) => format!("a cell that a pressure may shrink to a width of {side:.3}"),
+            };
+            (shape, side, needed)
         }
         Err(Error::LatticeTooShort { shortest, needed }) => (
             format!("a lattice whose shortest vector is {shortest:.3} at times in this `flow`"),
@@ -152,12 +159,15 @@ pub fn check(params: &Params) -> Result<(), Error> {
             "at `{key}` = {fraction}{of_sizes} make {shape}, less than {needed:.3}, twice the range of pairs under {model}, \
              which is {range} radii of the largest sphere"
         ),
-        allowed: format!(
-            "at least {} spheres at this {kind} fraction, or {} {kind} fraction of at most {:.3}",
-            least_spheres(params, side, needed),
-            if power == 2 { "an" } else { "a" },
-            fraction * (side / needed).powi(power)
-        ),
+        allowed: match params.viscous_number {
+            Some(_) => format!("at least {} spheres", least_spheres(params, side, needed)),
+            None => format!(
+                "at least {} spheres at this {kind} fraction, or {} {kind} fraction of at most {:.3}",
+                least_spheres(params, side, needed),
+                if power == 2 { "an" } else { "a" },
+                fraction * (side / needed).powi(power)
+            ),
+        },
         because: Some(sizes.map_or(key, |(key, _)| key)),
     }
     .into())
@@ -334,7 +344,14 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
 fn check_range<S: Fluid>(params: &Params, radii: &[f64], side: f64) -> Result<(), Error> {
     let range = Resistance::<S>::range(params.hydrodynamics);
     let Some(shortest) = CellPath::<S>::shortest(params, side)? else {
-        return Cell::<S>::equal_sides(side, 0.0)?.check_range(radii, range);
+        let (.., fraction, power) = fraction_of(params);
+        let shrunk = match params.viscous_number {
+            None => side,
+            Some(_) => {
+                side * (fraction / DENSEST[S::DIMENSIONS - 2]).powf(f64::from(power).recip())
+            }
+        };
+        return Cell::<S>::equal_sides(shrunk, 0.0)?.check_range(radii, range);
     };
     let needed = needed(radii, range);
     if shortest < needed {

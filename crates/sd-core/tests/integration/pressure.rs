@@ -26,6 +26,17 @@ fn suspension(number: f64, fraction: f64, friction: f64) -> Params {
         .unwrap()
 }
 
+/// Soft spheres at J = 0.05.
+fn soft(laws: ContactLaws, friction: f64) -> Params {
+    let mut params = Params {
+        contact: ContactScheme::Laws(laws),
+        shear_rate: 1.0,
+        ..suspension(0.05, 0.5, friction)
+    };
+    params.canonicalise();
+    params
+}
+
 fn layer(number: f64) -> Params {
     Params::builder()
         .spheres(40)
@@ -167,11 +178,7 @@ fn an_interrupted_run_continues_with_the_same_bits() {
             ..ContactLaws::PAPER
         },
     ] {
-        check_interrupted::<Bulk>(&Params {
-            contact: ContactScheme::Laws(normal),
-            shear_rate: 1.0,
-            ..suspension(0.05, 0.5, 0.5)
-        });
+        check_interrupted::<Bulk>(&soft(normal, 0.5));
     }
 }
 
@@ -188,11 +195,7 @@ fn springs_and_repulsions_bear_the_pressure_too() {
             ..ContactLaws::PAPER
         },
     ] {
-        let params = Params {
-            contact: ContactScheme::Laws(normal),
-            shear_rate: 1.0,
-            ..suspension(0.05, 0.5, 0.0)
-        };
+        let params = soft(normal, 0.0);
         let run = means(begun::<Bulk>(&params, 1), [2.0, 5.0]);
         assert!((run.pressure * 0.05 - 1.0).abs() < 0.05, "{}", run.pressure);
     }

@@ -38,7 +38,7 @@ const VISCOUS_NUMBER: &str = "viscous_number";
 
 /// The entry of an axis.
 fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {
-    let short = (axis.key == "imposed_viscous_number").then_some(VISCOUS_NUMBER);
+    let short = axis.is_imposed_pressure().then_some(VISCOUS_NUMBER);
     table.get(axis.key).or_else(|| table.get(short?))
 }
 

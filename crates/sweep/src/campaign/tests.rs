@@ -1,5 +1,6 @@
 mod flows;
 mod hostile;
+mod pressure;
 mod segments;
 mod sizes;
 mod suspensions;

@@ -136,6 +136,11 @@ impl Axis {
         self.is_shear_rate() || self.is_shear_stress()
     }
 
+    /// Whether it is the axis of imposed viscous numbers.
+    pub fn is_imposed_pressure(&self) -> bool {
+        self.key == "imposed_viscous_number"
+    }
+
     /// Whether it is an area fraction or a volume fraction.
     pub fn is_fraction(&self) -> bool {
         ["area_fraction", "volume_fraction"].contains(&self.key)

@@ -241,7 +241,10 @@ impl<'r> FigureSource<'r> {
             Kind::FrictionLaw | Kind::FractionLaw => viscous_number(),
             _ => drawing.against,
         };
-        let fraction = || report.varying().find(|axis| axis.is_fraction());
+        let fraction = || {
+            let of = |is: fn(&Axis) -> bool| report.varying().find(|axis| is(axis));
+            of(Axis::is_imposed_pressure).or_else(|| of(Axis::is_fraction))
+        };
         let usual = asked.or_else(|| against.and_then(|_| fraction()));
         let along = usual.unwrap_or_else(|| default_axis(report, drawing.kind));
         let refused = |option, message: String| Err(ReportError::argument(option, message));
