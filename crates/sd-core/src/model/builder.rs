@@ -118,7 +118,7 @@ impl ParamsBuilder {
     /// fraction is then that of the start.
     pub fn viscous_number(self, number: f64) -> Self {
         self.with(["imposed_viscous_number"], |p| {
-            p.viscous_number = Some(number)
+            p.viscous_number = Some(number);
         })
     }
 
