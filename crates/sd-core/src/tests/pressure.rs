@@ -67,7 +67,10 @@ fn both_backends_dilate_the_cell_alike_and_contacts_bear_the_pressure() {
             assert!(error.abs() < 1e-9 * volume * pressure, "{error}");
             // No pair that is closed within the step comes nearer than the roughness.
             for c in list.iter().filter(|c| c.pair.gap > 0.01) {
-                assert!(c.pair.gap + 0.01 * c.normal_velocity > 0.01 - 1e-7);
+                let end = c.pair.gap + 0.01 * c.normal_velocity;
+                // Rigid contacts yield by 1e-10 of their force.
+                let yielded = 0.01 * 1e-10 * c.normal_force;
+                assert!(end > 0.01 - yielded - 1e-9, "{pressure} {method:?}: {end}");
             }
             (dilation, stage.velocities().to_vec(), borne)
         });
