@@ -5,7 +5,6 @@ Frames of these and of other programs: `frames`.
 Units everywhere: mean sphere radius a, viscosity mu and shear rate are 1.
 """
 
-from . import frames
 from ._core import (
     Campaign,
     Layer,
@@ -38,3 +37,12 @@ __all__ = [
     "scalars",
     "solve",
 ]
+
+
+def __getattr__(name):
+    # NumPy is imported when it is needed.
+    if name == "frames":
+        from importlib import import_module
+
+        return import_module(".frames", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
