@@ -87,7 +87,7 @@ impl<S: Space> ProblemSolver<S> {
         self.save_activation(problem);
         if S::TANGENTS > 1 && system.read_motion(problem, &mut self.forces) {
             // The preceding motion provides the initial slip directions.
-            self.update_states(problem, system, RoundoffThresholds::NONE, false, 0.0);
+            self.update_states(problem, system, RoundoffThresholds::NONE, false);
         }
         let (converged, systems) = self.newton(problem, system, &mut refine);
         if converged {

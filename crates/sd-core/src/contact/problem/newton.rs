@@ -11,11 +11,8 @@
 //! In a suspension, steps are shortened after a step without progress, until the violation of the
 //! conditions decreases (a line search on the natural map). This ends nearly all cycles: of 320
 //! stages of 500 spheres at φ = 0.50 and ν = 0.5 none fails, where 131 fail without it. In a layer,
-//! where slip has only two directions, it does not reduce the number of failures. There two kinds of
-//! failure are typical: two contacts that stick and slip in turn, each because the other one changes
-//! too; and a few changes that together make the next system nearly singular, after which most
-//! states change. Therefore, after an iteration without progress, only the states with the largest
-//! contradictions change. Where the method fails, [`super::proximal`] takes over.
+//! where slip has only two directions, it does not reduce the number of failures. Where the method
+//! fails, [`super::proximal`] takes over.
 
 use super::ProblemSolver;
 use super::statement::{
@@ -32,10 +29,6 @@ const fn max_systems<S: Space>() -> u32 {
 /// minimum of changes to the active set. With 8 instead of 4, flowing layers of 1000 spheres
 /// require 4 % fewer linear systems, but layers of 100 at c = 0.76 and ν = 1 take a third longer.
 const MAX_STALLED: u32 = 4;
-/// In a layer, after an iteration without progress, states change whose contradiction is at least
-/// this share of the largest one. With 0 instead of 0.5, 100 spheres at c = 0.76 and ν = 1 with
-/// rigid `stick-slide` require a third more linear systems.
-const LEAST_SHARE: f64 = 0.5;
 
 /// Largest fraction of the violation that may remain after a step that counts as progress. With 0.5
 /// instead of 0.9, 200 spheres at φ = 0.54 require 16 % more linear systems.
@@ -61,7 +54,6 @@ impl<S: Space> ProblemSolver<S> {
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> (bool, u32) {
         let (mut fewest, mut stalled, mut last) = (usize::MAX, 0, false);
-        let mut fewest_activated = usize::MAX;
         let (mut smallest_rotation, mut comparable, mut shortens) = (f64::INFINITY, None, false);
         for count in 1..=max_systems::<S>() {
             shortens |= S::TANGENTS > 1 && stalled > 0;
@@ -75,13 +67,7 @@ impl<S: Space> ProblemSolver<S> {
             let previous_violation = comparable.filter(|_| !last && shortens);
             let (violation, is_full_step) = self.backtrack(problem, system, previous_violation);
             let refined = refine(problem, &self.forces);
-            let least = if S::TANGENTS == 1 && stalled > 0 {
-                LEAST_SHARE * self.largest_excess(problem, system, roundoff)
-            } else {
-                0.0
-            };
-            let (changed, rotation) =
-                self.update_states(problem, system, roundoff, is_full_step, least);
+            let (changed, rotation) = self.update_states(problem, system, roundoff, is_full_step);
             let activated = self.update_activation(problem, system, roundoff.force);
             let contradicted = refined + changed;
             let changes = contradicted + activated;
@@ -89,12 +75,8 @@ impl<S: Space> ProblemSolver<S> {
             // Changed coefficients or activation define a different problem, whose violations
             // cannot be compared.
             comparable = (refined + activated == 0).then_some(violation);
-            let settles = S::TANGENTS > 1 || activated < fewest_activated;
-            if contradicted == 0 && activated > 0 && settles {
-                fewest_activated = activated;
-                // A changed activation defines a different problem: progress is reset. In a layer
-                // contacts can gain and lose friction in turn, so there it is reset only while
-                // fewer of them do.
+            if contradicted == 0 && activated > 0 {
+                // A changed activation defines a different problem: progress is reset.
                 (fewest, stalled, smallest_rotation) = (usize::MAX, 0, f64::INFINITY);
             } else if changes > 0 || rotation > 0.0 || !is_full_step {
                 let fewer = changes < fewest
@@ -144,15 +126,13 @@ impl<S: Space> ProblemSolver<S> {
     /// angle by which the direction of a slide changed.
     ///
     /// `is_full_step`: whether the forces solve the linear problem of the current states, i.e. the
-    /// step was not shortened. `least`: the smallest contradiction, as a force, that changes a state
-    /// in a layer; smaller ones are counted.
+    /// step was not shortened.
     pub(super) fn update_states(
         &mut self,
         problem: &Problem<S>,
         system: &impl System<S>,
         roundoff: RoundoffThresholds,
         is_full_step: bool,
-        least: f64,
     ) -> (usize, f64) {
         let (forces, states) = (&self.forces, &mut self.states);
         let (mut changes, mut rotation) = (0, 0.0_f64);
@@ -165,7 +145,7 @@ impl<S: Space> ProblemSolver<S> {
                 forces.slack[k] < -roundoff.velocity
             };
             changes += usize::from(contradicted);
-            *closed ^= contradicted && normal_excess(forces, k, *closed, system) >= least;
+            *closed ^= contradicted;
         }
         let entries = problem.friction.iter().zip(&mut states.friction);
         for (k, (entry, state)) in entries.enumerate() {
@@ -180,39 +160,10 @@ impl<S: Space> ProblemSolver<S> {
                 rotation = rotation.max(angle);
                 next
             };
-            let differs = next.differs_from(state);
-            changes += usize::from(differs);
-            let waits = differs
-                && least > 0.0
-                && friction_excess(entry, forces, k, [state, &next], system) < least;
-            if !waits {
-                *state = next;
-            }
+            changes += usize::from(next.differs_from(state));
+            *state = next;
         }
         (changes, rotation)
-    }
-
-    /// The largest contradiction of a state that need not change at once, as a force, in a layer.
-    fn largest_excess(
-        &self,
-        problem: &Problem<S>,
-        system: &impl System<S>,
-        roundoff: RoundoffThresholds,
-    ) -> f64 {
-        let (forces, states) = (&self.forces, &self.states);
-        let closed = states.closed.iter().enumerate();
-        let normal = closed.map(|(k, closed)| normal_excess(forces, k, *closed, system));
-        let entries = problem.friction.iter().zip(&states.friction).enumerate();
-        let friction = entries.map(|(k, (entry, state))| {
-            let next = next_state(entry, forces, k, *state, roundoff);
-            if next.differs_from(state) {
-                friction_excess(entry, forces, k, [state, &next], system)
-            } else {
-                0.0
-            }
-        });
-        let excesses = normal.chain(friction.filter(|excess| excess.is_finite()));
-        excesses.fold(0.0, f64::max)
     }
 
     /// Activates friction where the load exceeds the critical load by more than `roundoff`, and
@@ -251,41 +202,6 @@ impl<S: Space> ProblemSolver<S> {
             }
         }
         changes
-    }
-}
-
-/// By how much a candidate's state is contradicted, as a force.
-fn normal_excess<S: Space>(
-    forces: &Forces<S>,
-    k: usize,
-    closed: bool,
-    system: &impl System<S>,
-) -> f64 {
-    if closed {
-        -forces.normal[k]
-    } else {
-        -forces.slack[k] / system.mobility(k)
-    }
-}
-
-/// By how much the state of friction force `k` in a layer is contradicted, as a force; infinite
-/// where there can be no friction, or was none.
-fn friction_excess<S: Space>(
-    entry: &Friction<S>,
-    forces: &Forces<S>,
-    k: usize,
-    [state, next]: [&FrictionState<S>; 2],
-    system: &impl System<S>,
-) -> f64 {
-    match (state, next) {
-        (FrictionState::Stick, FrictionState::Slip(_)) => {
-            S::length(&forces.tangential[k]) - entry.slipping_force(forces.normal[entry.contact])
-        }
-        (FrictionState::Slip(slide), FrictionState::Stick) => {
-            let self_mobility = system.mobility(entry.contact) + entry.compliance;
-            -slide.rotate(&forces.slip[k])[0] / self_mobility
-        }
-        _ => f64::INFINITY,
     }
 }
 

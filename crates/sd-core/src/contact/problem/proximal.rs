@@ -40,13 +40,6 @@ const MAX_SOFTNESS: f64 = 1.0;
 const FINAL_ERROR: f64 = 1e-8;
 /// Factor between successive values of ε.
 const SOFTNESS_RATIO: f64 = 10.0;
-/// Factor between successive values of ε above the largest one at which Newton's method failed.
-/// With it and [`IDENTIFIED_ERROR`] 100 spheres at c = 0.76 and ν = 1 with rigid `stick-slide`
-/// require 17 % fewer linear systems.
-const SMALL_RATIO: f64 = 3.0;
-/// Residual, in a·rate, and friction error below which the active set of a softened problem is
-/// expected to be that of the original one.
-const IDENTIFIED_ERROR: f64 = 1e-5;
 /// Largest coefficient of a fixed bound: with an infinite one, the bound would be infinite or zero.
 const MAX_COEFFICIENT: f64 = 100.0;
 
@@ -93,13 +86,13 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
     ) -> Quality {
-        let (mut quality, mut exact) = self.iterate(problem, system, false, refine);
+        let mut quality = self.iterate(problem, system, false, refine);
         let mut systems = quality.systems;
         if quality.status != Status::Solved {
             self.restore_activation(problem);
             self.forces.normal.fill(0.0);
             self.forces.tangential.fill(S::each_tangent(0.0));
-            (quality, exact) = self.iterate(problem, system, false, refine);
+            quality = self.iterate(problem, system, false, refine);
             systems += quality.systems;
         }
         if quality.status != Status::Solved {
@@ -112,13 +105,20 @@ impl<S: Space> ProblemSolver<S> {
             self.initial.normal = loads;
             systems += quality.systems;
         }
-        if quality.status == Status::Solved && !exact {
+        if quality.status == Status::Solved {
             // The active set is that of the original problem, which Newton's method then solves to
             // full accuracy.
-            let (converged, more) = self.solve_exactly(problem, system, refine);
+            self.initial.copy_from(&self.forces);
+            self.save_activation(problem);
+            self.infer_states(problem);
+            let (converged, more) = self.newton(problem, system, refine);
             systems += more;
             if converged {
                 quality = self.accept(problem, systems);
+            } else {
+                self.restore_activation(problem);
+                self.forces.copy_from(&self.initial);
+                system.measure(problem, &mut self.forces);
             }
         }
         Quality { systems, ..quality }
@@ -136,7 +136,7 @@ impl<S: Space> ProblemSolver<S> {
         let mut bounded = std::mem::take(&mut self.bounded);
         bounded.copy_from(problem);
         bounded.fix_bounds(loads);
-        let (found, _) = self.iterate(&mut bounded, system, true, refine);
+        let found = self.iterate(&mut bounded, system, true, refine);
         problem.normal.clone_from(&bounded.normal);
         self.bounded = bounded;
         let quality = self.forces.quality(problem);
@@ -151,28 +151,7 @@ impl<S: Space> ProblemSolver<S> {
         }
     }
 
-    /// Solves the problem itself by Newton's method, from the active set of the current forces. If
-    /// that fails, they stay. Returns whether it converged, and the number of linear systems.
-    fn solve_exactly(
-        &mut self,
-        problem: &mut Problem<S>,
-        system: &mut impl System<S>,
-        refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
-    ) -> (bool, u32) {
-        self.initial.copy_from(&self.forces);
-        self.save_activation(problem);
-        self.infer_states(problem);
-        let (converged, systems) = self.newton(problem, system, refine);
-        if !converged {
-            self.restore_activation(problem);
-            self.forces.copy_from(&self.initial);
-            system.measure(problem, &mut self.forces);
-        }
-        (converged, systems)
-    }
-
-    /// Solves the sequence of softened problems, from the current forces. Returns the quality of
-    /// the solution, and whether it is that of the problem itself.
+    /// Solves the sequence of softened problems, from the current forces.
     ///
     /// `is_bounded`: whether the friction bounds are fixed.
     fn iterate(
@@ -181,12 +160,11 @@ impl<S: Space> ProblemSolver<S> {
         system: &mut impl System<S>,
         is_bounded: bool,
         refine: &mut impl FnMut(&mut Problem<S>, &Forces<S>) -> usize,
-    ) -> (Quality, bool) {
+    ) -> Quality {
         self.forces.project_onto_bounds(problem);
         system.measure(problem, &mut self.forces);
         let mut softened = std::mem::take(&mut self.softened);
         let (mut softness, mut systems, mut failed) = (FIRST_SOFTNESS, 0, false);
-        let (mut failed_softness, mut tried) = (0.0_f64, false);
         let mut before = f64::INFINITY;
         for count in 1.. {
             self.reference.copy_from(&self.forces);
@@ -234,36 +212,16 @@ impl<S: Space> ProblemSolver<S> {
             let is_exact = status == Status::Solved && error < FINAL_ERROR;
             let is_final = is_exact && !failed && error >= before || is_unbounded;
             before = error;
-            if failed {
-                failed_softness = failed_softness.max(softness);
-            }
-            let may_be_exact = !is_bounded && !failed && !tried && error < IDENTIFIED_ERROR;
-            if may_be_exact && status != Status::NoAdmissibleMotion {
-                tried = true;
-                let (exact, more) = self.solve_exactly(problem, system, refine);
-                systems += more;
-                if exact {
-                    self.softened = softened;
-                    return (self.accept(problem, systems), true);
-                }
-            }
             if is_final || gives_up {
                 self.softened = softened;
-                let found = Quality {
+                return Quality {
                     status,
                     systems,
                     ..quality
                 };
-                return (found, false);
             }
             softness = if !failed {
-                let is_delicate = failed_softness > 0.0 && softness > failed_softness;
-                let ratio = if is_delicate {
-                    SMALL_RATIO
-                } else {
-                    SOFTNESS_RATIO
-                };
-                COMPLIANCE.max(softness / ratio)
+                COMPLIANCE.max(softness / SOFTNESS_RATIO)
             } else if softness < MAX_SOFTNESS {
                 SOFTNESS_RATIO * softness
             } else {
