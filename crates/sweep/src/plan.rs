@@ -9,7 +9,7 @@ mod memory;
 mod precision;
 mod trials;
 
-pub use memory::check_memory;
+pub use memory::beyond_memory;
 
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis, Identity, identity};

@@ -54,7 +54,7 @@ fn easy_runs_of_every_law_are_done() {
         hard_runs("--area-fraction 0.5 --friction 0.3 --roughness 0.01 --spheres 30 --seeds 1");
     assert_eq!(
         tables.matches("| all | 1 | 1 | 0 | 0 | 0 | 0 |").count(),
-        7,
+        8,
         "{tables}"
     );
     assert!(tables.contains("None failed"), "{tables}");

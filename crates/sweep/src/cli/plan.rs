@@ -3,7 +3,8 @@
 use super::Output;
 use super::place::{WorkersArgument, store_of};
 use crate::error::Error;
-use crate::plan::{Plan, RunKind, Source, check_memory, plan};
+use crate::model::campaign::Campaign;
+use crate::plan::{Plan, RunKind, Source, beyond_memory, plan};
 use crate::report::{room, table};
 use crate::store::StoreSource;
 use crate::system::exit;
@@ -37,6 +38,17 @@ pub(crate) struct Arguments {
     trajectory: bool,
     #[command(flatten)]
     workers: WorkersArgument,
+}
+
+/// Refuses a campaign that has a run too large for the memory of this machine.
+pub(super) fn check_memory(campaign: &Campaign) -> Result<(), Error> {
+    match beyond_memory(campaign) {
+        Some(message) => Err(Error::Argument {
+            argument: "spheres",
+            message,
+        }),
+        None => Ok(()),
+    }
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {

@@ -122,7 +122,7 @@ fn style(arguments: &Arguments, output: &Output<'_>) -> Style {
 /// Computes the open cases and prints the report.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
     let campaign = crate::campaign::read(&arguments.campaign)?;
-    crate::plan::check_memory(&campaign)?;
+    super::plan::check_memory(&campaign)?;
     if let Some(part) = arguments.cluster.shard {
         return task::run(arguments, part, campaign, output);
     }

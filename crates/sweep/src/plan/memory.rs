@@ -1,24 +1,15 @@
 //! Whether runs fit the memory of this machine.
 
 use super::PROGRAM_BYTES;
-use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::text::format::bytes;
 use sd_core::{Params, memory_bytes};
 
-/// Refuses a campaign that has a run too large for the memory of this machine, where that is known.
-///
-/// # Errors
-/// [`Error::Argument`] names the largest number of spheres that fits.
-pub fn check_memory(campaign: &Campaign) -> Result<(), Error> {
+/// Why a campaign has a run too large for the memory of this machine, with the number of spheres
+/// that fits; `None` where all fit, or where that memory is not known.
+pub fn beyond_memory(campaign: &Campaign) -> Option<String> {
     let cases = campaign.cases.iter().map(|(_, case)| &case.params);
-    match installed().and_then(|installed| refusal(cases, installed)) {
-        Some(message) => Err(Error::Argument {
-            argument: "spheres",
-            message,
-        }),
-        None => Ok(()),
-    }
+    refusal(cases, installed()?)
 }
 
 /// Why the largest run does not fit into so many bytes; `None` if it does.

@@ -293,7 +293,7 @@ fn run_says_whom_it_waits_for() {
     let message = lines.find(|line| {
         line.as_ref()
             .unwrap()
-            .contains("waiting for 1 runs of process")
+            .contains("waiting for 1 run of process")
     });
     let message = message.unwrap().unwrap();
     assert!(message.contains("on elsewhere"), "{message}");

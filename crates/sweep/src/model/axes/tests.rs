@@ -51,6 +51,8 @@ fn every_parameter_is_an_axis() {
         let key = match key.as_str() {
             "normal" => "contact",
             "onset" => "friction_onset",
+            // The key of files is also the column of what is measured.
+            "viscous_number" => "imposed_viscous_number",
             // Of the protocol, and of the library alone: every campaign shears.
             "segments" | "at_rest" => continue,
             same => same,
