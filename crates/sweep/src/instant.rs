@@ -471,7 +471,19 @@ pub fn named_scalars(
     size_ratio: f64,
     separation: f64,
 ) -> Result<[(&'static str, [f64; 2]); 11], sd_core::Error> {
-    let s = scalars(size_ratio, separation)?;
+    let s = scalars(size_ratio, separation).map_err(|error| match error {
+        // The library's name of it.
+        sd_core::Error::OutOfRange {
+            field: "s_prime",
+            value,
+            allowed,
+        } => sd_core::Error::OutOfRange {
+            field: "separation",
+            value,
+            allowed,
+        },
+        error => error,
+    })?;
     Ok([
         ("XA", s.x_a),
         ("YA", s.y_a),

@@ -24,17 +24,6 @@ pub(crate) struct Arguments {
 
 /// Writes the functions.
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    for (argument, value, least) in [
-        ("--size-ratio", arguments.size_ratio, 0.0),
-        ("--separation", arguments.separation, 2.0),
-    ] {
-        if !(value > least && value.is_finite()) {
-            return Err(Error::Argument {
-                argument,
-                message: format!("a finite number above {least}, not {value}"),
-            });
-        }
-    }
     let named = named_scalars(arguments.size_ratio, arguments.separation)?;
     if output.json {
         let mut object = json!({
