@@ -69,7 +69,10 @@ fn figures(page: &mut Page<'_>) {
     drawn(page, "shear rate Γ");
     tab_to(page, "#figure");
     page.press("ArrowDown");
+    drawn(page, "viscous number J");
+    page.press("ArrowDown");
     drawn(page, "slipping");
+    page.press("ArrowUp");
     page.press("ArrowUp");
     tab_to(page, "#along");
     page.press("ArrowDown");
