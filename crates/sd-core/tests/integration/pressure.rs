@@ -159,6 +159,20 @@ fn check_interrupted<S: RunSpace>(params: &Params) {
     assert!(run.unwrapped().eq(resumed.unwrapped()));
 }
 
+/// The laws whose forces depend on gaps.
+fn springs_and_repulsion() -> [ContactLaws; 2] {
+    let springs = ContactLaws {
+        stiffness_unit: StiffnessUnit::Flow,
+        ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.0)
+    };
+    let repulsion = ContactLaws {
+        repulsion: 2.0,
+        repulsion_length: 0.02,
+        ..ContactLaws::PAPER
+    };
+    [springs, repulsion]
+}
+
 #[test]
 fn an_interrupted_run_continues_with_the_same_bits() {
     check_interrupted::<Bulk>(&suspension(0.05, 0.5, 0.5));
@@ -167,34 +181,14 @@ fn an_interrupted_run_continues_with_the_same_bits() {
         spheres: 70,
         ..layer(0.05)
     });
-    for normal in [
-        ContactLaws {
-            stiffness_unit: StiffnessUnit::Flow,
-            ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.0)
-        },
-        ContactLaws {
-            repulsion: 2.0,
-            repulsion_length: 0.02,
-            ..ContactLaws::PAPER
-        },
-    ] {
+    for normal in springs_and_repulsion() {
         check_interrupted::<Bulk>(&soft(normal, 0.5));
     }
 }
 
 #[test]
 fn springs_and_repulsions_bear_the_pressure_too() {
-    for normal in [
-        ContactLaws {
-            stiffness_unit: StiffnessUnit::Flow,
-            ..ContactLaws::linear_spring(1e5, TangentialLaw::StickSlide, 0.0)
-        },
-        ContactLaws {
-            repulsion: 2.0,
-            repulsion_length: 0.02,
-            ..ContactLaws::PAPER
-        },
-    ] {
+    for normal in springs_and_repulsion() {
         let params = soft(normal, 0.0);
         let run = means(begun::<Bulk>(&params, 1), [2.0, 5.0]);
         assert!((run.pressure * 0.05 - 1.0).abs() < 0.05, "{}", run.pressure);

@@ -107,8 +107,8 @@ impl Brownian {
         strain: [f64; 6],
         dimensions: usize,
     ) {
-        // The positions of the second stage have moved for the time `ahead`, of which ⟨F F⟩ knows
-        // that it is half of the step.
+        // The mean difference grows with the time `ahead` between the stages; after half a step it
+        // is the Brownian stress.
         let share = 0.5 * self.step[1] / (self.ahead * volume);
         let [first, second] = self.stresses;
         let mut stress = [0.0; 6];
