@@ -186,9 +186,6 @@ impl<S: Fluid> StressWork<S> {
         for s in &self.stresslets {
             add(S::full_tensor(s), |parts| &mut parts.hydrodynamic);
         }
-        // The mean of the motion under random forces alone is the Brownian stress.
-        let random = self.random_stress(stage);
-        add(random.map(|x| -x), |parts| &mut parts.hydrodynamic);
         for c in &stage.contacts.list {
             add(normal_stress(c), |parts| &mut parts.normal_contact);
             add(tangential_stress(c), |parts| &mut parts.tangential_contact);

@@ -16,7 +16,7 @@ use super::Sample;
 use crate::hydrodynamics::resistance::Fluid;
 use crate::run::steppers::Stage;
 use crate::stage::StageSolver;
-use crate::stress::weights;
+use crate::stress::{Stress, weights};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
@@ -96,6 +96,20 @@ impl Brownian {
             self.stresses[1] = stress();
             self.ahead = stage.time - start;
         }
+    }
+
+    /// Takes the stress of the motion under random forces alone, at one of the recorded stages, out
+    /// of the hydrodynamic stress: its mean is the Brownian stress. `strain`: the rate of strain of
+    /// the flow.
+    pub(super) fn take_out(&self, stage: &Stage, stress: &mut Stress, strain: [f64; 6]) {
+        let of_stage = self.stresses[stage.number.min(1)].map(|x| -x / stress.volume);
+        let with_it = stress.components.shear.hydrodynamic;
+        let components = &mut stress.components;
+        components.add(of_stage, &weights(strain), |parts| &mut parts.hydrodynamic);
+        // They are not numbers in fluid at rest.
+        let share = components.shear.hydrodynamic - with_it;
+        stress.viscosity += share;
+        stress.viscosity_stresslet += share;
     }
 
     /// Adds the Brownian stress of the step to its sample. `strain`: the rate of strain of the

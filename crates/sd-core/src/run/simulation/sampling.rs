@@ -97,7 +97,10 @@ impl<S: Starts> Simulation<S> {
         if record.sample.is_some() {
             return;
         }
-        let stress = self.stress_of_stage();
+        let mut stress = self.stress_of_stage();
+        if let Some(brownian) = &self.brownian {
+            brownian.take_out(stage, &mut stress, self.primary_flow().rate_of_strain());
+        }
         if self.frame.is_some() {
             self.fill_frame(stage, centres);
         }
