@@ -8,6 +8,7 @@ pub(crate) mod cholesky;
 pub(crate) mod dense;
 pub(crate) mod error;
 pub(crate) mod gmres;
+pub(crate) mod lanczos;
 pub(crate) mod lu;
 pub(crate) mod polynomial;
 pub(crate) mod simd;

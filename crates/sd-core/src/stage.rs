@@ -25,6 +25,9 @@ const CONTACT_TOLERANCE: f64 = 2e-3;
 /// Factor of that tolerance once a solution to it has violated the conditions of contacts, which
 /// also hold where forces of any size balance each other.
 const STRICT: f64 = 1e-2;
+/// Residual of the motion under random forces alone, over the norm of the forces. It does not enter
+/// the motion of the spheres, only reflections and the Brownian stress.
+const FREE_TOLERANCE: f64 = 1e-6;
 /// Relative residual assumed for the tolerance of the first evaluation.
 const INITIAL_RESIDUAL: f64 = 1e-2;
 /// Factor by which the residual must have decreased since the last update of friction activation
@@ -114,6 +117,7 @@ impl<S: Fluid> StageSolver<S> {
         self.random_motion.fill(0.0);
         if let Some(far) = &mut self.far {
             far.split.round();
+            far.clear_free_motion();
         }
     }
 
@@ -192,13 +196,25 @@ impl<S: Fluid> StageSolver<S> {
 
     /// Draws the random forces of the next stages at the current positions, which replace the
     /// former: see [`Resistance::add_random_forces`].
-    pub(crate) fn draw_random_forces(&mut self, scale: f64, normal: impl FnMut() -> f64) {
+    ///
+    /// # Errors
+    /// [`Error::NotConverged`].
+    pub(crate) fn draw_random_forces(
+        &mut self,
+        scale: f64,
+        mut normal: impl FnMut() -> f64,
+    ) -> Result<(), Error> {
         for list in [&mut self.random_forces, &mut self.random_motion] {
             list.clear();
             list.resize(self.velocities.len(), 0.0);
         }
         let forces = &mut self.random_forces;
-        self.resistance.add_random_forces(scale, normal, forces);
+        let resistance = &mut self.resistance;
+        resistance.add_random_forces(scale, &mut normal, forces);
+        if let Some(far) = &mut self.far {
+            far.add_random_forces(scale, normal, forces)?;
+        }
+        Ok(())
     }
 
     pub(crate) fn has_random_forces(&self) -> bool {
@@ -216,6 +232,9 @@ impl<S: Fluid> StageSolver<S> {
         let (motion, at_rest) = (&self.random_motion, Strains::none());
         self.resistance
             .apply(motion, at_rest, work, forces, stresslets);
+        if let Some(far) = &self.far {
+            far.correct_free(forces, stresslets);
+        }
     }
 
     /// Disturbance velocities `(U − u∞, Ω − Ω∞)` of the last solve.
@@ -372,14 +391,57 @@ impl<S: Fluid> StageSolver<S> {
         }
         self.contacts.distant_work = self.distant.work();
         resistance.factor()?;
+        self.contacts.begin_stage();
         if !self.random_forces.is_empty() {
             let (random, motion) = (&self.random_forces, &mut self.random_motion);
-            self.contacts.free_motion(resistance, random, motion)?;
+            let contacts = &mut self.contacts;
+            if let Some(far) = &mut self.far {
+                let mut map = FreeMap {
+                    resistance,
+                    contacts,
+                };
+                far.free_motion(resistance, &mut map, random, motion)?;
+            } else {
+                let forces = AppliedForces {
+                    relative_tolerance: FREE_TOLERANCE,
+                    ..AppliedForces::both(random)
+                };
+                contacts.free_motion(resistance, forces, motion)?;
+            }
             for (force, x) in self.forces.iter_mut().zip(random) {
                 *force += x;
             }
         }
         Ok(())
+    }
+}
+
+/// The motion without contacts as a map of the far-field iteration.
+struct FreeMap<'a, S: Fluid> {
+    resistance: &'a Resistance<S>,
+    contacts: &'a mut ContactSolver<S>,
+}
+
+impl<S: Fluid> FixedPointMap for FreeMap<'_, S> {
+    fn evaluate(
+        &mut self,
+        forces: &[f64],
+        progress: Progress,
+        velocities: &mut [f64],
+    ) -> Result<bool, Error> {
+        let half = velocities.len() / 2;
+        let (v, v_t) = velocities.split_at_mut(half);
+        v_t.fill(0.0);
+        if progress.evaluations == 0 {
+            // What is left there is of no meaning, and an interrupted run has nothing.
+            v.fill(0.0);
+        }
+        let forces = AppliedForces {
+            relative_tolerance: CONTACT_TOLERANCE * progress.residual.min(INITIAL_RESIDUAL),
+            ..AppliedForces::both(&forces[..half])
+        };
+        self.contacts.free_motion(self.resistance, forces, v)?;
+        Ok(false)
     }
 }
 

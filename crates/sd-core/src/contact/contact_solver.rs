@@ -115,6 +115,13 @@ impl<S: Fluid> ContactSolver<S> {
         }
     }
 
+    /// Starts a stage at new positions, or with other forces that depend on them.
+    pub(crate) fn begin_stage(&mut self) {
+        if let Backend::Sparse(system) = &mut self.backend {
+            system.begin_stage();
+        }
+    }
+
     /// Solves the problem of the stage, starting from the forces of the last solution. Pairs that
     /// close in the solution are added as candidates, and the problem is solved again, until no
     /// other pair closes.
@@ -136,9 +143,6 @@ impl<S: Fluid> ContactSolver<S> {
     ) -> Result<(Quality, bool), Error> {
         let laws = input.laws;
         if pass == SolvePass::First {
-            if let Backend::Sparse(system) = &mut self.backend {
-                system.begin_stage();
-            }
             self.choose_candidates(input, &memory.warm_start);
         }
         let (mut systems, mut changed) = (0, false);
@@ -199,17 +203,16 @@ impl<S: Fluid> ContactSolver<S> {
     pub(crate) fn free_motion(
         &mut self,
         resistance: &Resistance<S>,
-        forces: &[f64],
+        forces: AppliedForces<'_>,
         velocities: &mut [f64],
     ) -> Result<(), Error> {
         match &mut self.backend {
             Backend::Dense(_) => {
-                velocities.copy_from_slice(forces);
+                velocities.copy_from_slice(forces.all);
                 resistance.solver().solve(velocities);
                 Ok(())
             }
             Backend::Sparse(system) => {
-                system.begin_stage();
                 SparseSystemView::free_motion(resistance, system, forces, velocities)
             }
         }

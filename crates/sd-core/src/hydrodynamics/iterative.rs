@@ -21,6 +21,7 @@
 
 pub(crate) mod fixed_point;
 mod local;
+mod random_forces;
 mod split;
 mod uniform;
 
@@ -30,6 +31,7 @@ use crate::hydrodynamics::resistance::{Fluid, Resistance, isolated};
 use crate::space::cell::Cell;
 use crate::space::{FixedArray as _, Layer};
 use local::LocalResistance;
+use random_forces::FreeMotion;
 use split::SplitMotion;
 use uniform::Uniform;
 
@@ -67,6 +69,8 @@ pub struct IterativeFarField<S: Fluid = Layer> {
     uniform: Uniform<S>,
     /// The motion of the last solve, from which the next one starts.
     pub(crate) split: SplitMotion<S>,
+    /// That under random forces alone, once there were any.
+    free: Option<Box<FreeMotion<S>>>,
 }
 
 impl<S: Fluid> IterativeFarField<S> {
@@ -105,6 +109,7 @@ impl<S: Fluid> IterativeFarField<S> {
             delta: vec![0.0; S::ALL_MODES * drag.len()],
             uniform: Uniform::default(),
             split: SplitMotion::new(S::PerAnyMode::flat(&drag)),
+            free: None,
             drag,
         })
     }
@@ -131,8 +136,12 @@ impl<S: Fluid> IterativeFarField<S> {
     /// Adds the far field, beyond P, to the result of [`Resistance::apply`] of `near` for the
     /// velocities of the last solve: counterforces `[3N]`, and stresslets of each sphere.
     pub fn correct(&self, forces: &mut [f64], stresslets: &mut [S::Strain]) {
+        Self::add_delta(&self.delta, forces, stresslets);
+    }
+
+    fn add_delta(delta: &[f64], forces: &mut [f64], stresslets: &mut [S::Strain]) {
         let spheres = S::by_sphere_mut(forces).iter_mut().zip(stresslets);
-        for ((force, stresslet), delta) in spheres.zip(S::all_modes(&self.delta)) {
+        for ((force, stresslet), delta) in spheres.zip(S::all_modes(delta)) {
             for k in 0..S::MODES {
                 force[k] += delta[k];
             }

@@ -436,4 +436,4 @@ impl<S: Fluid> Resistance<S> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -267,13 +267,6 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
             "contact",
         );
     }
-    if params.hydrodynamics == Hydrodynamics::StokesianDynamics {
-        return refuse(
-            "needs random forces, which there are without a far field only",
-            "none there; `hydrodynamics` = \"ball-melrose\" or \"lubrication\"",
-            "hydrodynamics",
-        );
-    }
     if params.shear_stress.is_some() {
         return refuse(
             "needs an imposed rate",

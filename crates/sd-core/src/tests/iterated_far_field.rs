@@ -223,6 +223,9 @@ impl FixedPointMap for Free<'_> {
             0 => SolvePass::First,
             _ => SolvePass::FixedActivation,
         };
+        if pass == SolvePass::First {
+            self.contacts.begin_stage();
+        }
         let applied = AppliedForces::both(&forces[..v.len()]);
         self.contacts
             .solve(&input, applied, &mut self.memory, pass, v)?;
@@ -285,6 +288,32 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             );
         }
     }
+}
+
+#[test]
+fn random_forces_alone_have_the_stresslets_of_forces_of_the_user() {
+    let layer = Sheared::new(&params(60, 1.5));
+    let mut stage = layer.iterated(1e-7);
+    stage.assemble(&layer.cell, &layer.centres).unwrap();
+    let mut count = 0.0;
+    let number = || {
+        count += 1.0;
+        1.5 * f64::sin(1.9 * count + 0.03 * count * count)
+    };
+    stage.draw_random_forces(2.0, number).unwrap();
+    let at_rest = VelocityGradient::at_rest().into();
+    stage
+        .solve(&at_rest, &[], StageContacts::None, SolvePass::First)
+        .unwrap();
+    // There are no other forces.
+    let mut work = StressWork::default();
+    work.update(&stage, &at_rest);
+    let (mut scratch, mut forces, mut random) = (Vec::new(), Vec::new(), Vec::new());
+    stage.random_stresslets([&mut scratch, &mut forces], &mut random);
+    let error = relative_difference(&flat(&work.stresslets), &flat(&random));
+    assert!(error < 1e-6, "{error:e}");
+    let size = flat(&random).iter().map(|s| s * s).sum::<f64>();
+    assert!(size > 1.0, "{size}");
 }
 
 #[test]

@@ -153,6 +153,19 @@ fn interrupted_runs_have_the_same_bits() {
         let suspension = run(Params::builder().volume_fraction(0.45), 80);
         let [whole, resumed] = interrupted::<Bulk>(&suspension);
         assert_eq!(whole, resumed, "{contact:?}");
+        // With a far field in full matrices, iterated, and in a suspension.
+        let full = |params: Params| Params {
+            hydrodynamics: Hydrodynamics::StokesianDynamics,
+            ..params
+        };
+        for spheres in [32, 130] {
+            let layer = full(run(Params::builder().area_fraction(0.6), spheres));
+            let [whole, resumed] = interrupted::<Layer>(&layer);
+            assert_eq!(whole, resumed, "{contact:?} {spheres}");
+        }
+        let suspension = full(run(Params::builder().volume_fraction(0.4), 64));
+        let [whole, resumed] = interrupted::<Bulk>(&suspension);
+        assert_eq!(whole, resumed, "{contact:?}");
     }
 }
 

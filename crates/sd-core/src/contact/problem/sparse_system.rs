@@ -56,9 +56,6 @@ const MAX_ITERATIONS: usize = 40;
 /// Maximum number of calls for the motion under given forces, from which their residual is
 /// computed.
 const MAX_MEASURE_CALLS: u32 = 8;
-/// Residual of a motion without contacts, over the norm of the forces. It does not enter the motion
-/// of the spheres, only reflections and the Brownian stress.
-const FREE_TOLERANCE: f64 = 1e-6;
 /// Minimum norm of the forces relative to which residuals are measured: the drag on one sphere, in
 /// mu·a²·rate.
 const MIN_FORCE: f64 = 6.0 * PI;
@@ -331,17 +328,13 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
     pub(crate) fn free_motion(
         resistance: &'a Resistance<S>,
         system: &'a mut SparseSystem<S>,
-        forces: &[f64],
+        applied: AppliedForces<'_>,
         velocities: &mut [f64],
     ) -> Result<(), Error> {
         let problem = Problem::default();
         let (mut contact_motion, has_motion) =
             (std::mem::take(&mut system.spare), system.has_motion);
         contact_motion.clone_from(&system.velocities);
-        let applied = AppliedForces {
-            relative_tolerance: FREE_TOLERANCE,
-            ..AppliedForces::both(forces)
-        };
         let mut view = Self::begin(resistance, system, &problem, applied)?;
         view.system.velocities.copy_from_slice(velocities);
         let (states, mut no_forces) = (States::default(), Forces::default());

@@ -149,10 +149,22 @@ impl FarResistance {
             .solve_upper_vector(x, 3 * self.far_field.spheres());
     }
 
+    /// `x ← L⁻ᵀ (I − W Wᵀ) x`, the forces and torques alone.
+    pub fn take_root(&self, x: &mut [f64]) {
+        self.project(x);
+        self.cholesky
+            .solve_upper_vector(x, 3 * self.far_field.spheres());
+    }
+
     /// `x ← (I − W Wᵀ) L⁻¹ x`.
     fn apply_lower(&self, x: &mut [f64]) {
-        let n = self.far_field.spheres();
         self.cholesky.solve_lower_vector(x);
+        self.project(x);
+    }
+
+    /// `x ← (I − W Wᵀ) x`.
+    fn project(&self, x: &mut [f64]) {
+        let n = self.far_field.spheres();
         if self.far_field.is_periodic() {
             let tail = &mut x[3 * n..];
             for c in 0..2 {

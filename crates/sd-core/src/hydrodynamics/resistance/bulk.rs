@@ -122,4 +122,8 @@ impl FarMatrix<Bulk> for BulkFarMatrix {
     fn apply_for_forces(&self, x: &mut [f64]) {
         self.factor.solve(x);
     }
+
+    fn take_root(&self, x: &mut [f64]) {
+        self.factor.solve_upper_vector(x);
+    }
 }

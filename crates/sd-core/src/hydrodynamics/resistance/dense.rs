@@ -66,6 +66,11 @@ impl<S: Fluid> DenseResistance<S> {
         pair_terms::add_spring(pair, slope, self.factor.matrix_mut());
     }
 
+    /// The far field, if there is one, with a scratch vector.
+    pub(super) fn far(&mut self) -> Option<(&S::Far, &mut Vec<f64>)> {
+        Some((self.far.as_ref()?, &mut self.vector))
+    }
+
     pub(super) fn factor(&mut self) -> Result<(), BadPivot> {
         self.factor.factor()
     }

@@ -102,6 +102,10 @@ impl FarMatrix<Layer> for FarResistance {
     fn apply_for_forces(&self, x: &mut [f64]) {
         Self::apply_for_forces(self, x);
     }
+
+    fn take_root(&self, x: &mut [f64]) {
+        Self::take_root(self, x);
+    }
 }
 
 /// Adds [`UNIFORM_DRAG`] to the lower triangle of R_FU, `[3N × 3N]`.

@@ -1,15 +1,19 @@
 //! Random forces whose covariance is the resistance, as Brownian motion needs them.
 //!
-//! Without a far field R_FU is a sum of the drags of isolated spheres and of pair terms, each
-//! positive semidefinite, so these forces have exactly its covariance, at a cost in O(N):
+//! R_FU is a sum of pair terms and of the drags of isolated spheres, or in place of these the far
+//! field's resistance, each positive semidefinite. So these forces have exactly its covariance, at
+//! a cost in O(N) without a far field:
 //!
 //! ```text
-//! F = Σ_i √(drag of i) z_i + Σ_pairs L z_ij,   L Lᵀ = pair term,   z of independent components
+//! F = Σ_pairs L z_ij + Σ_i √(drag of i) z_i        L Lᵀ = pair term,   z of independent components
+//! F = Σ_pairs L z_ij + (M^(−1/2) z)_F              M: mobility of the far field, all modes
 //! ```
+//! Full matrices have a factor of M; for the iterated far field see
+//! [`crate::hydrodynamics::iterative::IterativeFarField::add_random_forces`].
 
-use super::Resistance;
-use super::fluid::{Fluid, NearTerm as _};
+use super::fluid::{FarMatrix as _, Fluid, NearTerm as _};
 use super::isolated::isolated;
+use super::{Form, Resistance};
 use crate::space::Space;
 
 /// Pivot, over the diagonal entry that it is left of, that is zero but for rounding: rigid motions
@@ -17,23 +21,47 @@ use crate::space::Space;
 const ROUNDING: f64 = 1e-12;
 
 impl<S: Fluid> Resistance<S> {
-    /// Adds random forces and torques on all spheres, `[3N]`, whose covariance is `scale`² `R_FU`.
+    /// Adds random forces and torques on all spheres, `[3N]`, whose covariance is `scale`² `R_FU`,
+    /// without what an iterated far field contributes.
     ///
     /// `normal`: independent numbers of mean 0 and variance 1.
     pub(crate) fn add_random_forces(
-        &self,
+        &mut self,
         scale: f64,
         mut normal: impl FnMut() -> f64,
         forces: &mut [f64],
     ) {
-        let forces = S::by_sphere_mut(forces);
-        for (force, &radius) in forces.iter_mut().zip(&self.radii) {
-            let drag = isolated::<S>(radius);
-            for k in 0..S::MODES {
-                force[k] += scale * drag[k].sqrt() * normal();
+        let far = match &mut self.form {
+            Form::Dense(dense) => dense.far(),
+            Form::Pairwise(_) => None,
+        };
+        if let Some((far, vector)) = far {
+            let strains = S::STRAINS * self.radii.len();
+            vector.clear();
+            vector.resize_with(strains + forces.len(), &mut normal);
+            far.take_root(vector);
+            for (force, x) in forces.iter_mut().zip(&vector[strains..]) {
+                *force += scale * x;
+            }
+        } else if self.far_pairs.is_none() {
+            let spheres = S::by_sphere_mut(forces).iter_mut();
+            for (force, &radius) in spheres.zip(&self.radii) {
+                let drag = isolated::<S>(radius);
+                for k in 0..S::MODES {
+                    force[k] += scale * drag[k].sqrt() * normal();
+                }
             }
         }
-        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
+        let forces = S::by_sphere_mut(forces);
+        let far_terms = self.far_pairs.as_ref().map_or(&[][..], |far| far.terms());
+        let mut far_terms = far_terms.iter().peekable();
+        let pairs = self.neighbours.pairs().iter().zip(&self.terms);
+        for (number, (pair, term)) in pairs.enumerate() {
+            let mut term = *term;
+            if let Some((_, far)) = far_terms.next_if(|(of, _)| *of == number) {
+                // The far field as a whole has a share of its own.
+                term.add(&far.scaled(-1.0));
+            }
             let root = root_of::<S>(&term.blocks(&pair.normal));
             for column in &root[..2 * S::MODES] {
                 // A mode that is not resisted has no force, but the same numbers follow.

@@ -115,17 +115,19 @@ fn far_pair_alone_is_the_whole_two_sphere_resistance() {
     assert!(without > 0.9, "{without}");
 }
 
-/// Columns of B in `F = B z`, which [`Resistance::add_random_forces`] multiplies.
-fn random_columns<S: Fluid>(resistance: &Resistance<S>) -> Vec<Vec<f64>> {
-    let size = S::MODES * resistance.radii().len();
+/// Columns of B in `F = B z`, which `draw` multiplies.
+pub(crate) fn random_columns(
+    size: usize,
+    mut draw: impl FnMut(&mut dyn FnMut() -> f64, &mut [f64]),
+) -> Vec<Vec<f64>> {
     let mut columns = Vec::new();
     loop {
         let (mut column, mut drawn) = (vec![0.0; size], 0);
-        let number = || {
+        let mut number = || {
             drawn += 1;
             if drawn == columns.len() + 1 { 1.0 } else { 0.0 }
         };
-        resistance.add_random_forces(1.0, number, &mut column);
+        draw(&mut number, &mut column);
         if columns.len() == drawn {
             return columns;
         }
@@ -134,14 +136,18 @@ fn random_columns<S: Fluid>(resistance: &Resistance<S>) -> Vec<Vec<f64>> {
 }
 
 /// The largest difference between B Bᵀ and R, over the largest entry of R.
-fn covariance_error<S: Fluid>(resistance: &Resistance<S>) -> f64 {
+pub(crate) fn difference_of_covariance<S: Fluid>(
+    columns: &[Vec<f64>],
+    resistance: &Resistance<S>,
+) -> f64 {
     let size = S::MODES * resistance.radii().len();
-    let columns = random_columns(resistance);
+    let (mut work, mut expected, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for k in 0..size {
-        let (mut unit, mut expected) = (vec![0.0; size], vec![0.0; size]);
+        let mut unit = vec![0.0; size];
         unit[k] = 1.0;
-        resistance.pairwise().unwrap().apply(&unit, &mut expected);
+        let at_rest = Strains::none();
+        resistance.apply(&unit, at_rest, &mut work, &mut expected, &mut stresslets);
         for (row, expected) in expected.iter().enumerate() {
             let found: f64 = columns.iter().map(|column| column[row] * column[k]).sum();
             worst = worst.max((found - expected).abs());
@@ -151,11 +157,21 @@ fn covariance_error<S: Fluid>(resistance: &Resistance<S>) -> f64 {
     worst / largest
 }
 
+/// That difference for the forces of [`Resistance::add_random_forces`].
+fn covariance_error<S: Fluid>(resistance: &mut Resistance<S>) -> f64 {
+    let size = S::MODES * resistance.radii().len();
+    let columns = random_columns(size, |number, forces| {
+        resistance.add_random_forces(1.0, number, forces);
+    });
+    difference_of_covariance(&columns, resistance)
+}
+
 #[test]
 fn random_forces_have_the_covariance_of_the_resistance() {
     let tables = NearFields::default();
     let leading = Hydrodynamics::Lubrication(crate::LeadingOrder::DEFAULT);
-    for hydrodynamics in [Hydrodynamics::BallMelrose, leading] {
+    let full = Hydrodynamics::StokesianDynamics;
+    for hydrodynamics in [Hydrodynamics::BallMelrose, leading, full] {
         for gap in [1e-4, 0.01, 0.3, 1.5] {
             // Three spheres of two sizes, the first two at this gap.
             let radii = [1.0, 1.4, 1.0];
@@ -166,10 +182,9 @@ fn random_forces_have_the_covariance_of_the_resistance() {
                 [5.0 + 0.6 * apart, 5.0 + 0.8 * apart],
                 [4.0, 7.3],
             ];
-            let mut layer =
-                Resistance::new_pairwise(hydrodynamics, &cell, &radii, &tables, &[]).unwrap();
+            let mut layer = Resistance::new(hydrodynamics, &cell, &radii, &tables).unwrap();
             layer.assemble(&cell, &centres.map(Vec2::from)).unwrap();
-            let error = covariance_error(&layer);
+            let error = covariance_error(&mut layer);
             assert!(error < 1e-12, "{hydrodynamics:?} {gap}: {error:e}");
             let cell = Cell::<crate::Bulk>::equal_sides(30.0, 0.0).unwrap();
             let centres = [
@@ -177,11 +192,10 @@ fn random_forces_have_the_covariance_of_the_resistance() {
                 [5.0 + 0.6 * apart, 5.0 + 0.64 * apart, 5.0 + 0.48 * apart],
                 [4.0, 7.0, 4.0],
             ];
-            let mut suspension =
-                Resistance::new_pairwise(hydrodynamics, &cell, &radii, &tables, &[]).unwrap();
+            let mut suspension = Resistance::new(hydrodynamics, &cell, &radii, &tables).unwrap();
             let centres = centres.map(nalgebra::Vector3::from);
             suspension.assemble(&cell, &centres).unwrap();
-            let error = covariance_error(&suspension);
+            let error = covariance_error(&mut suspension);
             assert!(error < 1e-12, "{hydrodynamics:?} {gap}: {error:e}");
         }
     }

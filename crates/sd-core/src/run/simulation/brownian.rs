@@ -13,6 +13,7 @@
 //! Rigid contacts reflect: see `contact_solver::candidates`.
 
 use super::Sample;
+use crate::error::Error;
 use crate::hydrodynamics::resistance::Fluid;
 use crate::run::steppers::Stage;
 use crate::stage::StageSolver;
@@ -62,15 +63,18 @@ impl Brownian {
 
     /// Draws the forces of a step from its start to start + length, at positions just assembled;
     /// nothing if they were drawn.
+    ///
+    /// # Errors
+    /// [`Error::NotConverged`].
     pub(super) fn draw<S: Fluid>(
         &mut self,
         number: u64,
         span: [f64; 2],
         thermal_energy: f64,
         solver: &mut StageSolver<S>,
-    ) {
+    ) -> Result<(), Error> {
         if self.drawn == Some(number) {
-            return;
+            return Ok(());
         }
         (self.drawn, self.step) = (Some(number), span);
         self.thermal_energy = thermal_energy;
@@ -83,7 +87,7 @@ impl Brownian {
             spare: None,
         };
         let scale = (2.0 * self.thermal_energy / span[1]).sqrt();
-        solver.draw_random_forces(scale, || normals.next());
+        solver.draw_random_forces(scale, || normals.next())
     }
 
     /// Records the stress of the motion under random forces alone at a solved stage.

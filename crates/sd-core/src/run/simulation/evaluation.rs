@@ -91,7 +91,7 @@ impl<S: Starts> Simulation<S> {
                     [stage.time, self.params.time_step],
                     energy,
                     solver,
-                );
+                )?;
             }
         }
         let external = self.forces.values();
