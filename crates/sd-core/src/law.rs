@@ -9,6 +9,7 @@
 //! module.
 
 pub mod adhesion;
+pub mod colloid_unit;
 mod custom;
 pub mod hydrodynamic_friction;
 mod keywords;
@@ -19,7 +20,9 @@ pub mod repulsion;
 pub mod rolling_friction;
 pub mod stiffness_unit;
 pub mod tangential;
+pub mod van_der_waals;
 
+pub use colloid_unit::ColloidUnit;
 pub use custom::CustomNormalLaw;
 pub(crate) use keywords::words;
 pub use keywords::{Keyword, Keywords};

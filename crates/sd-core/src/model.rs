@@ -17,7 +17,8 @@ mod surface;
 
 pub use crate::error::Refusal;
 pub use crate::law::{
-    FrictionOnset, Keyword, Keywords, NormalLaw, Quantity, Range, StiffnessUnit, TangentialLaw,
+    ColloidUnit, FrictionOnset, Keyword, Keywords, NormalLaw, Quantity, Range, StiffnessUnit,
+    TangentialLaw,
 };
 pub use builder::ParamsBuilder;
 pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};

@@ -193,7 +193,8 @@ impl<S: Fluid> StressWork<S> {
         for c in &stage.distant.adhesive {
             add(normal_stress(c), |parts| &mut parts.normal_contact);
         }
-        for c in &stage.distant.repulsive {
+        let distant = &stage.distant;
+        for c in distant.repulsive.iter().chain(&distant.attractive) {
             add(normal_stress(c), |parts| &mut parts.repulsion);
         }
         let components = components.scaled(volume.recip());

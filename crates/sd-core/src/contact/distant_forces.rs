@@ -1,5 +1,6 @@
 //! Forces of pairs that do not depend on the contact problem: a repulsion, by the law of
-//! [`crate::law::repulsion`], and adhesion, by the law of [`crate::law::adhesion`].
+//! [`crate::law::repulsion`], van der Waals attraction, by that of [`crate::law::van_der_waals`],
+//! and adhesion, by that of [`crate::law::adhesion`].
 //!
 //! The repulsion is implicit over the time span s of the stage: its slope is added to R_FU, which
 //! has the same pairs.
@@ -8,26 +9,34 @@
 //! F = F0 exp(−g/l) (1 − s v_n / l),   R_FU ← R_FU + Σ s F0 exp(−g/l)/l n nᵀ
 //! ```
 //!
+//! The attraction is explicit: an implicit one would resist less than the fluid does. Methods of
+//! second order are so with any slope.
+//!
 //! The set of touching pairs is known before a stage is solved; at the midpoint of a step of rigid
-//! contacts it is the set at the start of the step. The attraction is therefore treated as an
-//! external force.
+//! contacts it is the set at the start of the step. Adhesion is therefore treated as an external
+//! force.
 
 use super::contact_pair::Contact;
 use super::laws::{Laws, Span};
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
 use crate::law::adhesion;
 use crate::law::repulsion::ExponentialRepulsion;
+use crate::law::rolling_friction;
+use crate::law::van_der_waals::VanDerWaals;
+use crate::space::pair::Neighbours;
 use crate::space::{IncidentFlow, Space};
 
 /// Largest g/l at which the repulsion is included; beyond it the force is below 1e-13 F0.
 const MAX_EXPONENT: f64 = 30.0;
 
-/// Pairs of a stage with a repulsion or adhesion. Their forces and velocities are valid once the
-/// stage is solved.
+/// Pairs of a stage with a repulsion, attraction or adhesion. Their forces and velocities are valid
+/// once the stage is solved.
 #[derive(Default, Debug)]
 pub struct DistantForces<S: Space> {
     /// Repulsive pairs.
     pub repulsive: Vec<Contact<S>>,
+    /// Pairs with van der Waals attraction; their normal force is negative.
+    pub attractive: Vec<Contact<S>>,
     /// Adhesive pairs; their normal force is −F_A.
     pub adhesive: Vec<Contact<S>>,
     /// For each repulsive pair the slope times the time span, `s F/l`, and the force without
@@ -38,6 +47,7 @@ pub struct DistantForces<S: Space> {
 impl<S: Fluid> DistantForces<S> {
     pub(crate) fn clear(&mut self) {
         self.repulsive.clear();
+        self.attractive.clear();
         self.adhesive.clear();
         self.linearised.clear();
     }
@@ -54,6 +64,9 @@ impl<S: Fluid> DistantForces<S> {
     ) {
         if let Some(repulsion) = &laws.repulsion {
             self.add_repulsion(repulsion, resistance, flow, span, forces);
+        }
+        if let Some(attraction) = &laws.attraction {
+            self.add_attraction(attraction, resistance, flow, forces);
         }
         if laws.adhesion == 0.0 {
             return;
@@ -87,7 +100,7 @@ impl<S: Fluid> DistantForces<S> {
                 continue;
             }
             let contact = Contact::new(*pair, resistance.radii(), flow);
-            let force = repulsion.at(pair.gap);
+            let force = repulsion.at(pair.gap, mean_radius(resistance, pair));
             let damping = span.time * force / repulsion.length;
             // f = force − damping (v_n − twice_first_approach), where v_n includes the background.
             let twice_first_approach = span.twice_first_approach(&contact);
@@ -102,6 +115,21 @@ impl<S: Fluid> DistantForces<S> {
         }
     }
 
+    fn add_attraction(
+        &mut self,
+        attraction: &VanDerWaals,
+        resistance: &Resistance<S>,
+        flow: &IncidentFlow<S>,
+        forces: &mut [f64],
+    ) {
+        for pair in resistance.neighbours() {
+            let mut contact = Contact::new(*pair, resistance.radii(), flow);
+            contact.normal_force = attraction.at(pair.gap, mean_radius(resistance, pair));
+            contact.normal_row().add(contact.normal_force, forces);
+            self.attractive.push(contact);
+        }
+    }
+
     /// `Σ r f/d` of the forces before the motion is solved, in mu·a³·rate, and by how much it
     /// decreases per rate of dilation.
     pub(crate) fn work(&self) -> [f64; 2] {
@@ -110,7 +138,7 @@ impl<S: Fluid> DistantForces<S> {
             work += contact.opening() * at_rest;
             slope += contact.opening().powi(2) * damping;
         }
-        for contact in &self.adhesive {
+        for contact in self.attractive.iter().chain(&self.adhesive) {
             work += contact.opening() * contact.normal_force;
         }
         [work, slope]
@@ -123,8 +151,13 @@ impl<S: Fluid> DistantForces<S> {
             contact.normal_velocity = contact.approach(velocities) + contact.opening() * dilation;
             contact.normal_force = at_rest - damping * contact.normal_velocity;
         }
-        for contact in &mut self.adhesive {
+        for contact in self.attractive.iter_mut().chain(&mut self.adhesive) {
             contact.set_velocities(velocities);
         }
     }
+}
+
+/// a_ij of a pair, in a: the radius of equal spheres.
+fn mean_radius<S: Fluid>(resistance: &Resistance<S>, pair: &Neighbours<S>) -> f64 {
+    rolling_friction::radius([pair.i, pair.j].map(|sphere| resistance.radii()[sphere]))
 }

@@ -19,7 +19,8 @@ use super::contact_pair::Contact;
 use super::springs::GAMMA;
 use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::repulsion::ExponentialRepulsion;
-use crate::law::{CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
+use crate::law::van_der_waals::VanDerWaals;
+use crate::law::{ColloidUnit, CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, Surface};
 use crate::space::{IncidentFlow, Space};
 
@@ -48,6 +49,8 @@ pub struct Laws {
     pub onset: FrictionOnset,
     /// Additional repulsion.
     pub repulsion: Option<ExponentialRepulsion>,
+    /// Additional van der Waals attraction.
+    pub attraction: Option<VanDerWaals>,
     /// Coefficient of rolling friction; 0 without rolling friction.
     pub rolling_friction: f64,
     /// Attraction F_A of touching surfaces, in mu·a²·rate; 0 without adhesion.
@@ -146,13 +149,36 @@ impl Laws {
                 },
             ),
             onset: choice.onset,
-            repulsion: (choice.repulsion > 0.0).then_some(ExponentialRepulsion {
-                force: choice.repulsion * load,
-                length: choice.repulsion_length,
-            }),
+            repulsion: None,
+            attraction: None,
             rolling_friction: choice.rolling_friction,
             adhesion: times(choice.adhesion, load),
             hydrodynamic_friction: choice.hydrodynamic(),
+        }
+        .with_colloids(choice, ColloidUnit::CriticalLoad, load)
+    }
+
+    /// These laws at a thermal energy kT, in mu·a³·rate, which may be the unit of the repulsion and
+    /// attraction.
+    pub(crate) fn at_thermal_energy(self, choice: &ContactLaws, energy: f64) -> Self {
+        self.with_colloids(choice, ColloidUnit::Thermal, energy)
+    }
+
+    /// These laws with the chosen repulsion and attraction, if they are in this unit.
+    fn with_colloids(self, choice: &ContactLaws, unit: ColloidUnit, size: f64) -> Self {
+        if choice.colloid_unit != unit {
+            return self;
+        }
+        Self {
+            repulsion: (choice.repulsion > 0.0).then_some(ExponentialRepulsion {
+                force: choice.repulsion * size,
+                length: choice.repulsion_length,
+            }),
+            attraction: (choice.van_der_waals > 0.0).then_some(VanDerWaals {
+                energy: choice.van_der_waals * size,
+                length: choice.van_der_waals_length,
+            }),
+            ..self
         }
     }
 
@@ -169,7 +195,7 @@ impl Laws {
     /// Whether forces other than contact forces act between surfaces. They follow from gaps and the
     /// critical load, before the contact problem is solved.
     pub(crate) fn act_without_contact(&self) -> bool {
-        self.repulsion.is_some() || self.adhesion > 0.0
+        self.repulsion.is_some() || self.attraction.is_some() || self.adhesion > 0.0
     }
 
     /// Coefficients of the bounds on friction, infinite where there is no bound, and on rolling

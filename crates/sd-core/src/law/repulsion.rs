@@ -1,7 +1,7 @@
 //! A short-ranged repulsion of the surfaces, as between charged spheres in an electrolyte.
 //!
 //! ```text
-//! F = F0 exp(−g/l)
+//! F = F0 a_ij/a exp(−g/l),   a_ij = 2 a_i a_j/(a_i + a_j)
 //! ```
 //!
 //! along the line of centres, at every gap g within lubrication range, alone or in addition to a
@@ -17,7 +17,7 @@ pub static REPULSION: Quantity = Quantity {
     unit: "F_crit",
     meaning: "repulsion F0",
     range: Range::from_to(0.0, 1e6),
-    note: "in F_crit",
+    note: "between spheres of radius a, in F_crit, or kT/a if `colloid_unit` = \"thermal\"",
 };
 
 /// Decay length l.
@@ -40,31 +40,25 @@ pub const DEFAULT_LENGTH: f64 = 0.02;
 /// use sd_core::law::repulsion::ExponentialRepulsion;
 ///
 /// let repulsion = ExponentialRepulsion { force: 2.0, length: 0.02 };
-/// assert_eq!(repulsion.at(0.0), 2.0);
-/// assert_eq!(repulsion.slope(0.0), 100.0);
+/// assert_eq!(repulsion.at(0.0, 1.0), 2.0);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExponentialRepulsion {
-    /// F0, in mu·a²·rate.
+    /// F0 of spheres of radius a, in mu·a²·rate.
     pub force: f64,
     /// l, in a.
     pub length: f64,
 }
 
 impl ExponentialRepulsion {
-    /// Force at a gap, in mu·a²·rate.
-    pub fn at(&self, gap: f64) -> f64 {
-        self.force * (-gap / self.length).exp()
-    }
-
-    /// Slope −dF/dg at a gap, in mu·a·rate.
-    pub fn slope(&self, gap: f64) -> f64 {
-        self.at(gap) / self.length
+    /// Force at a gap between spheres with this mean radius a_ij, in mu·a²·rate.
+    pub fn at(&self, gap: f64, radius: f64) -> f64 {
+        self.force * radius * (-gap / self.length).exp()
     }
 
     /// Energy stored at a gap, in mu·a³·rate.
-    pub fn energy(&self, gap: f64) -> f64 {
-        self.length * self.at(gap)
+    pub fn energy(&self, gap: f64, radius: f64) -> f64 {
+        self.length * self.at(gap, radius)
     }
 }
 
@@ -78,11 +72,10 @@ mod tests {
             force: 3.0,
             length: 0.02,
         };
-        assert_eq!(law.at(0.0), 3.0);
-        assert!((law.at(0.02) / 3.0 - (-1.0_f64).exp()).abs() < 1e-15);
+        assert_eq!(law.at(0.0, 1.0), 3.0);
+        assert!((law.at(0.02, 1.2) / 3.6 - (-1.0_f64).exp()).abs() < 1e-15);
         let e = 1e-7;
-        let slope = |f: &dyn Fn(f64) -> f64| (f(0.01 - e) - f(0.01 + e)) / (2.0 * e);
-        assert!((slope(&|g| law.energy(g)) / law.at(0.01) - 1.0).abs() < 1e-8);
-        assert!((slope(&|g| law.at(g)) / law.slope(0.01) - 1.0).abs() < 1e-8);
+        let slope = (law.energy(0.01 - e, 1.2) - law.energy(0.01 + e, 1.2)) / (2.0 * e);
+        assert!((slope / law.at(0.01, 1.2) - 1.0).abs() < 1e-8);
     }
 }

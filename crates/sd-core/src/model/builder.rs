@@ -31,7 +31,13 @@ pub struct ParamsBuilder {
 
 /// Keys of the parameters that a contact scheme comes with.
 fn keys_of_laws() -> impl Iterator<Item = &'static str> {
-    let words = ["contact", "tangential", "friction_onset", "stiffness_unit"];
+    let words = [
+        "contact",
+        "tangential",
+        "friction_onset",
+        "stiffness_unit",
+        "colloid_unit",
+    ];
     let numbers = PARAMETERS
         .iter()
         .filter(|parameter| matches!(&parameter.form, Form::Number(number) if number.is_of_laws));

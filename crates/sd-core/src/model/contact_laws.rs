@@ -5,7 +5,7 @@ use super::{ContactScheme, Hydrodynamics, Params, Refusal, Surface, infinite, is
 use crate::error::Error;
 use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::tangential::stick_slide::DEFAULT_STIFFNESS;
-use crate::law::{FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
+use crate::law::{ColloidUnit, FrictionOnset, NormalLaw, StiffnessUnit, TangentialLaw};
 use serde::{Deserialize, Serialize};
 
 /// Default gap below which lubrication is constant, over the roughness height.
@@ -56,10 +56,22 @@ pub struct ContactLaws {
     /// Gap below which lubrication is held constant, in a, above 0 and at most h unless h is 0; 0
     /// (nowhere) with rigid asperities alone, and with a regularised lubrication.
     pub lubrication_gap: f64,
-    /// F0 of the repulsion, in F_crit, from 0.
+    /// Unit of the repulsion and of van der Waals attraction.
+    #[serde(
+        default = "colloids_by_critical_load",
+        skip_serializing_if = "are_colloids_by_critical_load"
+    )]
+    pub colloid_unit: ColloidUnit,
+    /// F0 of the repulsion, from 0.
     pub repulsion: f64,
     /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
     pub repulsion_length: f64,
+    /// Hamaker constant A of van der Waals attraction, from 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub van_der_waals: f64,
+    /// δ of van der Waals attraction, in a, above 0; 0 without it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub van_der_waals_length: f64,
     /// Coefficient μ_r of rolling friction, from 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub rolling_friction: f64,
@@ -88,6 +100,20 @@ fn is_by_critical_load(unit: &StiffnessUnit) -> bool {
     *unit == by_critical_load()
 }
 
+/// Default of [`ContactLaws::colloid_unit`].
+fn colloids_by_critical_load() -> ColloidUnit {
+    ColloidUnit::CriticalLoad
+}
+
+/// Whether that unit is the default, which is omitted for the same reason.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature that serde requires"
+)]
+fn are_colloids_by_critical_load(unit: &ColloidUnit) -> bool {
+    *unit == colloids_by_critical_load()
+}
+
 impl ContactLaws {
     /// The paper's laws: rigid asperities that roll or slip above the critical load.
     pub const PAPER: Self = Self {
@@ -99,8 +125,11 @@ impl ContactLaws {
         tangential_stiffness: 0.0,
         dashpot: 0.0,
         lubrication_gap: 0.0,
+        colloid_unit: ColloidUnit::CriticalLoad,
         repulsion: 0.0,
         repulsion_length: 0.0,
+        van_der_waals: 0.0,
+        van_der_waals_length: 0.0,
         rolling_friction: 0.0,
         adhesion: 0.0,
         hydrodynamic_friction: 0.0,
@@ -150,7 +179,13 @@ impl ContactLaws {
     /// Whether a parameter is in units of the critical load, which must then be above 0 and finite.
     pub fn needs_critical_load(&self) -> bool {
         let springs = self.has_stiffness() && self.stiffness_unit == StiffnessUnit::CriticalLoad;
-        springs || self.repulsion > 0.0 || self.adhesion > 0.0
+        let colloids = self.has_colloids() && self.colloid_unit == ColloidUnit::CriticalLoad;
+        springs || colloids || self.adhesion > 0.0
+    }
+
+    /// Whether surfaces repel or attract each other without contact.
+    pub fn has_colloids(&self) -> bool {
+        self.repulsion > 0.0 || self.van_der_waals > 0.0
     }
 
     /// Whether rigid contacts have tangential springs.

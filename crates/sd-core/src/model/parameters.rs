@@ -14,7 +14,7 @@ use quantities::{SHEAR_RATE, SHEAR_STRESS};
 use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, segments};
 use crate::error::Refusal;
 use crate::law::tangential::stick_slide::MAX_RATIO;
-use crate::law::{Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
+use crate::law::{ColloidUnit, Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
 
 /// A parameter of a run: description, allowed values, and accessor in [`Params`].
@@ -469,8 +469,8 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             "shear_rate",
             params.shear_rate.to_string(),
             "has no meaning under laws in units of F_crit",
-            "above 0 and finite: stiffness, repulsion and adhesion are in units of F_crit = 6 pi/shear_rate, which is \
-             infinite at 0 and zero at inf; give rigid contacts without them a grid of their own there, or springs the \
+            "above 0 and finite: stiffness, repulsion, attraction and adhesion are in units of F_crit = 6 pi/shear_rate, \
+             which is infinite at 0 and zero at inf; give rigid contacts without them a grid of their own there, or springs the \
              `stiffness_unit` = \"flow\""
                 .into(),
             "contact",
@@ -506,14 +506,29 @@ fn check_together(params: &Params) -> Result<(), Refusal> {
             "roughness",
         );
     }
+    check_colloids(params)
+}
+
+/// Checks the forces between surfaces without contact.
+fn check_colloids(params: &Params) -> Result<(), Refusal> {
+    let laws = params.contact.laws();
+    if laws.colloid_unit == ColloidUnit::Thermal && params.thermal_energy().is_none() {
+        return Err(Refusal {
+            key: "colloid_unit",
+            value: format!("{:?}", laws.colloid_unit.word()),
+            problem: "is kT/a, and there is no Brownian motion".into(),
+            allowed: "\"critical-load\", or a `peclet` or `thermal_load`".into(),
+            because: Some("peclet"),
+        });
+    }
     if !laws.normal.touches() && laws.repulsion == 0.0 {
-        return refuse(
-            "repulsion",
-            "0".into(),
-            "leaves nothing that holds the spheres apart",
-            format!("above 0 with `contact` = {:?}", laws.normal.word()),
-            "contact",
-        );
+        return Err(Refusal {
+            key: "repulsion",
+            value: "0".into(),
+            problem: "leaves nothing that holds the spheres apart".into(),
+            allowed: format!("above 0 with `contact` = {:?}", laws.normal.word()),
+            because: Some("contact"),
+        });
     }
     Ok(())
 }

@@ -141,6 +141,9 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub contacts: Vec<Contact<S>>,
     /// Pairs with a repulsion, in addition to the contacts.
     pub repulsive: Vec<Contact<S>>,
+    /// Pairs with van der Waals attraction, in addition to the contacts; their normal force is
+    /// negative.
+    pub attractive: Vec<Contact<S>>,
     /// Pairs with adhesion, in addition to the contacts; their normal force is negative.
     pub adhesive: Vec<Contact<S>>,
 }
@@ -153,14 +156,18 @@ impl SolvedConfiguration {
 }
 
 impl<S: Space> SolvedConfiguration<S> {
-    /// Power of contacts, repulsion and adhesion, in mu·a³·rate²: dissipated by friction and
-    /// dashpots, and stored in springs and the repulsion.
+    /// Power of contacts, repulsion, attraction and adhesion, in mu·a³·rate²: dissipated by
+    /// friction and dashpots, and stored in springs, the repulsion and the attraction.
     ///
     /// ```text
     /// Σ F_t u_t + Σ F_r u_r − Σ f v_n
     /// ```
     pub fn contact_power(&self) -> f64 {
-        let others = self.repulsive.iter().chain(&self.adhesive);
+        let others = self
+            .repulsive
+            .iter()
+            .chain(&self.attractive)
+            .chain(&self.adhesive);
         let contacts = self.contacts.iter().chain(others);
         contacts
             .map(|c| {
@@ -322,6 +329,7 @@ pub(super) fn solve_with<S: Fluid>(
         stress,
         contacts,
         repulsive: stage.distant.repulsive.clone(),
+        attractive: stage.distant.attractive.clone(),
         adhesive: stage.distant.adhesive.clone(),
     })
 }

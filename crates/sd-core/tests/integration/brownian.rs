@@ -4,10 +4,12 @@ use crate::common::schemes::{rigid, spring};
 use nalgebra::Vector3;
 use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
-use sd_core::model::{Segment, StartFrom};
+use sd_core::law::repulsion::ExponentialRepulsion;
+use sd_core::law::van_der_waals::VanDerWaals;
+use sd_core::model::{ColloidUnit, Segment, StartFrom};
 use sd_core::{
-    Bulk, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace,
-    Simulation, Snapshot, Space, TangentialLaw, VelocityGradient,
+    Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, NormalLaw,
+    Params, RunSpace, Simulation, Snapshot, Space, TangentialLaw, VelocityGradient,
 };
 use std::f64::consts::PI;
 
@@ -86,6 +88,69 @@ fn places_of_two_spheres_are_uniform_whatever_their_mobility() {
     let free = side.powi(3) - 4.0 / 3.0 * PI * least.powi(3);
     let share = far * free / (4.0 / 3.0 * PI * f64::from(steps));
     assert!((share - 1.0).abs() < 0.2, "{share}");
+}
+
+#[test]
+fn gaps_of_a_colloidal_pair_have_a_boltzmann_distribution() {
+    // Charged spheres with a well of 2 kT; forces of pairs end at the cutoff of lubrication.
+    let laws = ContactLaws {
+        normal: NormalLaw::ExponentialRepulsion,
+        colloid_unit: ColloidUnit::Thermal,
+        repulsion: 240.0,
+        repulsion_length: 0.05,
+        van_der_waals: 15.0,
+        van_der_waals_length: 0.1,
+        lubrication_gap: 0.0,
+        ..ContactLaws::PAPER
+    };
+    let params = at_rest(2, 0.0)
+        .volume_fraction(0.06)
+        .contact(ContactScheme::Laws(laws))
+        .time_step(5e-4)
+        .build()
+        .unwrap();
+    let mut pair = Simulation::<Bulk>::new(&params, 1, &NearFields::default()).unwrap();
+    let (steps, bins, width) = (800_000, 6_u8, 0.1);
+    let mut counts = vec![0_u32; usize::from(bins)];
+    let side = pair.side();
+    for _ in 0..steps {
+        pair.step().unwrap();
+        let [a, b] = [pair.centres()[0], pair.centres()[1]];
+        let gap = (a - b).map(|x| x - side * (x / side).round()).norm() - 2.0;
+        if let Some(bin) = (0..bins).rfind(|bin| gap >= width * f64::from(*bin))
+            && gap < width * f64::from(bins)
+        {
+            counts[usize::from(bin)] += 1;
+        }
+    }
+    let repulsion = ExponentialRepulsion {
+        force: 240.0,
+        length: 0.05,
+    };
+    let attraction = VanDerWaals {
+        energy: 15.0,
+        length: 0.1,
+    };
+    let potential = |gap: f64| repulsion.energy(gap, 1.0) + attraction.energy(gap, 1.0);
+    let cutoff = LeadingOrder::DEFAULT.cutoff;
+    let weight = |bin: u8| -> f64 {
+        let points = (0..50).map(|k| width * (f64::from(bin) + (f64::from(k) + 0.5) / 50.0));
+        points
+            .map(|gap| {
+                let energy = potential(gap.min(cutoff)) - potential(cutoff);
+                (2.0 + gap).powi(2) * (-energy).exp()
+            })
+            .sum()
+    };
+    let weights: Vec<f64> = (0..bins).map(weight).collect();
+    let [all, whole] = [
+        counts.iter().map(|count| f64::from(*count)).sum::<f64>(),
+        weights.iter().sum::<f64>(),
+    ];
+    for (bin, (count, weight)) in counts.iter().zip(&weights).enumerate() {
+        let (found, expected) = (f64::from(*count) / all, weight / whole);
+        assert!((found - expected).abs() < 0.1 * expected + 0.002, "{bin}");
+    }
 }
 
 /// After some steps, and the same with an interruption in the middle.

@@ -48,6 +48,7 @@ fn laws(normal: NormalForce, tangential: TangentialLaw, friction: f64) -> Laws {
         tangential_stiffness: 0.0,
         onset: FrictionOnset::CriticalLoad,
         repulsion: None,
+        attraction: None,
         rolling_friction: 0.0,
         adhesion: 0.0,
         hydrodynamic_friction: HydrodynamicFriction::default(),

@@ -372,6 +372,7 @@ fn spring_forces_are_those_of_a_published_code() {
             tangential_stiffness: stiffness("kt"),
             onset: FrictionOnset::CriticalLoad,
             repulsion: None,
+            attraction: None,
             rolling_friction: 0.0,
             adhesion: 0.0,
             hydrodynamic_friction: HydrodynamicFriction::default(),

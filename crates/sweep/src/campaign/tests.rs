@@ -323,6 +323,16 @@ fn stiffness_and_friction_of_rigid_contacts_have_messages_at_their_lines() {
             "friction.toml:11:25: `hydrodynamic_friction` has no meaning",
             "another `contact` than \"procedure\"",
         ),
+        (
+            "van_der_waals = 2\ncolloid_unit = \"thermal\"",
+            "friction.toml:11:16: `colloid_unit` = \"thermal\" is kT/a, and there is no Brownian",
+            "a `peclet` or `thermal_load`",
+        ),
+        (
+            "colloid_unit = \"thermal\"",
+            "friction.toml:10:16: `colloid_unit` has no meaning",
+            "or `van_der_waals` above 0",
+        ),
     ] {
         let found = complaint("seeds = 4", &format!("{to}\nseeds = 4"));
         assert!(found.contains(line) && found.contains(said), "{found}");

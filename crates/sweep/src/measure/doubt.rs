@@ -140,7 +140,7 @@ fn can_release_energy(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid | ContactScheme::Procedure => false,
         ContactScheme::Laws(laws) => {
-            laws.is_soft() || laws.has_rigid_springs() || laws.adhesion > 0.0
+            laws.is_soft() || laws.has_rigid_springs() || laws.has_colloids() || laws.adhesion > 0.0
         }
     }
 }

@@ -232,60 +232,60 @@ pub static NUMBERS: &[Number] = {
         number("effective_samples", "1").point("effective number of independent samples, all runs", Over(|r| r.of_each(|run| Some(run.number("samples")? / run.steadiness()?.correlation)).into_iter().reduce(|a, b| a + b))),
         number("n1", "mu rate").sample("first normal stress difference N₁, contacts included", Sum(|s| s.n1.total())).averaged(),
         number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged().label("stress difference N₂"),
-        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts and repulsion, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
+        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts, repulsion and attraction, without its hydrodynamic part", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
         number("shear_hydrodynamic", "mu rate").sample("shear stress of the stresslets", Part(|s| &mut s.shear.hydrodynamic)).averaged(),
         number("shear_normal_contact", "mu rate").sample("shear stress of the normal contact forces", Part(|s| &mut s.shear.normal_contact)).averaged(),
         number("shear_tangential_contact", "mu rate").sample("shear stress of the tangential contact forces", Part(|s| &mut s.shear.tangential_contact)).averaged(),
-        number("shear_repulsion", "mu rate").sample("shear stress of the repulsion", Part(|s| &mut s.shear.repulsion)).averaged(),
+        number("shear_repulsion", "mu rate").sample("shear stress of repulsion and van der Waals attraction", Part(|s| &mut s.shear.repulsion)).averaged(),
         number("shear_brownian", "mu rate").sample("shear stress of Brownian motion", Part(|s| &mut s.shear.brownian)).averaged(),
         number("n1_hydrodynamic", "mu rate").sample("N₁ of the stresslets", Part(|s| &mut s.n1.hydrodynamic)).averaged(),
         number("n1_normal_contact", "mu rate").sample("N₁ of the normal contact forces", Part(|s| &mut s.n1.normal_contact)).averaged(),
         number("n1_tangential_contact", "mu rate").sample("N₁ of the tangential contact forces", Part(|s| &mut s.n1.tangential_contact)).averaged(),
-        number("n1_repulsion", "mu rate").sample("N₁ of the repulsion", Part(|s| &mut s.n1.repulsion)).averaged(),
+        number("n1_repulsion", "mu rate").sample("N₁ of repulsion and van der Waals attraction", Part(|s| &mut s.n1.repulsion)).averaged(),
         number("n1_brownian", "mu rate").sample("N₁ of Brownian motion", Part(|s| &mut s.n1.brownian)).averaged(),
         number("n2_hydrodynamic", "mu rate").sample("N₂ of the stresslets", Part(|s| &mut s.n2.hydrodynamic)).averaged(),
         number("n2_normal_contact", "mu rate").sample("N₂ of the normal contact forces", Part(|s| &mut s.n2.normal_contact)).averaged(),
         number("n2_tangential_contact", "mu rate").sample("N₂ of the tangential contact forces", Part(|s| &mut s.n2.tangential_contact)).averaged(),
-        number("n2_repulsion", "mu rate").sample("N₂ of the repulsion", Part(|s| &mut s.n2.repulsion)).averaged(),
+        number("n2_repulsion", "mu rate").sample("N₂ of repulsion and van der Waals attraction", Part(|s| &mut s.n2.repulsion)).averaged(),
         number("n2_brownian", "mu rate").sample("N₂ of Brownian motion", Part(|s| &mut s.n2.brownian)).averaged(),
         number("particle_pressure_normal_contact", "mu rate").sample("particle pressure of the normal contact forces", Part(|s| &mut s.particle_pressure.normal_contact)).averaged(),
-        number("particle_pressure_repulsion", "mu rate").sample("particle pressure of the repulsion", Part(|s| &mut s.particle_pressure.repulsion)).averaged(),
+        number("particle_pressure_repulsion", "mu rate").sample("particle pressure of repulsion and van der Waals attraction", Part(|s| &mut s.particle_pressure.repulsion)).averaged(),
         number("particle_pressure_brownian", "mu rate").sample("particle pressure of Brownian motion, n kT without its hydrodynamic part", Part(|s| &mut s.particle_pressure.brownian)).averaged(),
         number("sigma_xx", "mu rate").sample("particle stress Σ_xx, contacts included", Sum(|s| s.xx().total())).averaged(),
         number("sigma_xx_hydrodynamic", "mu rate").sample("Σ_xx of the stresslets", Sum(|s| s.xx().hydrodynamic)).averaged().label(""),
         number("sigma_xx_normal_contact", "mu rate").sample("Σ_xx of the normal contact forces", Sum(|s| s.xx().normal_contact)).averaged().label(""),
         number("sigma_xx_tangential_contact", "mu rate").sample("Σ_xx of the tangential contact forces", Sum(|s| s.xx().tangential_contact)).averaged().label(""),
-        number("sigma_xx_repulsion", "mu rate").sample("Σ_xx of the repulsion", Sum(|s| s.xx().repulsion)).averaged().label(""),
+        number("sigma_xx_repulsion", "mu rate").sample("Σ_xx of repulsion and van der Waals attraction", Sum(|s| s.xx().repulsion)).averaged().label(""),
         number("sigma_xx_brownian", "mu rate").sample("Σ_xx of Brownian motion", Sum(|s| s.xx().brownian)).averaged().label(""),
         number("sigma_yy", "mu rate").sample("particle stress Σ_yy, contacts included", Sum(|s| s.yy().total())).averaged(),
         number("sigma_yy_hydrodynamic", "mu rate").sample("Σ_yy of the stresslets", Sum(|s| s.yy().hydrodynamic)).averaged().label(""),
         number("sigma_yy_normal_contact", "mu rate").sample("Σ_yy of the normal contact forces", Sum(|s| s.yy().normal_contact)).averaged().label(""),
         number("sigma_yy_tangential_contact", "mu rate").sample("Σ_yy of the tangential contact forces", Sum(|s| s.yy().tangential_contact)).averaged().label(""),
-        number("sigma_yy_repulsion", "mu rate").sample("Σ_yy of the repulsion", Sum(|s| s.yy().repulsion)).averaged().label(""),
+        number("sigma_yy_repulsion", "mu rate").sample("Σ_yy of repulsion and van der Waals attraction", Sum(|s| s.yy().repulsion)).averaged().label(""),
         number("sigma_yy_brownian", "mu rate").sample("Σ_yy of Brownian motion", Sum(|s| s.yy().brownian)).averaged().label(""),
         number("sigma_zz", "mu rate").sample("particle stress Σ_zz, contacts included; in a layer of the stresslets alone, which are traceless", Sum(|s| s.zz().total())).averaged(),
         number("sigma_zz_hydrodynamic", "mu rate").sample("Σ_zz of the stresslets", Sum(|s| s.zz().hydrodynamic)).averaged().label(""),
         number("sigma_zz_normal_contact", "mu rate").sample("Σ_zz of the normal contact forces", Sum(|s| s.zz().normal_contact)).averaged().label(""),
         number("sigma_zz_tangential_contact", "mu rate").sample("Σ_zz of the tangential contact forces", Sum(|s| s.zz().tangential_contact)).averaged().label(""),
-        number("sigma_zz_repulsion", "mu rate").sample("Σ_zz of the repulsion", Sum(|s| s.zz().repulsion)).averaged().label(""),
+        number("sigma_zz_repulsion", "mu rate").sample("Σ_zz of repulsion and van der Waals attraction", Sum(|s| s.zz().repulsion)).averaged().label(""),
         number("sigma_zz_brownian", "mu rate").sample("Σ_zz of Brownian motion", Sum(|s| s.zz().brownian)).averaged().label(""),
         number("sigma_xy", "mu rate").sample("particle stress Σ_xy, contacts included", Sum(|s| s.xy.total())).averaged(),
         number("sigma_xy_hydrodynamic", "mu rate").sample("Σ_xy of the stresslets", Part(|s| &mut s.xy.hydrodynamic)).averaged().label(""),
         number("sigma_xy_normal_contact", "mu rate").sample("Σ_xy of the normal contact forces", Part(|s| &mut s.xy.normal_contact)).averaged().label(""),
         number("sigma_xy_tangential_contact", "mu rate").sample("Σ_xy of the tangential contact forces", Part(|s| &mut s.xy.tangential_contact)).averaged().label(""),
-        number("sigma_xy_repulsion", "mu rate").sample("Σ_xy of the repulsion", Part(|s| &mut s.xy.repulsion)).averaged().label(""),
+        number("sigma_xy_repulsion", "mu rate").sample("Σ_xy of repulsion and van der Waals attraction", Part(|s| &mut s.xy.repulsion)).averaged().label(""),
         number("sigma_xy_brownian", "mu rate").sample("Σ_xy of Brownian motion", Part(|s| &mut s.xy.brownian)).averaged().label(""),
         number("sigma_xz", "mu rate").sample("particle stress Σ_xz, contacts included", Sum(|s| s.xz.total())).averaged(),
         number("sigma_xz_hydrodynamic", "mu rate").sample("Σ_xz of the stresslets", Part(|s| &mut s.xz.hydrodynamic)).averaged().label(""),
         number("sigma_xz_normal_contact", "mu rate").sample("Σ_xz of the normal contact forces", Part(|s| &mut s.xz.normal_contact)).averaged().label(""),
         number("sigma_xz_tangential_contact", "mu rate").sample("Σ_xz of the tangential contact forces", Part(|s| &mut s.xz.tangential_contact)).averaged().label(""),
-        number("sigma_xz_repulsion", "mu rate").sample("Σ_xz of the repulsion", Part(|s| &mut s.xz.repulsion)).averaged().label(""),
+        number("sigma_xz_repulsion", "mu rate").sample("Σ_xz of repulsion and van der Waals attraction", Part(|s| &mut s.xz.repulsion)).averaged().label(""),
         number("sigma_xz_brownian", "mu rate").sample("Σ_xz of Brownian motion", Part(|s| &mut s.xz.brownian)).averaged().label(""),
         number("sigma_yz", "mu rate").sample("particle stress Σ_yz, contacts included", Sum(|s| s.yz.total())).averaged(),
         number("sigma_yz_hydrodynamic", "mu rate").sample("Σ_yz of the stresslets", Part(|s| &mut s.yz.hydrodynamic)).averaged().label(""),
         number("sigma_yz_normal_contact", "mu rate").sample("Σ_yz of the normal contact forces", Part(|s| &mut s.yz.normal_contact)).averaged().label(""),
         number("sigma_yz_tangential_contact", "mu rate").sample("Σ_yz of the tangential contact forces", Part(|s| &mut s.yz.tangential_contact)).averaged().label(""),
-        number("sigma_yz_repulsion", "mu rate").sample("Σ_yz of the repulsion", Part(|s| &mut s.yz.repulsion)).averaged().label(""),
+        number("sigma_yz_repulsion", "mu rate").sample("Σ_yz of repulsion and van der Waals attraction", Part(|s| &mut s.yz.repulsion)).averaged().label(""),
         number("sigma_yz_brownian", "mu rate").sample("Σ_yz of Brownian motion", Part(|s| &mut s.yz.brownian)).averaged().label(""),
         number("fraction", "1").sample("area or volume fraction under an imposed pressure", Free(|s| &mut s.fraction)).averaged(),
         number("pressure", "mu rate").label("particle pressure P")
@@ -293,19 +293,19 @@ pub static NUMBERS: &[Number] = {
             .point("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
         number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without the isotropic stress of the fluid", Sum(|s| -s.yy().total())).averaged(),
         number("viscous_number", "1").label("viscous number J")
-            .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
+            .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
             .point("viscous number J = μ rate/P₂₂, mean over runs", MeanOver),
         number("macroscopic_friction", "1").label("macroscopic friction coefficient σ/P₂₂")
-            .run("macroscopic friction coefficient σ/P₂₂, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| ratio(r.viscosity?.mean, r.steady_pressure_22()?)))
+            .run("macroscopic friction coefficient σ/P₂₂, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| ratio(r.viscosity?.mean, r.steady_pressure_22()?)))
             .point("macroscopic friction coefficient σ/P₂₂, mean over runs", MeanOver),
         number("normal_viscosity", "mu").label("normal viscosity η_n")
-            .run("normal viscosity η_n = P₂₂/rate, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.steady_pressure_22()))
+            .run("normal viscosity η_n = P₂₂/rate, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| r.steady_pressure_22()))
             .point("normal viscosity η_n = P₂₂/rate, mean over runs", MeanOver),
         number("lambda_2", "1").label("normal stress ratio λ₂")
-            .run("normal stress ratio λ₂ = Σ_yy/Σ_xx, of means in time; none in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.normal_stress_ratio("sigma_yy")))
+            .run("normal stress ratio λ₂ = Σ_yy/Σ_xx, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| r.normal_stress_ratio("sigma_yy")))
             .point("normal stress ratio λ₂ = Σ_yy/Σ_xx, mean over runs", MeanOver),
         number("lambda_3", "1").label("normal stress ratio λ₃")
-            .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer, in an oscillation or where contacts and repulsion bear less than half", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
+            .run("normal stress ratio λ₃ = Σ_zz/Σ_xx, of means in time; none in a layer, in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| r.normal_stress_ratio("sigma_zz").filter(|_| r.is_suspension())))
             .point("normal stress ratio λ₃ = Σ_zz/Σ_xx, mean over runs", MeanOver),
         number("n1_over_stress", "1").label("N₁/σ")
             .run("first normal stress difference over the shear stress, N₁/σ, of means in time; none in an oscillation", Of(|r| r.over_stress("n1")))

@@ -95,8 +95,9 @@ impl<S: Fluid> IterativeFarField<S> {
         }
     }
 
-    /// The motion `[3N]` under random forces alone, whose far field [`IterativeFarField::correct_free`]
-    /// then has; otherwise as [`IterativeFarField::solve_fixed_point`].
+    /// The motion `[3N]` under random forces alone, whose far field
+    /// [`IterativeFarField::correct_free`] then has; otherwise as
+    /// [`IterativeFarField::solve_fixed_point`].
     ///
     /// # Errors
     /// [`Error::NotConverged`]; those of the motion under sparse hydrodynamics.

@@ -80,7 +80,7 @@ pub(super) fn set_contact(params: &mut Params, word: &str) -> Result<(), Refusal
             value,
             problem: "conflicts with `contact` = \"procedure\"".into(),
             allowed: "the procedure has the paper's laws only: \"roll-slip\" or \"none\", \"critical-load\", no repulsion, \
-                      rolling friction or adhesion; give it a grid of its own"
+                      attraction, rolling friction or adhesion; give it a grid of its own"
                 .into(),
             because: Some("contact"),
         })
@@ -93,6 +93,9 @@ pub(super) fn set_contact(params: &mut Params, word: &str) -> Result<(), Refusal
     }
     if laws.repulsion > 0.0 {
         return refuse("repulsion", laws.repulsion.to_string());
+    }
+    if laws.van_der_waals > 0.0 {
+        return refuse("van_der_waals", laws.van_der_waals.to_string());
     }
     if laws.rolling_friction > 0.0 {
         return refuse("rolling_friction", laws.rolling_friction.to_string());
@@ -237,6 +240,15 @@ pub(super) fn alone(params: &Params) -> bool {
     !params.contact.laws().normal.touches()
 }
 
+/// Whether surfaces repel or attract each other without contact.
+pub(super) fn has_colloids(params: &Params) -> bool {
+    params.contact.laws().has_colloids()
+}
+
+pub(super) fn attracts(params: &Params) -> bool {
+    params.contact.laws().van_der_waals > 0.0
+}
+
 pub(super) fn repels(params: &Params) -> bool {
     params.contact.laws().repulsion > 0.0
 }
@@ -291,6 +303,10 @@ pub(super) fn needs_rolling() -> String {
 pub(super) fn needs_touch() -> String {
     let touching = keywords_where(NormalLaw::touches);
     format!("surfaces that touch: `contact` = {touching}")
+}
+
+pub(super) fn needs_colloids() -> String {
+    format!("{}, or `van_der_waals` above 0", needs_repulsion())
 }
 
 pub(super) fn needs_repulsion() -> String {

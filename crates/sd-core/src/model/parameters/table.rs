@@ -1,12 +1,13 @@
 //! The table of parameters.
 
 use super::choices::{
-    ONE_OR_TWO, alone, contact_word, contact_words, has_friction, has_laws, has_leading_order,
-    has_lubrication_gap, has_spring, has_stiffness, has_tangential_spring, has_two_sizes,
-    may_adhere, needs_laws, needs_leading_order, needs_lubrication_gap, needs_repulsion,
-    needs_rolling, needs_spring, needs_stiffness, needs_tangential_spring, needs_touch, read,
-    repels, resists_rolling, set_contact, set_hydrodynamics, set_law, set_sizes, set_spheres,
-    set_tangential, set_volume_fraction, tangential_words, usual_tangential_stiffness,
+    ONE_OR_TWO, alone, attracts, contact_word, contact_words, has_colloids, has_friction, has_laws,
+    has_leading_order, has_lubrication_gap, has_spring, has_stiffness, has_tangential_spring,
+    has_two_sizes, may_adhere, needs_colloids, needs_laws, needs_leading_order,
+    needs_lubrication_gap, needs_repulsion, needs_rolling, needs_spring, needs_stiffness,
+    needs_tangential_spring, needs_touch, read, repels, resists_rolling, set_contact,
+    set_hydrodynamics, set_law, set_sizes, set_spheres, set_tangential, set_volume_fraction,
+    tangential_words, usual_tangential_stiffness,
 };
 use super::quantities::{
     AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, PECLET, ROUGHNESS,
@@ -22,7 +23,10 @@ use crate::law::normal::{DASHPOT, STIFFNESS};
 use crate::law::repulsion::{DEFAULT_LENGTH, REPULSION, REPULSION_ALONE, REPULSION_LENGTH};
 use crate::law::rolling_friction::ROLLING_FRICTION;
 use crate::law::tangential::stick_slide::TANGENTIAL_STIFFNESS;
-use crate::law::{FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
+use crate::law::van_der_waals::{
+    DEFAULT_LENGTH as DEFAULT_DELTA, VAN_DER_WAALS, VAN_DER_WAALS_LENGTH,
+};
+use crate::law::{ColloidUnit, FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
 use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOrder, StartFrom};
 
@@ -37,7 +41,7 @@ use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOr
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 34] = [
+pub static PARAMETERS: [Parameter; 37] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -98,6 +102,22 @@ pub static PARAMETERS: [Parameter; 34] = [
             get: |p| p.contact.laws().stiffness_unit.word().into(),
             set: |p, word| match p.contact.chosen_laws() {
                 Some(laws) => read(&mut laws.stiffness_unit, "stiffness_unit", word),
+                None => Ok(()),
+            },
+        }),
+        ..CHOICE
+    },
+    Parameter {
+        key: "colloid_unit",
+        meaning: "what repulsion and van der Waals attraction are in units of",
+        has_meaning: has_colloids,
+        needs: Some(needs_colloids),
+        form: Form::Choice(Choice {
+            words: || ColloidUnit::KEYWORDS.to_vec(),
+            default: "critical-load",
+            get: |p| p.contact.laws().colloid_unit.word().into(),
+            set: |p, word| match p.contact.chosen_laws() {
+                Some(laws) => read(&mut laws.colloid_unit, "colloid_unit", word),
                 None => Ok(()),
             },
         }),
@@ -309,6 +329,30 @@ pub static PARAMETERS: [Parameter; 34] = [
             ..OF_LAWS
         }),
         ..number(&REPULSION_LENGTH)
+    },
+    Parameter {
+        has_meaning: has_laws,
+        needs: Some(needs_laws),
+        form: Form::Number(Number {
+            quantity: &VAN_DER_WAALS,
+            default: Some(|_| 0.0),
+            get: |p| p.contact.laws().van_der_waals,
+            set: |p, value| set_law(p, |laws| laws.van_der_waals = value),
+            ..OF_LAWS
+        }),
+        ..number(&VAN_DER_WAALS)
+    },
+    Parameter {
+        has_meaning: attracts,
+        needs: Some(|| "`van_der_waals` above 0".into()),
+        form: Form::Number(Number {
+            quantity: &VAN_DER_WAALS_LENGTH,
+            default: Some(|_| DEFAULT_DELTA),
+            get: |p| p.contact.laws().van_der_waals_length,
+            set: |p, value| set_law(p, |laws| laws.van_der_waals_length = value),
+            ..OF_LAWS
+        }),
+        ..number(&VAN_DER_WAALS_LENGTH)
     },
     Parameter {
         has_meaning: may_adhere,

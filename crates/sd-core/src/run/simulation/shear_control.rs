@@ -74,7 +74,12 @@ impl ShearControl {
 
     /// The contact laws at that critical load.
     pub(super) fn laws(&self, params: &Params) -> Laws {
-        Laws::new(params.contact.laws(), self.surface(params))
+        let (choice, laws) = (params.contact.laws(), self.surface(params));
+        let laws = Laws::new(choice, laws);
+        match params.thermal_energy() {
+            Some(energy) => laws.at_thermal_energy(choice, energy),
+            None => laws,
+        }
     }
 
     /// Roughness, friction and critical load.

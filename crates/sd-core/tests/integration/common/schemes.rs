@@ -57,6 +57,13 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
             ..*contact.laws()
         })
     };
+    let attracting = |laws| {
+        ContactScheme::Laws(ContactLaws {
+            van_der_waals: 0.2,
+            van_der_waals_length: 0.02,
+            ..laws
+        })
+    };
     let rough = |laws| {
         ContactScheme::Laws(ContactLaws {
             hydrodynamic_friction: 0.3,
@@ -93,6 +100,8 @@ pub(crate) fn schemes() -> Vec<ContactScheme> {
         repelling(NormalLaw::LinearSpring, 1e4, TangentialLaw::StickSlide),
         at_every_contact(),
         repelling(NormalLaw::Rigid, f64::INFINITY, TangentialLaw::Coulomb),
+        attracting(*rigid(TangentialLaw::Coulomb).laws()),
+        attracting(*at_every_contact().laws()),
         ContactScheme::Laws(ContactLaws {
             repulsion: 1.0,
             repulsion_length: 0.02,

@@ -29,7 +29,7 @@ fn pressed_pair_is_in_exact_balance() {
             );
         }
     }
-    // A repulsion alone: F0 exp(-g/l) = 5 at g = l ln(F0/5).
+    // A repulsion alone: F0 a_ij exp(-g/l) = 5 at g = l ln(F0 a_ij/5), a_ij = 7/6.
     let repulsion = ExponentialRepulsion {
         force: 20.0,
         length: 0.02,
@@ -45,7 +45,11 @@ fn pressed_pair_is_in_exact_balance() {
             0.0,
         )
     };
-    let instant = solved(&pair(0.02 * 4.0_f64.ln(), 5.0, 0.0), &alone, 0.01);
+    let instant = solved(
+        &pair(0.02 * (4.0_f64 * 7.0 / 6.0).ln(), 5.0, 0.0),
+        &alone,
+        0.01,
+    );
     assert!(instant.contacts.is_empty());
     assert!(
         instant

@@ -8,6 +8,7 @@ use sd_core::internals::{
     State,
 };
 use sd_core::law::repulsion::ExponentialRepulsion;
+use sd_core::law::van_der_waals::VanDerWaals;
 use sd_core::model::DEEPEST_OVERLAP;
 use sd_core::modes::Vec2;
 use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw, VelocityGradient};
@@ -129,6 +130,7 @@ fn pushed_in_turn(
                     .distant
                     .repulsive
                     .iter()
+                    .chain(&motion.distant.attractive)
                     .chain(&motion.distant.adhesive);
                 let contacts = motion.contacts.list.iter().chain(others);
                 let contact: f64 = contacts
@@ -211,6 +213,13 @@ fn spring_stores_what_work_leaves_over() {
         laws(HERTZ, TangentialLaw::Coulomb, 0.0),
         repulsive,
         Laws {
+            attraction: Some(VanDerWaals {
+                energy: 0.3,
+                length: 0.05,
+            }),
+            ..repulsive
+        },
+        Laws {
             adhesion: 4.0,
             ..laws(SPRING, TangentialLaw::Coulomb, 0.0)
         },
@@ -224,7 +233,10 @@ fn spring_stores_what_work_leaves_over() {
                 _ => 0.0,
             };
             // The pair adheres all the time: it works against the attraction where it opens.
-            contact + laws.repulsion.map_or(0.0, |r| r.energy(gap)) + laws.adhesion * gap
+            let radius = 2.0 * 1.4 / 2.4;
+            let repulsion = laws.repulsion.map_or(0.0, |law| law.energy(gap, radius));
+            let attraction = laws.attraction.map_or(0.0, |law| law.energy(gap, radius));
+            contact + repulsion + attraction + laws.adhesion * gap
         };
         let mismatch = |steps: u32| {
             let p = pushed(&laws, 0.009, [30.0, 0.0], 0.3, steps, 0.3);

@@ -1,6 +1,7 @@
 //! How axes are shown: symbols, examples, scales, and the columns of tables.
 
 use super::Axis;
+use sd_core::law::ColloidUnit;
 use sd_core::model::{FlowType, Form};
 use sd_core::{ContactLaws, Params, StiffnessUnit};
 
@@ -24,7 +25,10 @@ impl Axis {
             "lubrication_cutoff" => "ξ_max",
             "lubrication_regularisation" => "δ",
             "repulsion" => "F0",
+            "colloid_unit" => "F0 unit",
             "repulsion_length" => "l",
+            "van_der_waals" => "A",
+            "van_der_waals_length" => "δ_A",
             "adhesion" => "F_A",
             "peclet" => "Pe",
             "thermal_load" => "F_crit a/kT",
@@ -47,7 +51,7 @@ impl Axis {
             "sizes" => "{ lognormal = 0.2 }",
             "size_ratio" => "1.4",
             "large_fraction" | "lubrication_cutoff" | "tangential_stiffness" => "0.5",
-            "roughness" | "time_step" => "0.01",
+            "roughness" | "van_der_waals_length" | "time_step" => "0.01",
             "friction" => "0.3",
             "rolling_friction" | "hydrodynamic_friction_range" => "0.1",
             "stiffness" => "1e4",
@@ -91,6 +95,7 @@ impl Axis {
             ("friction", _) => true,
             ("friction_onset", _) => *laws != ContactLaws::PAPER,
             ("stiffness_unit", _) => laws.stiffness_unit != StiffnessUnit::CriticalLoad,
+            ("colloid_unit", _) => laws.colloid_unit != ColloidUnit::CriticalLoad,
             ("start", _) => params.start.is_some(),
             ("flow", _) => params.flow != FlowType::Shear,
             ("direction", _) => params.direction != 1.0,
@@ -101,6 +106,7 @@ impl Axis {
                 | "rolling_friction"
                 | "dashpot"
                 | "repulsion"
+                | "van_der_waals"
                 | "adhesion"
                 | "hydrodynamic_friction",
                 Form::Number(number),
