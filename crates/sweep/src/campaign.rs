@@ -8,6 +8,7 @@ mod reader;
 mod seeds;
 mod segments;
 mod start;
+mod time_unit;
 
 pub use error::{CampaignError, Fault};
 pub(crate) use reader::nearest;
@@ -97,13 +98,14 @@ fn read_text(file: &str, text: &str, faults: &Faults) -> Campaign {
     campaign.name = read_name(&top).unwrap_or_default();
     let (name, keys) = (protocol::NAME, protocol::KEYS);
     let protocol = top.table("protocol", name, &keys, name);
-    let protocol = WrittenProtocol::read(
-        protocol.unwrap_or_else(|| Reader::empty(top.place("protocol"), name, &keys, faults)),
-    );
+    let protocol =
+        protocol.unwrap_or_else(|| Reader::empty(top.place("protocol"), name, &keys, faults));
+    let tables = top.tables("grid", "[[grid]]");
+    let unit = time_unit::in_strain(&protocol, &tables, faults);
+    let protocol = WrittenProtocol::read(protocol, unit);
     campaign.protocol = protocol.protocol.clone();
     top.need("grid", "[{ … }]` or a table `[[grid]]");
     let folder = Path::new(file).parent().unwrap_or(Path::new(""));
-    let tables = top.tables("grid", "[[grid]]");
     if let Some(grids) = grids(tables, &protocol, folder, faults) {
         let starts = || grids.iter().filter_map(|grid| grid.start.as_ref());
         campaign.start_files = starts().filter_map(|start| start.file.clone()).collect();

@@ -62,7 +62,10 @@ impl<'t> Grid<'t> {
         let axes = AXES.iter().map(|axis| match written(&table, axis) {
             // A layer, which is no number.
             Some(_) if axis.key == START => None,
-            Some(written) => axis_values(written, axis, faults),
+            Some(written) => {
+                let values = axis_values(written, axis, faults);
+                values.map(|values| protocol.converted(axis, values))
+            }
             None => protocol.value_of(axis, imposes),
         });
         let axes = axes.collect();

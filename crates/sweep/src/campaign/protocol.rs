@@ -4,6 +4,7 @@ use super::axis_values::axis_values;
 use super::error::Problem;
 use super::reader::{Reader, Values, word, wrong_type};
 use super::segments::{self, DISCARDED, LENGTH, SEGMENT, WrittenSegment};
+use crate::data::Value;
 use crate::model::axes::Axis;
 use crate::model::protocol::{PlannedSegment, Protocol};
 use std::ops;
@@ -21,9 +22,12 @@ const SAMPLE_LIMIT: u64 = 1_000_000;
 const OBSERVE: &str = "observe";
 /// Its only value.
 const NETWORK: &str = "network";
+/// Key of the unit of times.
+pub(super) const TIME_UNIT: &str = "time_unit";
 /// Its keys.
-pub(super) const KEYS: [&str; 7] = [
+pub(super) const KEYS: [&str; 8] = [
     TIME_STEP,
+    TIME_UNIT,
     "strain",
     "discard",
     "checkpoint_every",
@@ -40,24 +44,29 @@ pub(super) struct WrittenProtocol<'t> {
     segments: Vec<WrittenSegment<'t>>,
     /// The rate or stress of grids that impose none, with its axis.
     shear: Option<(&'static str, Values)>,
+    /// Strain in one unit of time of the file.
+    unit: f64,
 }
 
 impl<'t> WrittenProtocol<'t> {
-    /// Reads and checks the protocol.
-    pub(super) fn read(table: Reader<'t>) -> Self {
+    /// Reads and checks the protocol; `unit`: strain in one unit of its times.
+    pub(super) fn read(table: Reader<'t>, unit: f64) -> Self {
         let preset = Protocol::default();
-        let strain = |key: &str| table.number(key, &LENGTH, " (a strain)");
+        let of = |key: &str, range, preset: f64| {
+            unit * table.number(key, range, " (a strain)").unwrap_or(preset)
+        };
         let mut protocol = Protocol {
-            strain: strain("strain").unwrap_or(preset.strain),
-            discard: (table.number("discard", &DISCARDED, " (a strain)")).unwrap_or(preset.discard),
-            checkpoint_every: strain("checkpoint_every").unwrap_or(preset.checkpoint_every),
-            sample_every: strain("sample_every").unwrap_or(preset.sample_every),
+            strain: of("strain", &LENGTH, preset.strain),
+            discard: of("discard", &DISCARDED, preset.discard),
+            checkpoint_every: of("checkpoint_every", &LENGTH, preset.checkpoint_every),
+            sample_every: of("sample_every", &LENGTH, preset.sample_every),
             observes_network: observes_network(&table),
             segments: Vec::new(),
         };
         let time_step = table
             .get(TIME_STEP)
-            .and_then(|written| axis_values(written, Axis::of_key(TIME_STEP)?, table.faults));
+            .and_then(|written| axis_values(written, Axis::of_key(TIME_STEP)?, table.faults))
+            .map(|values| in_strain(values, unit));
         let before = table.faults.count();
         if let Some(segments) = table.get(SEGMENT) {
             for key in ["strain", "discard"] {
@@ -89,6 +98,7 @@ impl<'t> WrittenProtocol<'t> {
             time_step,
             segments,
             shear,
+            unit,
         };
         if written.table.is_whole() {
             written.check_averages();
@@ -114,6 +124,15 @@ impl<'t> WrittenProtocol<'t> {
         }
         let (key, values) = self.shear.as_ref().filter(|_| !imposes)?;
         (*key == axis.key).then(|| values.clone())
+    }
+
+    /// Values of an axis that a grid has, in strain if they are times.
+    pub(super) fn converted(&self, axis: &Axis, values: Values) -> Values {
+        if axis.key == TIME_STEP {
+            in_strain(values, self.unit)
+        } else {
+            values
+        }
     }
 
     /// Refuses a time step at which runs are too long, or of which lengths are no multiples;
@@ -203,6 +222,16 @@ impl<'t> WrittenProtocol<'t> {
             self.table.faults.push(problem);
         }
     }
+}
+
+/// Times as strains; `unit`: strain in one unit of them.
+fn in_strain(mut values: Values, unit: f64) -> Values {
+    for one in &mut values.all {
+        if let Value::Number(time) = &mut one.value {
+            *time *= unit;
+        }
+    }
+    values
 }
 
 /// Whether samples record the contact network.

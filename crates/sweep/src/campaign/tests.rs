@@ -4,6 +4,7 @@ mod pressure;
 mod segments;
 mod sizes;
 mod suspensions;
+mod time_unit;
 
 use super::*;
 use crate::model::axes::Axis;
@@ -377,6 +378,16 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
             "spheres = 90",
             "spheres = 90\ntemperature = 1",
             "Brownian motion has a `peclet` or a `thermal_load`",
+        ),
+        (
+            "spheres = 90",
+            "spheres = 90\npeclet = 0",
+            "`time_unit = \"diffusion\"` in [protocol]",
+        ),
+        (
+            "[protocol]",
+            "[protocol]\ntime_unit = \"diffusion\"",
+            "the same finite `peclet` in every grid",
         ),
         (
             "spheres = 90",

@@ -108,6 +108,8 @@ impl Doubt {
             }
             Self::Residual => counters.worst_residual > RESIDUAL,
             Self::Overlap => is_rigid(params) && counters.minimum_gap < HELD * params.roughness,
+            // Fluid at rest has no viscosity, and that of an instant with random forces any value.
+            Self::BelowOne | Self::OneSample if params.thermal_energy().is_some() => false,
             Self::BelowOne => {
                 mean(viscosities).is_some_and(|mean| mean < 1.0)
                     || mean(&run.stresslet_viscosities).is_some_and(|mean| mean < 0.0)

@@ -276,6 +276,8 @@ fn as_given(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, In
         return Err(InvalidCombination::Missing(axes.collect()));
     }
     let mut params = builder.as_given();
+    // A flow has a number above 0.
+    params.at_rest = params.peclet == 0.0;
     params.impose(segments);
     Ok(params)
 }
