@@ -4,11 +4,11 @@
 //! ```text
 //! cargo bench -p sd-core --bench runs -- whole [N...]                 five strains under every law
 //! cargo bench -p sd-core --bench runs -- dense                        three strains where friction nearly jams a layer
-//! cargo bench -p sd-core --bench runs -- sequence [suspension] [full] [LAW] N...
+//! cargo bench -p sd-core --bench runs -- sequence [suspension] [full] [LAW] [threads=T] N...
 //!                                                                     right-hand sides one after the other
 //! ```
 //!
-//! CPU times of one thread. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
+//! CPU times of one thread; wall times with several. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
 //! nothing else is said; suspensions have φ = 0.45. A LAW is one of `roll-slip`, `coulomb`,
 //! `stick-slide`; the last one has springs of 1e4 `F_crit`/a, the others are rigid.
 
@@ -21,7 +21,9 @@ use clock::Moment;
 use sd_core::model::{ContactLaws, TangentialLaw};
 use sd_core::{
     Bulk, ContactScheme, Flow, Hydrodynamics, Layer, NearFields, Params, RunSpace, Simulation,
+    Threads,
 };
+use std::time::Instant;
 
 /// Roughness height, in radii.
 const ROUGHNESS: f64 = 0.01;
@@ -241,7 +243,12 @@ fn most_memory() -> Option<f64> {
 
 /// Right-hand sides in sequence, without samples. One row; the memory is that of the process, so
 /// that each row is a process of its own.
-fn sequence<S: RunSpace>(params: &Params, hydrodynamics: Hydrodynamics, contacts: &str) {
+fn sequence<S: RunSpace>(
+    params: &Params,
+    hydrodynamics: Hydrodynamics,
+    contacts: &str,
+    threads: usize,
+) {
     let tables = NearFields::default();
     let (strain, factor) = LEAD_IN;
     let time_step = f64::from(factor) * TIME_STEP;
@@ -263,13 +270,18 @@ fn sequence<S: RunSpace>(params: &Params, hydrodynamics: Hydrodynamics, contacts
     };
     let mut run = Simulation::from_snapshot(&timed, there, &tables).expect("a valid snapshot");
     run.step().expect("a step that succeeds");
-    let (stages, start) = (run.counters().stages, Moment::now());
+    let (stages, start, begun) = (run.counters().stages, Moment::now(), Instant::now());
     let mut steps = 0;
-    while steps < LONG_ENOUGH.1 || start.seconds() < LONG_ENOUGH.0 {
+    while steps < LONG_ENOUGH.1 || begun.elapsed().as_secs_f64() < LONG_ENOUGH.0 {
         run.step().expect("a step that succeeds");
         steps += 1;
     }
-    let each = 1e3 * start.seconds() / (run.counters().stages - stages) as f64;
+    let seconds = if threads > 1 {
+        begun.elapsed().as_secs_f64()
+    } else {
+        start.seconds()
+    };
+    let each = 1e3 * seconds / (run.counters().stages - stages) as f64;
     let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
     let peer = TOWNSEND
         .iter()
@@ -303,6 +315,10 @@ fn main() {
         } else {
             Hydrodynamics::BallMelrose
         };
+        let given = given.iter().find_map(|a| a.strip_prefix("threads="));
+        let threads = given.map_or(1, |count| count.parse().expect("a number of threads"));
+        let pool = Threads::new(threads).expect("threads");
+        let run = |work: &(dyn Fn() + Sync)| pool.run(work);
         for spheres in spheres {
             let layer = law.params(spheres);
             if has("suspension") {
@@ -311,9 +327,9 @@ fn main() {
                     volume_fraction: Some(0.45),
                     ..layer
                 };
-                sequence::<Bulk>(&suspension, hydrodynamics, &law.words());
+                run(&|| sequence::<Bulk>(&suspension, hydrodynamics, &law.words(), threads));
             } else {
-                sequence::<Layer>(&layer, hydrodynamics, &law.words());
+                run(&|| sequence::<Layer>(&layer, hydrodynamics, &law.words(), threads));
             }
         }
     } else {

@@ -142,6 +142,12 @@ pub enum Error {
         /// Its purpose.
         purpose: &'static str,
     },
+    /// Threads that could not be started.
+    #[error("cannot start threads: {reason}; use fewer")]
+    Threads {
+        /// The reason, of the operating system.
+        reason: String,
+    },
     /// The paper's steps, which stop all pairs simultaneously, with a resistance that is stored
     /// pair by pair.
     #[error("the paper's steps need dense matrices: no resistance stored pair by pair")]

@@ -71,6 +71,7 @@
 //! | impose a stress, reversals, oscillations | [`model::ParamsBuilder`], [`model::Segment`] |
 //! | read forces and gaps of contacts | [`Simulation::contacts`] |
 //! | read positions, stresslets and contacts of a sample | [`Simulation::step_with_frame`] |
+//! | compute one run by several threads | [`Threads`] |
 //! | store a run and resume it with the same bits | [`Simulation::snapshot`] |
 //! | solve the velocities at given positions | [`instant::solve`] |
 //! | put the spheres into a flow that is not linear | [`IncidentFlow`] |
@@ -142,6 +143,7 @@
 //! A module may depend only on those above it in this list.
 //! ```text
 //! error           why a computation was refused or could not be finished
+//! threads         work of one run divided among threads, with the same bits
 //! law             constitutive laws of contact: pure functions of numbers, one file each
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
 //! linalg          dense matrices, lu, cholesky (dense, tiled, sparse), gmres, anderson:
@@ -175,6 +177,7 @@ mod run;
 mod space;
 mod stage;
 mod stress;
+mod threads;
 
 pub use error::Error;
 pub use hydrodynamics::resistance::NearFields;
@@ -192,6 +195,7 @@ pub use space::{
 };
 pub use stage::{Method, memory_bytes};
 pub use stress::{Stress, StressComponents, StressParts};
+pub use threads::Threads;
 
 /// One instant of one configuration: velocities, stresslets, contact forces.
 pub mod instant {
@@ -219,6 +223,7 @@ pub mod internals {
     pub use crate::space::neighbours::NeighbourList;
     pub use crate::stage::{StageContacts, StageSolver};
     pub use crate::stress::StressWork;
+    pub use crate::threads::threads_for_small_work;
 }
 
 #[cfg(test)]

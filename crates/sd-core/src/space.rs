@@ -24,6 +24,8 @@ pub use layer::Layer;
 /// A vector in the space or in the tangent plane of a contact, or a number where that is a line.
 pub trait Linear:
     Copy
+    + Send
+    + Sync
     + Debug
     + PartialEq
     + Default
@@ -40,6 +42,8 @@ pub trait Linear:
 
 impl<T> Linear for T where
     T: Copy
+        + Send
+        + Sync
         + Debug
         + PartialEq
         + Default
@@ -56,7 +60,7 @@ impl<T> Linear for T where
 
 /// An array `[T; N]` whose N depends on the space.
 pub trait FixedArray<T>:
-    Copy + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
+    Copy + Send + Sync + AsRef<[T]> + AsMut<[T]> + Index<usize, Output = T> + IndexMut<usize>
 {
     /// The value N times.
     fn each(value: T) -> Self;
@@ -74,7 +78,7 @@ pub trait FixedArray<T>:
     fn flat_mut(arrays: &mut [Self]) -> &mut [T];
 }
 
-impl<T: Copy, const N: usize> FixedArray<T> for [T; N] {
+impl<T: Copy + Send + Sync, const N: usize> FixedArray<T> for [T; N] {
     #[inline(always)]
     fn each(value: T) -> Self {
         [value; N]
@@ -127,6 +131,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     type Point: FixedArray<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// An image of the cell, by the number of cells along each axis.
     type Image: Copy
+        + Send
+        + Sync
         + Debug
         + PartialEq
         + Default
@@ -139,17 +145,24 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Slip, friction: vectors perpendicular to the line of centres.
     type Tangent: Linear + Serialize + DeserializeOwned;
     /// Orientation.
-    type Orientation: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
+    type Orientation: Copy
+        + Send
+        + Sync
+        + Debug
+        + Default
+        + PartialEq
+        + Serialize
+        + DeserializeOwned;
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// A traceless tensor, see [`Space::tensor`].
     type Tensor: FixedArray<f64> + Debug + PartialEq + Default;
     /// A value per velocity of a sphere.
-    type PerMode<T: Copy>: FixedArray<T>;
+    type PerMode<T: Copy + Send + Sync>: FixedArray<T>;
     /// A value per velocity and strain of a sphere, `(U, Ω, e)`.
-    type PerAnyMode<T: Copy>: FixedArray<T>;
+    type PerAnyMode<T: Copy + Send + Sync>: FixedArray<T>;
     /// A value per component of a slip.
-    type PerTangent<T: Copy>: FixedArray<T>;
+    type PerTangent<T: Copy + Send + Sync>: FixedArray<T>;
     /// Weights of the velocities of two spheres.
     type Weights: FixedArray<f64> + Debug + PartialEq;
     /// Forces and torques of a sphere from velocities of one, by columns.
@@ -172,19 +185,19 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
 
     /// The value, once for each velocity of a sphere.
     #[inline(always)]
-    fn each<T: Copy>(value: T) -> Self::PerMode<T> {
+    fn each<T: Copy + Send + Sync>(value: T) -> Self::PerMode<T> {
         FixedArray::each(value)
     }
 
     /// Splits a list of the velocities of all spheres by sphere.
     #[inline(always)]
-    fn by_sphere<T: Copy>(list: &[T]) -> &[Self::PerMode<T>] {
+    fn by_sphere<T: Copy + Send + Sync>(list: &[T]) -> &[Self::PerMode<T>] {
         FixedArray::chunks(list)
     }
 
     /// Splits a mutable list of the velocities of all spheres by sphere.
     #[inline(always)]
-    fn by_sphere_mut<T: Copy>(list: &mut [T]) -> &mut [Self::PerMode<T>] {
+    fn by_sphere_mut<T: Copy + Send + Sync>(list: &mut [T]) -> &mut [Self::PerMode<T>] {
         FixedArray::chunks_mut(list)
     }
 
@@ -242,7 +255,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
 
     /// The value, once for each component of a slip.
     #[inline(always)]
-    fn each_tangent<T: Copy>(value: T) -> Self::PerTangent<T> {
+    fn each_tangent<T: Copy + Send + Sync>(value: T) -> Self::PerTangent<T> {
         FixedArray::each(value)
     }
 

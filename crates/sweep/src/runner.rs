@@ -1,5 +1,5 @@
-//! Computes the cases of a store in a bounded pool, one case per thread, until none is left or a
-//! signal stops it.
+//! Computes the cases of a store with a bounded number of threads, each case by one or more of its
+//! own, until none is left or a signal stops it.
 
 mod campaign;
 mod compute;
@@ -18,7 +18,7 @@ use crate::model::protocol::Protocol;
 use crate::near_field_cache;
 use crate::store::{Claim, Store, StoreError};
 use crate::system::lock;
-use sd_core::NearFields;
+use sd_core::{NearFields, Threads};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -53,10 +53,9 @@ pub trait RunObserver: Sync {
 /// Options of a run.
 #[derive(Clone, Copy)]
 pub struct Options<'o> {
-    /// Cases computed in parallel, one thread each.
+    /// Cases computed in parallel.
     pub workers: usize,
-    /// Number of threads, at least the number of cases: idle threads help to fill and to factor
-    /// large matrices.
+    /// Number of threads of all of them together: each case has an equal share, at least one.
     pub threads: usize,
     /// Computing time after which a case ends as failed; by default a multiple of its estimate.
     pub wall_limit: Option<Duration>,
@@ -108,24 +107,22 @@ fn run(
     tables: &NearFields,
     options: Options<'_>,
 ) -> Result<(), RunnerError> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
-        .thread_name(|number| format!("worker {number}"))
-        .build()
-        .map_err(|error| RunnerError::Start {
-            what: "threads",
-            reason: error.to_string(),
-        })?;
+    let start = |_| Threads::new(options.threads / options.workers.max(1));
+    let teams = (0..options.workers).map(start).collect::<Result<_, _>>();
+    let teams: Vec<Threads> = teams.map_err(|error| RunnerError::Start {
+        what: "threads",
+        reason: error.to_string(),
+    })?;
     panics::capture_in_workers();
     options.stop.set_running(true);
-    let result = run_in(&pool, store, protocol, tables, options);
+    let result = run_in(&teams, store, protocol, tables, options);
     options.stop.set_running(false);
     result
 }
 
-/// [`run`] in a pool.
+/// [`run`] with the threads of each worker.
 fn run_in(
-    pool: &rayon::ThreadPool,
+    teams: &[Threads],
     store: &mut Store,
     protocol: &Protocol,
     tables: &NearFields,
@@ -145,11 +142,11 @@ fn run_in(
         working: AtomicUsize::new(options.workers),
         computing: AtomicUsize::new(0),
     };
-    pool.in_place_scope(|scope| {
-        for worker in 0..options.workers {
+    std::thread::scope(|scope| {
+        for (worker, team) in teams.iter().enumerate() {
             let shared = &shared;
-            scope.spawn(move |_| {
-                shared.work(worker);
+            scope.spawn(move || {
+                team.run(|| shared.work(worker));
                 shared.working.fetch_sub(1, Ordering::Release);
             });
         }

@@ -85,9 +85,9 @@ impl Space for Bulk {
     type Orientation = Quaternion;
     type Strain = Strain;
     type Tensor = [f64; 5];
-    type PerMode<T: Copy> = [T; 6];
-    type PerAnyMode<T: Copy> = [T; 11];
-    type PerTangent<T: Copy> = [T; 2];
+    type PerMode<T: Copy + Send + Sync> = [T; 6];
+    type PerAnyMode<T: Copy + Send + Sync> = [T; 11];
+    type PerTangent<T: Copy + Send + Sync> = [T; 2];
     type Weights = [f64; 12];
     type Block = [f64; 36];
 

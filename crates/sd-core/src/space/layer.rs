@@ -28,9 +28,9 @@ impl Space for Layer {
     /// `(e1, e2, e3)`, see [`crate::modes`].
     type Strain = Vector3<f64>;
     type Tensor = [f64; 3];
-    type PerMode<T: Copy> = [T; 3];
-    type PerAnyMode<T: Copy> = [T; 6];
-    type PerTangent<T: Copy> = [T; 1];
+    type PerMode<T: Copy + Send + Sync> = [T; 3];
+    type PerAnyMode<T: Copy + Send + Sync> = [T; 6];
+    type PerTangent<T: Copy + Send + Sync> = [T; 1];
     type Weights = [f64; 6];
     type Block = [f64; 9];
 

@@ -30,3 +30,4 @@ mod sizes;
 mod soft_spheres;
 mod stresses;
 mod suspensions;
+mod threads;

@@ -4,6 +4,7 @@ use super::Output;
 use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::store::{Store, StoreSource};
+use crate::text::format::counted;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -123,6 +124,57 @@ impl WorkersArgument {
     }
 }
 
+/// How many threads each case has.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ThreadsArgument {
+    /// Threads that compute one case together, with the same bits: for large systems [default: one,
+    /// or more where there are fewer cases than cores]
+    #[arg(long, value_name = "N", value_parser = workers)]
+    threads_per_run: Option<NonZeroUsize>,
+}
+
+impl ThreadsArgument {
+    /// Cases in parallel and threads in all, which are no more than the cores unless more cases are
+    /// asked for; also a note where less is done than was asked for.
+    pub(super) fn shared(
+        &self,
+        workers: &WorkersArgument,
+        cases: usize,
+    ) -> (usize, usize, Option<String>) {
+        let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        share(cores, workers.workers, self.threads_per_run, cases)
+    }
+}
+
+/// [`ThreadsArgument::shared`] on a number of cores.
+fn share(
+    cores: usize,
+    workers: Option<NonZeroUsize>,
+    per_run: Option<NonZeroUsize>,
+    cases: usize,
+) -> (usize, usize, Option<String>) {
+    let cases = cases.max(1);
+    let Some(wanted) = per_run.map(NonZeroUsize::get) else {
+        let asked = workers.map_or(cores, NonZeroUsize::get);
+        let workers = asked.min(cases);
+        let per_run = (asked.min(cores) / workers).max(1);
+        return (workers, workers * per_run, None);
+    };
+    let per_run = wanted.min(cores);
+    let most = cores / per_run;
+    let asked = workers.map_or(most, NonZeroUsize::get).min(cases);
+    let workers = asked.min(most);
+    let note = (wanted > per_run || asked > workers).then(|| {
+        format!(
+            "the machine has {}: {} in parallel with {} each",
+            counted(cores, "core"),
+            counted(workers, "case"),
+            counted(per_run, "thread")
+        )
+    });
+    (workers, workers * per_run, note)
+}
+
 /// Whether a name is that of a campaign file.
 pub(crate) fn is_campaign_file(path: &Path) -> bool {
     path.extension()
@@ -168,4 +220,32 @@ pub(super) fn last_run(store: &Path, last: &Path, file: &Path) -> String {
         )
     };
     format!("the store {} was last run {what}", store.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cases_times_threads_never_exceed_the_cores() {
+        let some = NonZeroUsize::new;
+        // Cores, workers, threads per run, cases: workers and all threads, whether with a note.
+        for ((cores, workers, per_run, cases), (expected, threads, notes)) in [
+            ((8, None, None, 100), (8, 8, false)),
+            ((8, None, None, 3), (3, 6, false)),
+            ((8, None, None, 1), (1, 8, false)),
+            ((8, some(2), None, 1), (1, 2, false)),
+            ((8, some(16), None, 100), (16, 16, false)),
+            ((8, some(16), None, 1), (1, 8, false)),
+            ((8, None, some(3), 100), (2, 6, false)),
+            ((8, None, some(4), 1), (1, 4, false)),
+            ((8, some(4), some(4), 100), (2, 8, true)),
+            ((8, some(4), some(4), 2), (2, 8, false)),
+            ((2, None, some(16), 5), (1, 2, true)),
+            ((1, None, some(2), 1), (1, 1, true)),
+        ] {
+            let (found, all, note) = share(cores, workers, per_run, cases);
+            assert_eq!((found, all, note.is_some()), (expected, threads, notes));
+        }
+    }
 }

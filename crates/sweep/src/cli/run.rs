@@ -3,7 +3,7 @@
 mod task;
 
 use super::Output;
-use super::place::{WorkersArgument, print_warning, store_of};
+use super::place::{ThreadsArgument, WorkersArgument, print_warning, store_of};
 use super::words::choice;
 use crate::cluster::status::jobs;
 use crate::cluster::task::TaskOf;
@@ -45,6 +45,8 @@ pub(crate) struct Arguments {
     store: Option<PathBuf>,
     #[command(flatten)]
     workers: WorkersArgument,
+    #[command(flatten)]
+    threads: ThreadsArgument,
     /// Compute failed cases again
     #[arg(long)]
     retry_failed: bool,
@@ -256,8 +258,11 @@ fn compute(
     (stop, observer): (&Stop, Option<&dyn RunObserver>),
     style: Style,
 ) -> Result<Counts, Error> {
-    let threads = arguments.workers.or_all();
-    let workers = threads.min(campaign.cases.len());
+    let cases = campaign.cases.len();
+    let (workers, threads, note) = arguments.threads.shared(&arguments.workers, cases);
+    if let Some(note) = note {
+        style.note(&note);
+    }
     let progress = Progress::new(style, workers, Box::new(std::io::stderr()));
     let options = Options {
         workers,

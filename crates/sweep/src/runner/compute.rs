@@ -241,13 +241,14 @@ impl Workers<'_> {
         Ok(None)
     }
 
-    /// A clock for one run. A single run uses all threads of the process; otherwise each run uses
-    /// one thread.
+    /// A clock for one run, of all its threads.
     fn clock(&self) -> Clock {
         if self.options.workers == 1 {
             Clock::of_process()
-        } else {
+        } else if self.options.threads < 2 * self.options.workers {
             Clock::of_thread()
+        } else {
+            Clock::of_pool()
         }
     }
 

@@ -24,25 +24,39 @@ impl Add for ElapsedTime {
     }
 }
 
+/// Whose CPU time is measured.
+#[derive(Clone, Copy)]
+enum Processor {
+    Thread,
+    /// All threads of the pool that this thread belongs to.
+    Pool,
+    Process,
+}
+
 /// A clock that starts when created.
 pub(crate) struct Clock {
     begun: Instant,
-    processor: ClockId,
+    processor: Processor,
     processor_at_start_s: f64,
 }
 
 impl Clock {
     /// CPU time of this thread.
     pub(crate) fn of_thread() -> Self {
-        Self::of(ClockId::ThreadCPUTime)
+        Self::of(Processor::Thread)
+    }
+
+    /// CPU time of all threads of the pool that this one belongs to.
+    pub(crate) fn of_pool() -> Self {
+        Self::of(Processor::Pool)
     }
 
     /// CPU time of all threads of this process.
     pub(crate) fn of_process() -> Self {
-        Self::of(ClockId::ProcessCPUTime)
+        Self::of(Processor::Process)
     }
 
-    fn of(processor: ClockId) -> Self {
+    fn of(processor: Processor) -> Self {
         Self {
             begun: Instant::now(),
             processor,
@@ -69,10 +83,19 @@ impl Clock {
     }
 }
 
-/// Reads a clock.
-fn seconds(clock: ClockId) -> f64 {
-    let time = clock_gettime(clock);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+/// CPU seconds so far.
+fn seconds(processor: Processor) -> f64 {
+    let read = |clock| {
+        let time = clock_gettime(clock);
+        time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+    };
+    match processor {
+        Processor::Thread => read(ClockId::ThreadCPUTime),
+        Processor::Pool => rayon::broadcast(|_| read(ClockId::ThreadCPUTime))
+            .iter()
+            .sum(),
+        Processor::Process => read(ClockId::ProcessCPUTime),
+    }
 }
 
 #[cfg(test)]

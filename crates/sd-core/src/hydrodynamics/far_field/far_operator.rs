@@ -12,22 +12,29 @@ use super::suspension::dense_mobility;
 use super::wave_grid::{Grid, sampling};
 use super::{Splitting, check, check_content, wave_space};
 use crate::error::Error;
-use crate::hydrodynamics::free_space::coupling::{Coupling, Lanes, MODES, Modes};
+use crate::hydrodynamics::free_space::coupling::{Coupling, Lanes, MODES, Modes, both};
 use crate::hydrodynamics::free_space::kernels::{self, FiniteSize};
 use crate::hydrodynamics::free_space::planar::{RadialChain, pair_lanes};
 use crate::hydrodynamics::free_space::spatial::{couplings, finite_size, self_mobility};
+use crate::hydrodynamics::resistance::{LEAST_SPHERES, for_pairs_of, list_starts, part_of};
 use crate::linalg::simd::vectorised;
 use crate::space::cell::{Cell, Lattice};
 use crate::space::modes::{ModeBlock, Vec2};
 use crate::space::neighbours::NeighbourList;
+use crate::space::pair::Neighbours;
 use crate::space::{Bulk, FixedArray, Layer, Space};
+use crate::threads;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
+use std::ops::Range;
+
+/// Fewest pairs for which a thread computes blocks.
+const LEAST_PAIRS: usize = 2000;
 
 /// The parts of the mobility that differ between layers and suspensions.
 pub trait FarSpace: Space {
     /// A value for each component of a vector.
-    type PerComponent<T: Copy>: FixedArray<T>;
+    type PerComponent<T: Copy + Send + Sync>: FixedArray<T>;
     /// The short-ranged part of M in a periodic cell.
     type NearPart: NearPart<Self>;
     /// Measured nanoseconds of a near pair in an application.
@@ -55,9 +62,9 @@ pub trait FarSpace: Space {
 }
 
 /// The short-ranged part of M in a periodic cell.
-pub trait NearPart<S: FarSpace>: Sized {
+pub trait NearPart<S: FarSpace>: Sized + Send + Sync {
     /// What a pair adds to M.
-    type Block: Copy;
+    type Block: Copy + Send + Sync;
 
     /// The part for one splitting of the sums.
     fn new(splitting: Splitting, radii: &[f64], tolerance: f64) -> Self;
@@ -68,48 +75,111 @@ pub trait NearPart<S: FarSpace>: Sized {
     /// The block of sphere i from sphere j in unbounded fluid.
     fn unbounded(x: &S::Vector, i: &FiniteSize, j: &FiniteSize) -> Self::Block;
 
-    /// Adds the product of a block, and of its transpose, with the modes of both spheres.
-    fn add(
+    /// Adds to the modes of the first sphere the product of a block with those of the second.
+    fn add_to_first(
         block: &Self::Block,
-        of_i: &S::PerAnyMode<f64>,
-        of_j: &S::PerAnyMode<f64>,
-        to_i: &mut S::PerAnyMode<f64>,
-        to_j: &mut S::PerAnyMode<f64>,
+        of_second: &S::PerAnyMode<f64>,
+        to_first: &mut S::PerAnyMode<f64>,
     );
 
-    /// Adds the products of all pairs with vectors of `spheres` spheres, one after another; `work`
-    /// is workspace.
-    #[inline(always)]
+    /// Adds to the modes of the second sphere the product of the transpose with those of the first.
+    fn add_to_second(
+        block: &Self::Block,
+        of_first: &S::PerAnyMode<f64>,
+        to_second: &mut S::PerAnyMode<f64>,
+    );
+
+    /// Adds the products of all pairs with vectors of as many spheres, one after another.
     fn add_all(
-        pairs: &[NearPair<S>],
-        spheres: usize,
+        pairs: &NearPairs<S>,
         x: &[S::PerAnyMode<f64>],
         y: &mut [S::PerAnyMode<f64>],
-        _work: &mut Vec<[S::PerAnyMode<[f64; 2]>; 2]>,
+        _: &mut SideBySide<S>,
     ) {
-        add_one_by_one::<S>(pairs, spheres, x, y);
+        add_one_by_one::<S>(pairs, x, y);
     }
 }
 
-/// As [`NearPart::add_all`], vector by vector and sphere by sphere.
+/// The block of a pair.
 #[inline(always)]
+fn near_pair<S: FarSpace>(
+    near: &S::NearPart,
+    sizes: &[FiniteSize],
+    pair: &Neighbours<S>,
+) -> NearPair<S> {
+    let (i, j) = (pair.i, pair.j);
+    let x = -(pair.normal * pair.distance);
+    (i, j, near.block(&x, &sizes[i], &sizes[j]))
+}
+
+/// As [`NearPart::add_all`], vector by vector.
 fn add_one_by_one<S: FarSpace>(
-    pairs: &[NearPair<S>],
-    spheres: usize,
+    pairs: &NearPairs<S>,
     x: &[S::PerAnyMode<f64>],
     y: &mut [S::PerAnyMode<f64>],
 ) {
-    for (i, j, block) in pairs {
-        let (i, j) = (*i, *j);
-        for (x, y) in x.chunks_exact(spheres).zip(y.chunks_exact_mut(spheres)) {
-            let (mut to_i, mut to_j) = (y[i], FixedArray::each(0.0));
-            S::NearPart::add(block, &x[i], &x[j], &mut to_i, &mut to_j);
-            y[i] = to_i;
-            for k in 0..S::ALL_MODES {
-                y[j][k] += to_j[k];
-            }
-        }
+    let spheres = pairs.spheres();
+    for (x, y) in x.chunks_exact(spheres).zip(y.chunks_exact_mut(spheres)) {
+        threads::divide(y, LEAST_SPHERES, &|first, y| {
+            let range = first..first + y.len();
+            vectorised(
+                #[inline(always)]
+                || {
+                    pairs.for_pairs_of(
+                        &range,
+                        #[inline(always)]
+                        |(i, j, block), [has_i, has_j]| {
+                            let (i, j) = (*i, *j);
+                            if has_i {
+                                let mut to_i = y[i - first];
+                                S::NearPart::add_to_first(block, &x[j], &mut to_i);
+                                y[i - first] = to_i;
+                            }
+                            if has_j {
+                                let mut to_j = FixedArray::each(0.0);
+                                S::NearPart::add_to_second(block, &x[i], &mut to_j);
+                                for k in 0..S::ALL_MODES {
+                                    y[j - first][k] += to_j[k];
+                                }
+                            }
+                        },
+                    );
+                },
+            );
+        });
     }
+}
+
+/// Near pairs, ordered by (i, j); a pair has an entry for each image in range.
+pub struct NearPairs<S: FarSpace> {
+    list: Vec<NearPair<S>>,
+    /// Where those of each first sphere start, then their number.
+    starts: Vec<usize>,
+}
+
+impl<S: FarSpace> NearPairs<S> {
+    fn spheres(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Visits the pairs that have a sphere in a range: see [`for_pairs_of`].
+    #[inline(always)]
+    fn for_pairs_of(&self, range: &Range<usize>, mut visit: impl FnMut(&NearPair<S>, [bool; 2])) {
+        let second = |at: usize| self.list[at].1;
+        for_pairs_of(
+            range,
+            &self.starts,
+            second,
+            #[inline(always)]
+            |at, has| visit(&self.list[at], has),
+        );
+    }
+}
+
+/// Two vectors sphere by sphere, and their products.
+pub struct SideBySide<S: FarSpace> {
+    vectors: Vec<S::PerAnyMode<[f64; 2]>>,
+    products: Vec<S::PerAnyMode<[f64; 2]>>,
 }
 
 /// The block of sphere i from sphere j.
@@ -125,11 +195,10 @@ pub(crate) struct FarOperator<S: FarSpace> {
     sizes: Vec<FiniteSize>,
     /// The sums over images; `None` in unbounded fluid.
     periodic: Option<Periodic<S>>,
-    pairs: Vec<NearPair<S>>,
+    pairs: NearPairs<S>,
     /// Self mobility minus the grid's part of a sphere's own image: a diagonal.
     own: Vec<S::PerAnyMode<f64>>,
-    /// Two vectors sphere by sphere, and their products.
-    work: Vec<[S::PerAnyMode<[f64; 2]>; 2]>,
+    work: SideBySide<S>,
 }
 
 /// The sums over all images.
@@ -220,9 +289,15 @@ impl<S: FarSpace> FarOperator<S> {
         });
         Ok(Self {
             periodic,
-            pairs: Vec::new(),
+            pairs: NearPairs {
+                list: Vec::new(),
+                starts: vec![0; sizes.len() + 1],
+            },
             own: own.collect(),
-            work: Vec::with_capacity(sizes.len()),
+            work: SideBySide {
+                vectors: vec![FixedArray::each([0.0; 2]); sizes.len()],
+                products: vec![FixedArray::each([0.0; 2]); sizes.len()],
+            },
             sizes,
         })
     }
@@ -251,15 +326,20 @@ impl<S: FarSpace> FarOperator<S> {
         }
         let planned = self.periodic.as_ref();
         check_content(cell, planned.map(|periodic| periodic.content))?;
-        let (pairs, sizes) = (&mut self.pairs, &self.sizes);
-        pairs.clear();
+        let (all, sizes) = (&mut self.pairs, &self.sizes);
+        let (pairs, starts) = (&mut all.list, &mut all.starts);
+        let n = centres.len();
+        let list_starts =
+            |pairs: &[NearPair<S>], starts| list_starts(n, pairs.iter().map(|pair| pair.0), starts);
         let (Some(periodic), Some(lattice)) = (&mut self.periodic, cell.lattice()) else {
+            pairs.clear();
             for i in 0..centres.len() {
                 pairs.extend((i + 1..centres.len()).map(|j| {
                     let x = centres[i] - centres[j];
                     (i, j, S::NearPart::unbounded(&x, &sizes[i], &sizes[j]))
                 }));
             }
+            list_starts(pairs, starts);
             return Ok(());
         };
         let Periodic {
@@ -271,21 +351,30 @@ impl<S: FarSpace> FarOperator<S> {
             ..
         } = periodic;
         grid.update(lattice, centres);
-        let is_within_one_image = is_within_one_image(*reach, lattice);
-        if is_within_one_image {
+        if is_within_one_image(*reach, lattice) {
             list.find(cell, centres, units, *reach);
+            let found = list.pairs();
+            pairs.truncate(found.len());
+            if let Some(first) = found.first() {
+                pairs.resize(found.len(), near_pair(near, sizes, first));
+            }
+            threads::divide(pairs, LEAST_PAIRS, &|first, pairs| {
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        for (pair, found) in pairs.iter_mut().zip(&found[first..]) {
+                            *pair = near_pair(near, sizes, found);
+                        }
+                    },
+                );
+            });
+            list_starts(pairs, starts);
+            return Ok(());
         }
+        pairs.clear();
         vectorised(
             #[inline(always)]
             || {
-                if is_within_one_image {
-                    pairs.extend(list.pairs().iter().map(|pair| {
-                        let x = -(pair.normal * pair.distance);
-                        let (i, j) = (pair.i, pair.j);
-                        (i, j, near.block(&x, &sizes[i], &sizes[j]))
-                    }));
-                    return;
-                }
                 // In small or thin cells a sphere has several images of another, and of itself, in
                 // range. Of its own images, each pair of opposite ones counts once.
                 for i in 0..centres.len() {
@@ -298,6 +387,7 @@ impl<S: FarSpace> FarOperator<S> {
                 }
             },
         );
+        list_starts(pairs, starts);
         Ok(())
     }
 
@@ -317,12 +407,7 @@ impl<S: FarSpace> FarOperator<S> {
                 }
             }
         }
-        vectorised(
-            #[inline(always)]
-            || {
-                S::NearPart::add_all(pairs, n, x, y, work);
-            },
-        );
+        S::NearPart::add_all(pairs, x, y, work);
         if let Some(periodic) = &mut self.periodic {
             for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
                 periodic.grid.add(x, y);
@@ -332,7 +417,7 @@ impl<S: FarSpace> FarOperator<S> {
 }
 
 impl FarSpace for Layer {
-    type PerComponent<T: Copy> = [T; 2];
+    type PerComponent<T: Copy + Send + Sync> = [T; 2];
     type NearPart = RealSpace;
     const PAIR_COST: f64 = 25.0;
     const GRID_COSTS: [f64; 2] = [2.0, 10.0];
@@ -391,26 +476,26 @@ impl NearPart<Layer> for RealSpace {
     }
 
     #[inline(always)]
-    fn add(
-        block: &ModeBlock,
-        of_i: &[f64; 6],
-        of_j: &[f64; 6],
-        to_i: &mut [f64; 6],
-        to_j: &mut [f64; 6],
-    ) {
+    fn add_to_first(block: &ModeBlock, of_second: &[f64; 6], to_first: &mut [f64; 6]) {
         for (c, column) in block.data.0.iter().enumerate() {
             for r in 0..6 {
-                to_i[r] = column[r].mul_add(of_j[c], to_i[r]);
+                to_first[r] = column[r].mul_add(of_second[c], to_first[r]);
             }
-            to_j[c] += (column[0] * of_i[0] + column[1] * of_i[1])
-                + (column[2] * of_i[2] + column[3] * of_i[3])
-                + (column[4] * of_i[4] + column[5] * of_i[5]);
+        }
+    }
+
+    #[inline(always)]
+    fn add_to_second(block: &ModeBlock, of_first: &[f64; 6], to_second: &mut [f64; 6]) {
+        for (to, column) in to_second.iter_mut().zip(&block.data.0) {
+            *to += (column[0] * of_first[0] + column[1] * of_first[1])
+                + (column[2] * of_first[2] + column[3] * of_first[3])
+                + (column[4] * of_first[4] + column[5] * of_first[5]);
         }
     }
 }
 
 impl FarSpace for Bulk {
-    type PerComponent<T: Copy> = [T; 3];
+    type PerComponent<T: Copy + Send + Sync> = [T; 3];
     type NearPart = Screened;
     const PAIR_COST: f64 = 18.0;
     const GRID_COSTS: [f64; 2] = [2.4, 21.0];
@@ -484,64 +569,121 @@ impl NearPart<Bulk> for Screened {
     }
 
     #[inline(always)]
-    fn add(block: &Directed, of_i: &Modes, of_j: &Modes, to_i: &mut Modes, to_j: &mut Modes) {
-        let Directed { normal, coupling } = block;
-        coupling.add(normal, of_j, to_i);
-        coupling.transposed().add(normal, of_i, to_j);
+    fn add_to_first(block: &Directed, of_second: &Modes, to_first: &mut Modes) {
+        block.coupling.add(&block.normal, of_second, to_first);
     }
 
-    /// Two vectors, and both spheres of a pair, are multiplied side by side.
     #[inline(always)]
-    fn add_all(
-        pairs: &[NearPair<Bulk>],
-        spheres: usize,
-        x: &[Modes],
-        y: &mut [Modes],
-        work: &mut Vec<[[[f64; 2]; MODES]; 2]>,
-    ) {
+    fn add_to_second(block: &Directed, of_first: &Modes, to_second: &mut Modes) {
+        let coupling = block.coupling.transposed();
+        coupling.add(&block.normal, of_first, to_second);
+    }
+
+    /// Two vectors are multiplied side by side, for both spheres of a pair, or for two pairs of
+    /// which only one sphere is computed.
+    fn add_all(pairs: &NearPairs<Bulk>, x: &[Modes], y: &mut [Modes], work: &mut SideBySide<Bulk>) {
+        let spheres = pairs.spheres();
         if x.len() != 2 * spheres {
-            return add_one_by_one::<Bulk>(pairs, spheres, x, y);
+            return add_one_by_one::<Bulk>(pairs, x, y);
         }
-        work.clear();
+        let SideBySide { vectors, products } = work;
         let (first, second) = x.split_at(spheres);
-        work.extend(first.iter().zip(second).map(|(first, second)| {
-            let mut both = [[0.0; 2]; MODES];
+        for ((both, first), second) in vectors.iter_mut().zip(first).zip(second) {
             for k in 0..MODES {
                 both[k] = [first[k], second[k]];
             }
-            [both, [[0.0; 2]; MODES]]
-        }));
-        for (i, j, Directed { normal, coupling }) in pairs {
-            let (of_i, of_j) = (work[*i][0], work[*j][0]);
-            let none = Lanes([0.0; 4]);
-            let (mut of, mut to) = ([none; MODES], [none; MODES]);
-            for k in 0..MODES {
-                of[k] = Lanes([of_j[k][0], of_j[k][1], of_i[k][0], of_i[k][1]]);
-            }
-            let n = [
-                Lanes([normal.x; 4]),
-                Lanes([normal.y; 4]),
-                Lanes([normal.z; 4]),
-            ];
-            coupling.there_and_back().add_product(&n, &of, &mut to);
-            let to_i = &mut work[*i][1];
-            for k in 0..MODES {
-                to_i[k][0] += to[k].0[0];
-                to_i[k][1] += to[k].0[1];
-            }
-            let to_j = &mut work[*j][1];
-            for k in 0..MODES {
-                to_j[k][0] += to[k].0[2];
-                to_j[k][1] += to[k].0[3];
-            }
         }
+        let vectors = &*vectors;
+        threads::divide(products, LEAST_SPHERES, &|first, products| {
+            vectorised(
+                #[inline(always)]
+                || multiply_side_by_side(pairs, vectors, first, products),
+            );
+        });
         let (first, second) = y.split_at_mut(spheres);
-        for (([_, products], first), second) in work.iter().zip(first).zip(second) {
+        for ((products, first), second) in products.iter().zip(first).zip(second) {
             for k in 0..MODES {
                 first[k] += products[k][0];
                 second[k] += products[k][1];
             }
         }
+    }
+}
+
+/// Computes the products of two vectors for the spheres from `first` on: for both spheres of a pair
+/// side by side, or for two pairs of which only one sphere is among them.
+#[inline(always)]
+fn multiply_side_by_side(
+    pairs: &NearPairs<Bulk>,
+    vectors: &[[[f64; 2]; MODES]],
+    first: usize,
+    products: &mut [[[f64; 2]; MODES]],
+) {
+    let end = first + products.len();
+    products.fill([[0.0; 2]; MODES]);
+    let second = |at: usize| pairs.list[at].1;
+    for (i, v) in vectors.iter().enumerate().take(first) {
+        let all = pairs.starts[i]..pairs.starts[i + 1];
+        let mut own = part_of(all, second, first, end);
+        while let Some(at) = own.next() {
+            let next = own.next();
+            let [(_, j, a), (_, other, b)] = [at, next.unwrap_or(at)].map(|at| &pairs.list[at]);
+            let both = Coupling::side_by_side(&a.coupling.transposed(), &b.coupling.transposed());
+            let product = product_side_by_side([&a.normal, &b.normal], &both, [v, v]);
+            add_half(&product, 0, &mut products[j - first]);
+            if next.is_some() {
+                add_half(&product, 2, &mut products[other - first]);
+            }
+        }
+    }
+    for i in first..end {
+        let all = pairs.starts[i]..pairs.starts[i + 1];
+        let within = part_of(all.clone(), second, 0, end);
+        let mut beyond = within.end..all.end;
+        for (_, j, Directed { normal, coupling }) in &pairs.list[within] {
+            let both = Coupling::side_by_side(coupling, &coupling.transposed());
+            let of = [&vectors[*j], &vectors[i]];
+            let product = product_side_by_side([normal; 2], &both, of);
+            add_half(&product, 0, &mut products[i - first]);
+            add_half(&product, 2, &mut products[j - first]);
+        }
+        while let Some(at) = beyond.next() {
+            let next = beyond.next();
+            let [(_, j, a), (_, other, b)] = [at, next.unwrap_or(at)].map(|at| &pairs.list[at]);
+            let both = Coupling::side_by_side(&a.coupling, &b.coupling);
+            let of = [&vectors[*j], &vectors[*other]];
+            let product = product_side_by_side([&a.normal, &b.normal], &both, of);
+            add_half(&product, 0, &mut products[i - first]);
+            if next.is_some() {
+                add_half(&product, 2, &mut products[i - first]);
+            }
+        }
+    }
+}
+
+/// The products of two couplings with two vectors.
+#[inline(always)]
+fn product_side_by_side(
+    [a, b]: [&Vector3<f64>; 2],
+    coupling: &Coupling<Lanes>,
+    [of_a, of_b]: [&[[f64; 2]; MODES]; 2],
+) -> [Lanes; MODES] {
+    let none = Lanes([0.0; 4]);
+    let (mut of, mut to) = ([none; MODES], [none; MODES]);
+    for k in 0..MODES {
+        of[k] = Lanes([of_a[k][0], of_a[k][1], of_b[k][0], of_b[k][1]]);
+    }
+    let n = [both(a.x, b.x), both(a.y, b.y), both(a.z, b.z)];
+    coupling.add_product(&n, &of, &mut to);
+    to
+}
+
+/// Adds one of two products, by its first lane.
+#[inline(always)]
+fn add_half(product: &[Lanes; MODES], lane: usize, to: &mut [[f64; 2]; MODES]) {
+    for k in 0..MODES {
+        to[k][0] += product[k].0[lane];
+        to[k][1] += product[k].0[lane + 1];
     }
 }
 

@@ -21,19 +21,27 @@ use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
 use crate::space::FixedArray;
 use crate::space::cell::Lattice;
+use crate::threads;
 use axis::{Axis, Sampling, WIDEST, Window, highest, plan_axes};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// Lines of the grid transformed together.
 const LINES: usize = 8;
+/// Planes of the grid that a line is copied to together.
+const PLANES: usize = 8;
+/// Fewest planes (in a layer, lines) of the grid, fewest pairs of its lines, and fewest spheres
+/// that a thread computes.
+const LEAST_SLABS: usize = 4;
+const LEAST_BLOCKS: usize = 16;
+const LEAST_SPHERES: usize = 100;
 
 /// P and Q of each component at a point, then u and v.
 type Fields<S> = <S as FarSpace>::PerComponent<[f64; 2]>;
 
 /// One of a pair of opposite wave vectors within the cut-off.
 struct Wave {
-    /// Index of the wave vector in the grid, and that of its opposite.
+    /// Places of the wave vector and of its opposite in a block of lines, for the first component.
     places: [usize; 2],
     /// The wave vector, in 1/a.
     k: [f64; 3],
@@ -41,7 +49,20 @@ struct Wave {
     kernel: [f64; 3],
 }
 
+/// Workspace of a thread for transforms.
+#[derive(Default)]
+struct Work {
+    /// Lines being transformed.
+    lines: Vec<Complex64>,
+    scratch: Vec<Complex64>,
+}
+
 /// The wave part, planned for radii, a splitting parameter and a cut-off.
+///
+/// The grid is stored by slabs: planes across the last coordinate, in a layer lines. What is done
+/// along the other coordinates stays within a slab. Lines along the last coordinate are transformed
+/// in a copy, each in a block with the line of the opposite wave numbers, in which all pairs of
+/// opposite wave vectors are.
 pub(super) struct Grid<S: FarSpace> {
     splitting: Splitting,
     sizes: Vec<FiniteSize>,
@@ -54,16 +75,22 @@ pub(super) struct Grid<S: FarSpace> {
     slopes: [[f64; 3]; 3],
     windows: Vec<S::PerComponent<Window>>,
     waves: Vec<Wave>,
-    /// Whether a point of the grid is a wave vector within the cut-off.
+    /// Start of the waves of each block, then their number.
+    wave_starts: Vec<usize>,
+    /// Where the lines of the blocks are in a slab. The last block has the line of wave numbers 0,
+    /// twice.
+    lines: Vec<usize>,
+    /// Whether a point of the blocks is a wave vector within the cut-off, line by line.
     is_kept: Vec<bool>,
+    /// The blocks: for each line its components.
+    blocks: Vec<Complex64>,
     /// The first coordinate runs fastest. Each line along it has the points of a window more than
     /// the axis, so that a window never wraps there.
     values: Vec<Fields<S>>,
-    /// Starts of the lines that are transformed along an axis.
-    starts: Vec<usize>,
-    /// Lines being transformed.
-    lines: Vec<Complex64>,
-    scratch: Vec<Complex64>,
+    /// Length of the scratch of transforms.
+    scratch: usize,
+    /// One workspace for each thread.
+    works: Vec<Work>,
 }
 
 impl<S: FarSpace> Grid<S> {
@@ -84,11 +111,13 @@ impl<S: FarSpace> Grid<S> {
             slopes: [[0.0; 3]; 3],
             windows: Vec::with_capacity(sizes.len()),
             waves: Vec::new(),
-            is_kept: Vec::new(),
-            values: Vec::new(),
-            starts: Vec::new(),
+            wave_starts: Vec::new(),
             lines: Vec::new(),
-            scratch: Vec::new(),
+            is_kept: Vec::new(),
+            blocks: Vec::new(),
+            values: Vec::new(),
+            scratch: 0,
+            works: Vec::new(),
         };
         grid.plan(lattice);
         grid
@@ -97,24 +126,28 @@ impl<S: FarSpace> Grid<S> {
     /// Plans the axes, and allocates their points and the scratch of the transforms.
     fn plan(&mut self, lattice: &Lattice<S>) {
         let lengths = lattice.wave_lengths();
-        let scratch;
-        (self.axes, scratch) = plan_axes(
+        (self.axes, self.scratch) = plan_axes(
             &lengths[..S::DIMENSIONS],
             self.splitting.wave,
             self.sampling,
         );
-        let [first, second, third] = self.counts();
-        let zero = Complex64::new(0.0, 0.0);
-        let points = (first + self.sampling.width) * second * third;
-        self.is_kept.resize(points, false);
+        let points = self.slab() * self.last().points;
         self.values.resize(points, FixedArray::each([0.0; 2]));
-        self.starts.reserve(second.max(first) * third.max(second));
-        let longest = first.max(second).max(third);
-        self.lines.resize(S::DIMENSIONS * LINES * longest, zero);
-        self.scratch.resize(scratch, zero);
         let [m, n, l] = self.highest();
         self.waves.clear();
         self.waves.reserve((m + 1) * (2 * n + 1) * (2 * l + 1));
+        let across = if S::DIMENSIONS < 3 { 0 } else { n };
+        let lines = 2 * (m + 1) * (2 * across + 1);
+        for list in [&mut self.wave_starts, &mut self.lines] {
+            list.clear();
+            list.reserve(lines + 1);
+        }
+        let points = lines * self.last().points;
+        self.is_kept.clear();
+        self.is_kept.reserve(points);
+        self.blocks.clear();
+        self.blocks.reserve(S::DIMENSIONS * points);
+        self.works.clear();
     }
 
     /// Points along each coordinate: one where the space has none.
@@ -125,6 +158,30 @@ impl<S: FarSpace> Grid<S> {
     /// Largest wave numbers kept.
     fn highest(&self) -> [usize; 3] {
         std::array::from_fn(|k| self.axes.get(k).map_or(0, |axis| axis.highest))
+    }
+
+    /// The last coordinate.
+    fn last(&self) -> &Axis {
+        &self.axes[S::DIMENSIONS - 1]
+    }
+
+    /// Points of a line along the first coordinate, with those beyond it.
+    fn row(&self) -> usize {
+        self.axes[0].points + self.sampling.width
+    }
+
+    /// Points of a slab.
+    fn slab(&self) -> usize {
+        if S::DIMENSIONS < 3 {
+            self.row()
+        } else {
+            self.row() * self.axes[1].points
+        }
+    }
+
+    /// Numbers of a block of two lines.
+    fn block(&self) -> usize {
+        2 * S::DIMENSIONS * self.last().points
     }
 
     /// Number of grid points.
@@ -151,118 +208,199 @@ impl<S: FarSpace> Grid<S> {
             self.fill_waves(lattice);
         }
         let Self { windows, axes, .. } = self;
-        windows.clear();
-        vectorised(
-            #[inline(always)]
-            || {
-                for x in centres {
-                    let coordinates = lattice.coordinates(x);
-                    let mut of_sphere: S::PerComponent<_> =
-                        FixedArray::each(axes[0].window(coordinates[0]));
-                    for k in 1..S::DIMENSIONS {
-                        of_sphere[k] = axes[k].window(coordinates[k]);
+        if let Some(first) = centres.first() {
+            windows.resize(centres.len(), windows_at(axes, lattice, first));
+        }
+        threads::divide(windows, LEAST_SPHERES, &|first, windows| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (windows, x) in windows.iter_mut().zip(&centres[first..]) {
+                        *windows = windows_at(axes, lattice, x);
                     }
-                    windows.push(of_sphere);
-                }
-            },
-        );
+                },
+            );
+        });
     }
 
-    /// Lists the wave vectors of a lattice within the cut-off, with the transforms of the kernels.
+    /// Lists the wave vectors of a lattice within the cut-off, with the transforms of the kernels,
+    /// by the lines of the grid that they are on.
     fn fill_waves(&mut self, lattice: &Lattice<S>) {
-        let content = lattice.content();
-        let Splitting { alpha, wave, .. } = self.splitting;
-        let [first, second, _] = self.counts();
-        let highest = self.highest().map(usize::cast_signed);
-        let place = |numbers: [isize; 3]| {
-            let [x, y, z] =
-                std::array::from_fn(|k| self.axes.get(k).map_or(0, |axis| axis.index(numbers[k])));
-            (z * second + y) * (first + self.sampling.width) + x
-        };
         self.waves.clear();
-        self.is_kept.fill(false);
-        for l in -highest[2]..=highest[2] {
-            for n in -highest[1]..=highest[1] {
-                for m in 0..=highest[0] {
-                    let k = lattice.wave_vector([m, n, l].map(|x| x as f64));
-                    // Of opposite wave vectors only one.
-                    if m == 0 && (l, n) <= (0, 0) || S::norm_squared(&k) > wave * wave {
-                        continue;
-                    }
-                    let numbers = [m, n, l].map(isize::unsigned_abs);
-                    let axes = self.axes.iter().zip(numbers);
-                    let window: f64 = axes.map(|(axis, number)| axis.correction[number]).product();
-                    let weight = window * window / content;
-                    let places = [place([m, n, l]), place([-m, -n, -l])];
-                    for place in places {
-                        self.is_kept[place] = true;
-                    }
-                    self.waves.push(Wave {
-                        places,
-                        k: components::<S>(&k),
-                        kernel: S::transforms(&k, alpha).map(|b| b * weight),
-                    });
+        self.wave_starts.clear();
+        self.lines.clear();
+        self.is_kept.clear();
+        let [m, n, _] = self.highest().map(usize::cast_signed);
+        let across = if S::DIMENSIONS < 3 { 0 } else { n };
+        for m in 0..=m {
+            for n in -across..=across {
+                // Of opposite lines only one.
+                if (m, n) > (0, 0) {
+                    self.add_block(lattice, [m, n]);
                 }
             }
+        }
+        self.add_block(lattice, [0, 0]);
+        self.wave_starts.push(self.waves.len());
+        let numbers = self.block() * (self.lines.len() / 2);
+        self.blocks.resize(numbers, Complex64::new(0.0, 0.0));
+    }
+
+    /// Adds the block of the line with the first wave numbers (m, n), in a layer (m), if it has
+    /// wave vectors within the cut-off.
+    fn add_block(&mut self, lattice: &Lattice<S>, [m, n]: [isize; 2]) {
+        let Splitting { alpha, wave, .. } = self.splitting;
+        let first_wave = self.waves.len();
+        let points = self.last().points;
+        let highest = self.last().highest.cast_signed();
+        let is_alone = [m, n] == [0, 0];
+        let flags = 2 * points * (self.lines.len() / 2);
+        self.is_kept.resize(flags + 2 * points, false);
+        for l in if is_alone { 1 } else { -highest }..=highest {
+            let numbers = if S::DIMENSIONS < 3 {
+                [m, l, n]
+            } else {
+                [m, n, l]
+            };
+            let k = lattice.wave_vector(numbers.map(|x| x as f64));
+            if S::norm_squared(&k) > wave * wave {
+                continue;
+            }
+            let axes = self.axes.iter().zip(numbers);
+            let window: f64 = axes
+                .map(|(axis, number)| axis.correction[number.unsigned_abs()])
+                .product();
+            let weight = window * window / lattice.content();
+            let [here, there] = [l, -l].map(|l| self.last().index(l));
+            let other = usize::from(!is_alone);
+            self.is_kept[flags + here] = true;
+            self.is_kept[flags + other * points + there] = true;
+            self.waves.push(Wave {
+                places: [here, other * S::DIMENSIONS * points + there],
+                k: components::<S>(&k),
+                kernel: S::transforms(&k, alpha).map(|b| b * weight),
+            });
+        }
+        if first_wave == self.waves.len() && !is_alone {
+            self.is_kept.truncate(flags);
+            return;
+        }
+        self.wave_starts.push(first_wave);
+        for [m, n] in [[m, n], [-m, -n]] {
+            let across = if S::DIMENSIONS < 3 {
+                0
+            } else {
+                self.axes[1].index(n)
+            };
+            self.lines.push(across * self.row() + self.axes[0].index(m));
         }
     }
 
     /// Adds the wave part of `M x` to y, by sphere.
     pub(super) fn add(&mut self, x: &[S::PerAnyMode<f64>], y: &mut [S::PerAnyMode<f64>]) {
-        match self.sampling.width {
-            8 => vectorised(
-                #[inline(always)]
-                || self.spread::<8>(x),
-            ),
-            10 => vectorised(
-                #[inline(always)]
-                || self.spread::<10>(x),
-            ),
-            _ => vectorised(
-                #[inline(always)]
-                || self.spread::<12>(x),
-            ),
-        }
-        for axis in 0..S::DIMENSIONS {
-            self.transform_axis(axis, 0);
-        }
-        vectorised(
-            #[inline(always)]
-            || self.multiply(),
+        let slabs = threads::parts(self.last().points, LEAST_SLABS);
+        let blocks = threads::parts(self.lines.len() / 2, LEAST_BLOCKS);
+        self.make_works(slabs.max(blocks));
+        let mut works = std::mem::take(&mut self.works);
+        let mut values = std::mem::take(&mut self.values);
+        let mut lines = std::mem::take(&mut self.blocks);
+        let grid = &*self;
+        let slab = grid.slab();
+        let by_slab = &mut works[..slabs];
+        threads::divide_with((&mut values, slab), by_slab, &|first, values, work| {
+            grid.spread_and_transform(first, x, values, work);
+        });
+        let read = &values[..];
+        let by_block = &mut works[..blocks];
+        threads::divide_with(
+            (&mut lines, grid.block()),
+            by_block,
+            &|first, lines, work| {
+                grid.convolve(first, read, lines, work);
+            },
         );
-        for axis in (0..S::DIMENSIONS).rev() {
-            self.transform_axis(axis, 1);
-        }
-        match self.sampling.width {
-            8 => vectorised(
+        let read = &lines[..];
+        let by_slab = &mut works[..slabs];
+        threads::divide_with((&mut values, slab), by_slab, &|first, values, work| {
+            grid.transform_back(first, read, values, work);
+        });
+        let read = &values[..];
+        threads::divide(y, LEAST_SPHERES, &|first, y| {
+            vectorised(
                 #[inline(always)]
-                || self.read::<8>(y),
-            ),
-            10 => vectorised(
-                #[inline(always)]
-                || self.read::<10>(y),
-            ),
-            _ => vectorised(
-                #[inline(always)]
-                || self.read::<12>(y),
-            ),
+                || match grid.sampling.width {
+                    8 => grid.read::<8>(read, first, y),
+                    10 => grid.read::<10>(read, first, y),
+                    _ => grid.read::<12>(read, first, y),
+                },
+            );
+        });
+        (self.works, self.values, self.blocks) = (works, values, lines);
+    }
+
+    /// Allocates workspaces, if there are fewer.
+    fn make_works(&mut self, count: usize) {
+        let zero = Complex64::new(0.0, 0.0);
+        let longest = self.counts().into_iter().max().unwrap_or(1);
+        let (length, scratch) = (S::DIMENSIONS * LINES * longest, self.scratch);
+        while self.works.len() < count {
+            self.works.push(Work {
+                lines: vec![zero; length],
+                scratch: vec![zero; scratch],
+            });
         }
     }
 
-    /// Spreads the sources over the grid: P and Q there.
+    /// Spreads the sources over slabs from `first` on, and transforms along all coordinates but the
+    /// last.
+    fn spread_and_transform(
+        &self,
+        first: usize,
+        x: &[S::PerAnyMode<f64>],
+        values: &mut [Fields<S>],
+        work: &mut Work,
+    ) {
+        vectorised(
+            #[inline(always)]
+            || match self.sampling.width {
+                8 => self.spread::<8>(first, x, values),
+                10 => self.spread::<10>(first, x, values),
+                _ => self.spread::<12>(first, x, values),
+            },
+        );
+        self.transform_rows(0, values, work);
+        self.transform_columns(0, values, work);
+    }
+
+    /// Spreads the sources over slabs from `first` on: P and Q there.
     #[inline(always)]
-    fn spread<const W: usize>(&mut self, x: &[S::PerAnyMode<f64>]) {
+    fn spread<const W: usize>(
+        &self,
+        first: usize,
+        x: &[S::PerAnyMode<f64>],
+        values: &mut [Fields<S>],
+    ) {
         let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
         let Self {
-            values,
             windows,
             sizes,
             slopes,
             ..
         } = self;
+        let (slab, slabs) = (self.slab(), self.last().points);
+        let (begin, end) = (first * slab, first + values.len() / slab);
+        let within = if S::DIMENSIONS < 3 { 1 } else { W };
         values.fill(none);
-        for ((windows, size), modes) in windows.iter().zip(&*sizes).zip(x) {
+        for ((windows, size), modes) in windows.iter().zip(sizes).zip(x) {
+            let start = windows[S::DIMENSIONS - 1].first;
+            let is_here = |k: usize| {
+                let at = (start + k) % slabs;
+                first <= at && at < end
+            };
+            if !(0..W).any(is_here) {
+                continue;
+            }
             let modes = S::embedded(modes);
             let stress = dipole::<S>(&modes[6..]);
             let turn = rotation([modes[3], modes[4], modes[5]]);
@@ -279,7 +417,7 @@ impl<S: FarSpace> Grid<S> {
                 }
             }
             let along = &windows[0];
-            for line in 0..lines::<S, W>() {
+            for line in (0..lines::<S, W>()).filter(|line| is_here(line / within)) {
                 let (start, [plain, second, third]) = line_under::<S, W>(windows, counts, line);
                 let (mut by_value, mut by_slope) = (none, none);
                 for b in 0..S::DIMENSIONS {
@@ -289,7 +427,7 @@ impl<S: FarSpace> Grid<S> {
                         by_slope[b][f] = plain * by[0][b][f];
                     }
                 }
-                let points = &mut values[start..start + W];
+                let points = &mut values[start - begin..start - begin + W];
                 for (c, point) in points.iter_mut().enumerate() {
                     let (v, s) = (along.values[c], along.slopes[c]);
                     for b in 0..S::DIMENSIONS {
@@ -313,83 +451,87 @@ impl<S: FarSpace> Grid<S> {
         }
     }
 
-    /// Transforms along an axis, forward (0) or back (1), the lines that hold kept waves of the
-    /// axes before it: those after it hold points.
-    fn transform_axis(&mut self, axis: usize, direction: usize) {
-        let [first, second, third] = self.counts();
-        let width = self.sampling.width;
-        let strides = [1, first + width, (first + width) * second];
-        let Self {
-            axes,
-            values,
-            starts,
-            lines,
-            scratch,
-            ..
-        } = self;
-        let [inner, outer] = [[1, 2], [0, 2], [0, 1]][axis];
-        let places = |other: usize| {
-            let count = [first, second, third][other];
-            let highest = axes.get(other).map_or(0, |axis| axis.highest);
-            let is_kept = move |&at: &usize| other > axis || at.min(count - at) <= highest;
-            (0..count).filter(is_kept)
-        };
-        starts.clear();
-        for place in places(outer) {
-            starts.extend(places(inner).map(|k| k * strides[inner] + place * strides[outer]));
+    /// Transforms slabs along the first coordinate, forward (0) or back (1).
+    fn transform_rows(&self, direction: usize, values: &mut [Fields<S>], work: &mut Work) {
+        let row = self.row();
+        let starts = (0..values.len()).step_by(row);
+        transform::<S>(&self.axes[0], direction, 1, starts, values, work);
+    }
+
+    /// Transforms planes along the second coordinate the lines that hold kept waves of the first.
+    fn transform_columns(&self, direction: usize, values: &mut [Fields<S>], work: &mut Work) {
+        if S::DIMENSIONS < 3 {
+            return;
         }
-        let (length, stride) = (axes[axis].points, strides[axis]);
-        for starts in starts.chunks(LINES) {
-            let work = &mut lines[..S::DIMENSIONS * starts.len() * length];
-            for (line, &start) in work.chunks_exact_mut(S::DIMENSIONS * length).zip(starts) {
-                let points = values[start..].iter().step_by(stride).take(length);
-                for (at, point) in points.enumerate() {
+        let (count, highest) = (self.axes[0].points, self.axes[0].highest);
+        let kept = (0..count).filter(|&at| at.min(count - at) <= highest);
+        let planes = (0..values.len()).step_by(self.slab());
+        let starts = planes.flat_map(|plane| kept.clone().map(move |at| plane + at));
+        transform::<S>(&self.axes[1], direction, self.row(), starts, values, work);
+    }
+
+    /// Computes u and v from P and Q in blocks of lines from `first` on: transforms them along the
+    /// last coordinate, multiplies by the kernels, and transforms back.
+    fn convolve(
+        &self,
+        first: usize,
+        values: &[Fields<S>],
+        blocks: &mut [Complex64],
+        work: &mut Work,
+    ) {
+        let (axis, slab) = (self.last(), self.slab());
+        let length = S::DIMENSIONS * axis.points;
+        for (blocks, first) in blocks
+            .chunks_mut(LINES / 2 * self.block())
+            .zip((first..).step_by(LINES / 2))
+        {
+            let starts = &self.lines[2 * first..];
+            for (line, &start) in blocks.chunks_exact_mut(length).zip(starts) {
+                let points = values[start..].iter().step_by(slab);
+                for (at, point) in points.take(axis.points).enumerate() {
                     for c in 0..S::DIMENSIONS {
-                        line[c * length + at] = Complex64::new(point[c][0], point[c][1]);
+                        line[c * axis.points + at] = Complex64::new(point[c][0], point[c][1]);
                     }
                 }
             }
-            axes[axis].plans[direction].process_with_scratch(work, scratch);
-            for (line, &start) in work.chunks_exact(S::DIMENSIONS * length).zip(starts) {
-                let points = values[start..].iter_mut().step_by(stride).take(length);
-                for (at, point) in points.enumerate() {
-                    for c in 0..S::DIMENSIONS {
-                        let value = line[c * length + at];
-                        point[c] = [value.re, value.im];
+            axis.plans[0].process_with_scratch(blocks, &mut work.scratch);
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (block, number) in blocks.chunks_exact_mut(2 * length).zip(first..) {
+                        self.multiply(block, number);
                     }
-                }
-            }
-        }
-        if axis == 0 && direction == 1 {
-            for line in values.chunks_exact_mut(strides[1]) {
-                line.copy_within(..width, first);
-            }
+                },
+            );
+            axis.plans[1].process_with_scratch(blocks, &mut work.scratch);
         }
     }
 
-    /// Computes u and v of every wave vector from P and Q.
+    /// Computes u and v of every wave vector of a block from P and Q.
     #[inline(always)]
-    fn multiply(&mut self) {
-        let Self {
-            values,
-            waves,
-            is_kept,
-            ..
-        } = self;
-        for (value, is_kept) in values.iter_mut().zip(&*is_kept) {
-            if !is_kept {
-                *value = FixedArray::each([0.0; 2]);
+    fn multiply(&self, block: &mut [Complex64], number: usize) {
+        let points = self.last().points;
+        let zero = Complex64::new(0.0, 0.0);
+        let is_kept = &self.is_kept[2 * points * number..2 * points * (number + 1)];
+        let lines = block.chunks_exact_mut(S::DIMENSIONS * points);
+        for (line, is_kept) in lines.zip(is_kept.chunks_exact(points)) {
+            for component in line.chunks_exact_mut(points) {
+                for (value, is_kept) in component.iter_mut().zip(is_kept) {
+                    if !is_kept {
+                        *value = zero;
+                    }
+                }
             }
         }
-        for wave in &*waves {
+        let waves = self.wave_starts[number]..self.wave_starts[number + 1];
+        for wave in &self.waves[waves] {
             let [here, there] = wave.places;
             let (k, [b0, b1, b2]) = (&wave.k, wave.kernel);
-            let zero = Complex64::new(0.0, 0.0);
             let (mut p, mut q): (S::PerComponent<_>, S::PerComponent<_>) =
                 (FixedArray::each(zero), FixedArray::each(zero));
             let (mut kp, mut kq) = (zero, zero);
             for c in 0..S::DIMENSIONS {
-                [p[c], q[c]] = split(values[here][c], values[there][c]);
+                [p[c], q[c]] = split(block[here + c * points], block[there + c * points]);
                 kp += p[c] * k[c];
                 kq += q[c] * k[c];
             }
@@ -397,17 +539,57 @@ impl<S: FarSpace> Grid<S> {
             for c in 0..S::DIMENSIONS {
                 let u = q[c] * b2 - p[c] * b1 + shear * k[c];
                 let v = p[c] * b2 - kp * (b1 * k[c]);
-                [values[here][c], values[there][c]] = pack([u, v]);
+                [block[here + c * points], block[there + c * points]] = pack([u, v]);
             }
+        }
+    }
+
+    /// Copies slabs from `first` on from the blocks, and transforms back along the other
+    /// coordinates.
+    fn transform_back(
+        &self,
+        first: usize,
+        blocks: &[Complex64],
+        values: &mut [Fields<S>],
+        work: &mut Work,
+    ) {
+        let (points, slab) = (self.last().points, self.slab());
+        values.fill(FixedArray::each([0.0; 2]));
+        // The last line is there twice.
+        let starts = &self.lines[..self.lines.len() - 1];
+        let planes = values.chunks_mut(PLANES * slab);
+        for (values, first) in planes.zip((first..).step_by(PLANES)) {
+            let lines = blocks.chunks_exact(S::DIMENSIONS * points).zip(starts);
+            for (line, &start) in lines {
+                let targets = values[start..].iter_mut().step_by(slab);
+                for (point, at) in targets.zip(first..) {
+                    for c in 0..S::DIMENSIONS {
+                        let value = line[c * points + at];
+                        point[c] = [value.re, value.im];
+                    }
+                }
+            }
+        }
+        self.transform_columns(1, values, work);
+        self.transform_rows(1, values, work);
+        let (row, count) = (self.row(), self.axes[0].points);
+        for line in values.chunks_exact_mut(row) {
+            line.copy_within(..row - count, count);
         }
     }
 
     /// Adds the modes of each sphere read off u and v: the transpose of [`Grid::spread`].
     #[inline(always)]
-    fn read<const W: usize>(&self, y: &mut [S::PerAnyMode<f64>]) {
+    fn read<const W: usize>(
+        &self,
+        values: &[Fields<S>],
+        first: usize,
+        y: &mut [S::PerAnyMode<f64>],
+    ) {
         let none: S::PerComponent<_> = FixedArray::each([0.0; 2]);
         let counts = self.counts();
-        for ((windows, size), y) in self.windows.iter().zip(&self.sizes).zip(y) {
+        let spheres = self.windows[first..].iter().zip(&self.sizes[first..]);
+        for ((windows, size), y) in spheres.zip(y) {
             // Of u and v: value, and derivatives of the window by the lattice coordinates.
             let (mut value, mut by) = (none, [none; 3]);
             let along = &windows[0];
@@ -422,7 +604,7 @@ impl<S: FarSpace> Grid<S> {
             }
             for line in 0..lines::<S, W>() {
                 let (start, [plain, second, third]) = line_under::<S, W>(windows, counts, line);
-                let points = S::PerComponent::flat(&self.values[start..start + W]).as_flattened();
+                let points = S::PerComponent::flat(&values[start..start + W]).as_flattened();
                 let mut sums = [[0.0; 12]; 2];
                 for (two, points) in points.chunks_exact(numbers).enumerate() {
                     for k in 0..numbers {
@@ -476,6 +658,68 @@ impl<S: FarSpace> Grid<S> {
             for (y, read) in y.as_mut().iter_mut().zip(read.as_ref()) {
                 *y += read;
             }
+        }
+    }
+}
+
+/// The windows around a centre.
+#[inline(always)]
+fn windows_at<S: FarSpace>(
+    axes: &[Axis],
+    lattice: &Lattice<S>,
+    x: &S::Vector,
+) -> S::PerComponent<Window> {
+    let coordinates = lattice.coordinates(x);
+    let mut windows: S::PerComponent<_> = FixedArray::each(axes[0].window(coordinates[0]));
+    for k in 1..S::DIMENSIONS {
+        windows[k] = axes[k].window(coordinates[k]);
+    }
+    windows
+}
+
+/// Transforms the lines that start at some points along an axis, forward (0) or back (1); `stride`:
+/// from one point of a line to the next.
+fn transform<S: FarSpace>(
+    axis: &Axis,
+    direction: usize,
+    stride: usize,
+    mut starts: impl Iterator<Item = usize>,
+    values: &mut [Fields<S>],
+    work: &mut Work,
+) {
+    let (plan, points) = (&axis.plans[direction], axis.points);
+    let Work { lines, scratch } = work;
+    loop {
+        let (mut places, mut count) = ([0; LINES], 0);
+        for (place, start) in places.iter_mut().zip(&mut starts) {
+            *place = start;
+            count += 1;
+        }
+        if count == 0 {
+            return;
+        }
+        let starts = &places[..count];
+        let lines = &mut lines[..S::DIMENSIONS * count * points];
+        for (line, &start) in lines.chunks_exact_mut(S::DIMENSIONS * points).zip(starts) {
+            let points_of = values[start..].iter().step_by(stride).take(points);
+            for (at, point) in points_of.enumerate() {
+                for c in 0..S::DIMENSIONS {
+                    line[c * points + at] = Complex64::new(point[c][0], point[c][1]);
+                }
+            }
+        }
+        plan.process_with_scratch(lines, scratch);
+        for (line, &start) in lines.chunks_exact(S::DIMENSIONS * points).zip(starts) {
+            let points_of = values[start..].iter_mut().step_by(stride).take(points);
+            for (at, point) in points_of.enumerate() {
+                for c in 0..S::DIMENSIONS {
+                    let value = line[c * points + at];
+                    point[c] = [value.re, value.im];
+                }
+            }
+        }
+        if count < LINES {
+            return;
         }
     }
 }
@@ -587,15 +831,18 @@ fn strain(g: &[[f64; 3]; 3]) -> [f64; 5] {
 
 /// Transforms of two real fields a, b at k from those of a + ib at k and −k.
 #[inline(always)]
-fn split([re, im]: [f64; 2], [back_re, back_im]: [f64; 2]) -> [Complex64; 2] {
+fn split(here: Complex64, there: Complex64) -> [Complex64; 2] {
     [
-        Complex64::new(0.5 * (re + back_re), 0.5 * (im - back_im)),
-        Complex64::new(0.5 * (im + back_im), 0.5 * (back_re - re)),
+        Complex64::new(0.5 * (here.re + there.re), 0.5 * (here.im - there.im)),
+        Complex64::new(0.5 * (here.im + there.im), 0.5 * (there.re - here.re)),
     ]
 }
 
 /// Transforms of a + ib at k and −k from those of the two real fields a and b at k.
 #[inline(always)]
-fn pack([a, b]: [Complex64; 2]) -> [[f64; 2]; 2] {
-    [[a.re - b.im, a.im + b.re], [a.re + b.im, b.re - a.im]]
+fn pack([a, b]: [Complex64; 2]) -> [Complex64; 2] {
+    [
+        Complex64::new(a.re - b.im, a.im + b.re),
+        Complex64::new(a.re + b.im, b.re - a.im),
+    ]
 }

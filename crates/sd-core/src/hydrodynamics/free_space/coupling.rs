@@ -115,8 +115,8 @@ impl Number for Lanes {
 // Adapters of the library are not inlined into code for this processor, hence written out.
 /// Two numbers, each in two lanes.
 #[inline(always)]
-fn both(there: f64, back: f64) -> Lanes {
-    Lanes([there, there, back, back])
+pub(crate) fn both(first: f64, second: f64) -> Lanes {
+    Lanes([first, first, second, second])
 }
 
 #[inline(always)]
@@ -272,24 +272,23 @@ impl Coupling {
         self.add_product(&[n.x, n.y, n.z], x, to);
     }
 
-    /// This coupling in the first two lanes, and in the others that of the two spheres exchanged.
+    /// One coupling in the first two lanes, and another one in the others.
     #[inline(always)]
-    pub(crate) fn there_and_back(&self) -> Coupling<Lanes> {
-        let back = self.transposed();
-        let [axial, shear, across] = self.stress_strain;
+    pub(crate) fn side_by_side(a: &Self, b: &Self) -> Coupling<Lanes> {
+        let [axial, shear, across] = a.stress_strain;
         Coupling {
-            force_velocity: both_of(self.force_velocity, back.force_velocity),
-            force_rotation: both(self.force_rotation, back.force_rotation),
-            force_strain: both_of(self.force_strain, back.force_strain),
-            torque_velocity: both(self.torque_velocity, back.torque_velocity),
-            torque_rotation: both_of(self.torque_rotation, back.torque_rotation),
-            torque_strain: both(self.torque_strain, back.torque_strain),
-            stress_velocity: both_of(self.stress_velocity, back.stress_velocity),
-            stress_rotation: both(self.stress_rotation, back.stress_rotation),
+            force_velocity: both_of(a.force_velocity, b.force_velocity),
+            force_rotation: both(a.force_rotation, b.force_rotation),
+            force_strain: both_of(a.force_strain, b.force_strain),
+            torque_velocity: both(a.torque_velocity, b.torque_velocity),
+            torque_rotation: both_of(a.torque_rotation, b.torque_rotation),
+            torque_strain: both(a.torque_strain, b.torque_strain),
+            stress_velocity: both_of(a.stress_velocity, b.stress_velocity),
+            stress_rotation: both(a.stress_rotation, b.stress_rotation),
             stress_strain: [
-                both(axial, back.stress_strain[0]),
-                both(shear, back.stress_strain[1]),
-                both(across, back.stress_strain[2]),
+                both(axial, b.stress_strain[0]),
+                both(shear, b.stress_strain[1]),
+                both(across, b.stress_strain[2]),
             ],
         }
     }

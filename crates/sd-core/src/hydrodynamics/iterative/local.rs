@@ -1,9 +1,12 @@
 //! P, the approximation of the far field's resistance by near pairs: see `far_pairs` of the
 //! resistance.
 
-use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
+use crate::hydrodynamics::resistance::{
+    Fluid, LEAST_SPHERES, ModeBlock, NearTerm as _, Resistance, for_pairs_of, list_starts,
+};
 use crate::linalg::simd::vectorised;
 use crate::space::FixedArray as _;
+use crate::threads;
 
 /// P in blocks, at one set of positions.
 #[derive(Default)]
@@ -12,6 +15,8 @@ pub(super) struct LocalResistance<S: Fluid> {
     own: Vec<ModeBlock<S>>,
     /// Pairs (i, j) and their blocks: rows of j, columns of i.
     couplings: Vec<([usize; 2], ModeBlock<S>)>,
+    /// Where the pairs (i, j) of each sphere i start, then their number.
+    starts: Vec<usize>,
 }
 
 impl<S: Fluid> LocalResistance<S> {
@@ -38,28 +43,48 @@ impl<S: Fluid> LocalResistance<S> {
             }
             self.couplings.push(([pair.i, pair.j], coupling));
         }
+        let firsts = self.couplings.iter().map(|([i, _], _)| *i);
+        list_starts(drag.len(), firsts, &mut self.starts);
     }
 
     /// `y = P x`.
     pub(super) fn apply(&self, x: &[f64], y: &mut [f64]) {
         let (x, y) = (S::all_modes(x), S::all_modes_mut(y));
-        vectorised(
-            #[inline(always)]
-            || {
-                for ((x, y), block) in x.iter().zip(&mut *y).zip(&self.own) {
-                    for k in 0..S::ALL_MODES {
-                        y[k] = (0..S::ALL_MODES).map(|c| block[c][k] * x[c]).sum();
+        threads::divide(y, LEAST_SPHERES, &|first, y| {
+            let range = first..first + y.len();
+            let second = |at: usize| self.couplings[at].0[1];
+            vectorised(
+                #[inline(always)]
+                || {
+                    let blocks = &self.own[range.clone()];
+                    for ((x, y), block) in x[range.clone()].iter().zip(&mut *y).zip(blocks) {
+                        for k in 0..S::ALL_MODES {
+                            y[k] = (0..S::ALL_MODES).map(|c| block[c][k] * x[c]).sum();
+                        }
                     }
-                }
-                for &([i, j], ref block) in &self.couplings {
-                    for k in 0..S::ALL_MODES {
-                        let to_j: f64 = (0..S::ALL_MODES).map(|c| block[c][k] * x[i][c]).sum();
-                        let to_i: f64 = (0..S::ALL_MODES).map(|c| block[k][c] * x[j][c]).sum();
-                        y[j][k] += to_j;
-                        y[i][k] += to_i;
-                    }
-                }
-            },
-        );
+                    for_pairs_of(
+                        &range,
+                        &self.starts,
+                        second,
+                        #[inline(always)]
+                        |at, [has_i, has_j]| {
+                            let ([i, j], block) = &self.couplings[at];
+                            for k in 0..S::ALL_MODES {
+                                if has_j {
+                                    let to_j: f64 =
+                                        (0..S::ALL_MODES).map(|c| block[c][k] * x[*i][c]).sum();
+                                    y[j - first][k] += to_j;
+                                }
+                                if has_i {
+                                    let to_i: f64 =
+                                        (0..S::ALL_MODES).map(|c| block[k][c] * x[*j][c]).sum();
+                                    y[i - first][k] += to_i;
+                                }
+                            }
+                        },
+                    );
+                },
+            );
+        });
     }
 }

@@ -33,7 +33,7 @@ pub trait Fluid: FarSpace {
 pub(crate) type ModeBlock<S> = <S as Space>::PerAnyMode<<S as Space>::PerAnyMode<f64>>;
 
 /// The resistance of one pair; n is the unit vector from i to j.
-pub trait NearTerm<S: Fluid>: Copy {
+pub trait NearTerm<S: Fluid>: Copy + Send + Sync {
     /// Adds another term of the same pair.
     fn add(&mut self, other: &Self);
 

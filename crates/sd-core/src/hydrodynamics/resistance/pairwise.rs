@@ -4,11 +4,16 @@
 use super::fluid::{Fluid, NearTerm as _};
 use super::isolated::isolated;
 use super::near_matrix::{NearMatrix, NearPattern};
+use super::owned::{divide_spheres, for_pairs_of, list_starts, part_of};
 use super::reach::Reach;
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{FixedArray, Layer, Space};
+use crate::threads;
+
+/// Fewest spheres for which a thread computes blocks or products.
+pub(crate) const LEAST_SPHERES: usize = 250;
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
 pub struct PairwiseResistance<S: Fluid = Layer> {
@@ -17,6 +22,8 @@ pub struct PairwiseResistance<S: Fluid = Layer> {
     /// Pairs (i, j) and their blocks: rows of j, columns of i. Products read all of them, so the
     /// numbers are short.
     couplings: Vec<([u32; 2], S::Block)>,
+    /// Where the pairs (i, j) of each sphere i start, then their number.
+    starts: Vec<usize>,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
@@ -40,6 +47,7 @@ impl<S: Fluid> PairwiseResistance<S> {
         Ok(Self {
             own: Vec::with_capacity(spheres),
             couplings: Vec::new(),
+            starts: Vec::with_capacity(spheres + 1),
             numbers: Vec::new(),
             pattern_pairs: pattern_pairs.to_vec(),
             pattern: NearPattern::new(spheres, pattern_pairs)?,
@@ -69,29 +77,59 @@ impl<S: Fluid> PairwiseResistance<S> {
         terms: &[S::Term],
         radii: &[f64],
     ) -> Result<(), Error> {
-        self.own.clear();
-        self.own.extend(radii.iter().map(|&a| {
-            let (drag, mut block): (_, S::Block) = (isolated::<S>(a), FixedArray::each(0.0));
-            for k in 0..S::MODES {
-                block[(S::MODES + 1) * k] = drag[k];
-            }
-            block
-        }));
-        self.couplings.clear();
-        let (own, couplings) = (&mut self.own, &mut self.couplings);
-        vectorised(
-            #[inline(always)]
-            || {
-                for (pair, term) in pairs.iter().zip(terms) {
-                    let [of_i, coupling, of_j] = term.blocks(&pair.normal);
-                    for (sphere, block) in [(pair.i, of_i), (pair.j, of_j)] {
-                        for (x, entry) in own[sphere].as_mut().iter_mut().zip(block.as_ref()) {
-                            *x += entry;
-                        }
+        list_starts(
+            radii.len(),
+            pairs.iter().map(|pair| pair.i),
+            &mut self.starts,
+        );
+        self.couplings
+            .resize(pairs.len(), ([0; 2], FixedArray::each(0.0)));
+        self.own.resize(radii.len(), FixedArray::each(0.0));
+        let second = |at: usize| pairs[at].j;
+        divide_spheres(
+            (&mut self.own, &mut self.couplings),
+            &self.starts,
+            LEAST_SPHERES,
+            &|range, own, couplings| {
+                for (block, &a) in own.iter_mut().zip(&radii[range.clone()]) {
+                    let drag = isolated::<S>(a);
+                    *block = FixedArray::each(0.0);
+                    for k in 0..S::MODES {
+                        block[(S::MODES + 1) * k] = drag[k];
                     }
-                    let (i, j) = pair.key();
-                    couplings.push(([i, j], coupling));
                 }
+                let (first, first_pair) = (range.start, self.starts[range.start]);
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        for_pairs_of(
+                            &range,
+                            &self.starts,
+                            second,
+                            #[inline(always)]
+                            |at, [has_i, has_j]| {
+                                let pair = &pairs[at];
+                                let [of_i, coupling, of_j] = terms[at].blocks(&pair.normal);
+                                for (has, sphere, block) in
+                                    [(has_i, pair.i, of_i), (has_j, pair.j, of_j)]
+                                {
+                                    if has {
+                                        let own = own[sphere - first].as_mut().iter_mut();
+                                        for (x, entry) in own.zip(block.as_ref()) {
+                                            *x += entry;
+                                        }
+                                    }
+                                }
+                                if has_i {
+                                    let (i, j) = pair.key();
+                                    let entry = &mut couplings[at - first_pair];
+                                    entry.0 = [i, j];
+                                    entry.1 = coupling;
+                                }
+                            },
+                        );
+                    },
+                );
             },
         );
         let closer = |pair: &Neighbours<S>, limit: f64| {
@@ -187,34 +225,76 @@ impl<S: Fluid> PairwiseResistance<S> {
 
     /// `R_FU v` for L motions together, interleaved by sphere, which reads the blocks once.
     pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
-        vectorised(
-            #[inline(always)]
-            || {
-                for ((y, v), b) in y.iter_mut().zip(v).zip(&self.own) {
+        threads::divide(y, LEAST_SPHERES, &|first, y| {
+            vectorised(
+                #[inline(always)]
+                || self.multiply_rows(first, v, y),
+            );
+        });
+    }
+
+    /// The rows of [`PairwiseResistance::multiply`] from those of the sphere `first` on. Each sphere
+    /// adds its pairs in their order, whichever rows are computed together.
+    #[inline(always)]
+    fn multiply_rows<const L: usize>(
+        &self,
+        first: usize,
+        v: &[Motion<S, L>],
+        y: &mut [Motion<S, L>],
+    ) {
+        let end = first + y.len();
+        for ((y, v), b) in y.iter_mut().zip(&v[first..]).zip(&self.own[first..]) {
+            for k in 0..S::MODES {
+                y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
+            }
+        }
+        let second = |at: usize| self.couplings[at].0[1] as usize;
+        for i in 0..end {
+            let (all, is_own) = (self.starts[i]..self.starts[i + 1], first <= i);
+            let pairs = if is_own {
+                all
+            } else {
+                part_of(all, second, first, end)
+            };
+            // All pairs of a sphere i are consecutive: their contributions are summed before
+            // writing.
+            let v_i = v[i];
+            let mut y_i = if is_own { y[i - first] } else { v_i };
+            for ([_, j], b) in &self.couplings[pairs] {
+                let j = *j as usize;
+                let v_j = v[j];
+                let is_here = j < end;
+                if is_own && is_here {
+                    let y_j = &mut y[j - first];
                     for k in 0..S::MODES {
-                        y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
-                    }
-                }
-                // All pairs of a sphere i are consecutive: their contributions are summed before
-                // writing.
-                for of_one in self.couplings.chunk_by(|([a, _], _), ([b, _], _)| a == b) {
-                    let i = of_one[0].0[0] as usize;
-                    let (v_i, mut y_i) = (v[i], y[i]);
-                    for ([_, j], b) in of_one {
-                        let (v_j, y_j) = (v[*j as usize], &mut y[*j as usize]);
-                        for k in 0..S::MODES {
-                            let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
-                            let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
-                            for lane in 0..L {
-                                y_j[k][lane] += of_j[lane];
-                                y_i[k][lane] += of_i[lane];
-                            }
+                        let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
+                        let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
+                        for lane in 0..L {
+                            y_j[k][lane] += of_j[lane];
+                            y_i[k][lane] += of_i[lane];
                         }
                     }
-                    y[i] = y_i;
+                } else if is_here {
+                    let y_j = &mut y[j - first];
+                    for k in 0..S::MODES {
+                        let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
+                        for lane in 0..L {
+                            y_j[k][lane] += of_j[lane];
+                        }
+                    }
+                } else {
+                    for k in 0..S::MODES {
+                        let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
+                        for lane in 0..L {
+                            y_i[k][lane] += of_i[lane];
+                        }
+                    }
                 }
-            },
-        );
+            }
+            if is_own {
+                y[i - first] = y_i;
+            }
+        }
     }
 
     /// Copies the near part to a matrix of the pattern: all diagonal blocks, and couplings of the

@@ -151,7 +151,7 @@ fn cost_grows_with_the_number_of_spheres_alone() {
         let mut operator = FarOperator::new(&cell, &radii, 1e-7).unwrap();
         operator.update(&cell, &centres).unwrap();
         let (pairs, points) = (
-            operator.pairs.len(),
+            operator.pairs.list.len(),
             operator.periodic.as_ref().unwrap().grid.points(),
         );
         (pairs + points) as f64 / radii.len() as f64
