@@ -387,6 +387,15 @@ impl<S: Space> Forces<S> {
 
     /// Halves the step from `from` to these forces, whose slack and slip are known.
     pub(crate) fn halve_step(&mut self, from: &Self) {
+        self.combine(from, |x, x_from| 0.5 * (x + x_from));
+    }
+
+    /// Multiplies the step from `from` to these forces, whose slack and slip are known.
+    pub(crate) fn scale_step(&mut self, from: &Self, factor: f64) {
+        self.combine(from, |x, x_from| x_from + factor * (x - x_from));
+    }
+
+    fn combine(&mut self, from: &Self, combined: impl Fn(f64, f64) -> f64) {
         for (values, from) in [
             (&mut self.normal[..], &from.normal[..]),
             (&mut self.slack, &from.slack),
@@ -397,7 +406,7 @@ impl<S: Space> Forces<S> {
             (S::components_mut(&mut self.slip), S::components(&from.slip)),
         ] {
             for (x, x_from) in values.iter_mut().zip(from) {
-                *x = 0.5 * (*x + x_from);
+                *x = combined(*x, *x_from);
             }
         }
     }

@@ -436,6 +436,30 @@ fn motion_is_the_convex_minimum<S: Space>(
 }
 
 proptest! {
+    /// From zero forces, along whose path each contact closes, slides and sticks by itself.
+    #[test]
+    fn path_from_zero_forces_ends_at_a_solution(
+        columns in prop::collection::vec(prop::collection::vec(-1.0..1.0f64, 24), 4..16),
+        given in prop::collection::vec(-1.0..1.0f64, 20),
+    ) {
+        let rigid_spring = Law {
+            tangential_compliance: 1.0,
+            ..rigid_coulomb(0.5)
+        };
+        for law in laws().into_iter().chain([rigid_spring]) {
+            let mut network = Network::new::<Layer>(&columns, law);
+            let mut problem = problem_of::<Layer>(law, network.normal.nrows(), &given);
+            let mut solver = ProblemSolver::<Layer>::default();
+            solver.forces.reset(&problem);
+            solver.infer_states(&problem);
+            network.measure(&problem, &mut solver.forces);
+            let (solved, systems) = solver.follow_path(&mut problem, &mut network);
+            prop_assert!(solved, "{law:?}: {systems}");
+            let quality = solver.forces.quality(&problem);
+            prop_assert!(quality.status == Status::Solved, "{law:?}: {quality:?}");
+        }
+    }
+
     /// High friction on rigid contacts, where Newton's method fails most often and some networks
     /// are jammed.
     #[test]
