@@ -8,6 +8,7 @@ mod contact_laws;
 mod flow_type;
 mod hydrodynamics;
 pub(crate) mod parameters;
+mod pressure;
 mod published_units;
 mod segments;
 mod settings;
@@ -25,6 +26,7 @@ pub use contact_laws::{ContactLaws, DEEPEST_OVERLAP};
 pub use flow_type::FlowType;
 pub use hydrodynamics::{Hydrodynamics, LeadingOrder};
 pub use parameters::{Choice, Form, Number, PARAMETERS, Parameter};
+pub use pressure::PressureKind;
 pub use published_units::PublishedUnits;
 pub use segments::{CrossShear, CrossStrain, Imposed, Segment, phase};
 pub use settings::SolverSettings;
@@ -126,6 +128,14 @@ pub struct Params {
     /// fraction is then that of the start. `None` where the fraction is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscous_number: Option<f64>,
+    /// Imposed ratio σ/P of the shear stress and the particle pressure, above 0, in place of the
+    /// viscous number: the pressure then follows from the stress, which is imposed or that of the
+    /// imposed rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub macroscopic_friction: Option<f64>,
+    /// The normal stress that an imposed pressure is.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub pressure: PressureKind,
     /// Type of the imposed flow. Rates are then √(2 E:E), of which strains are the integral.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flow: FlowType,
@@ -206,6 +216,8 @@ impl Params {
         time_step: f64::NAN,
         shear_stress: None,
         viscous_number: None,
+        macroscopic_friction: None,
+        pressure: PressureKind::Isotropic,
         flow: FlowType::Shear,
         peclet: f64::INFINITY,
         thermal_load: 0.0,
@@ -226,6 +238,12 @@ impl Params {
         let has_load = self.shear_stress.is_some() || self.shear_rate != 0.0;
         let begins_with_contact = self.contact.laws().onset == FrictionOnset::Contact;
         self.friction != 0.0 && (has_load || begins_with_contact)
+    }
+
+    /// Whether a pressure is imposed, by the viscous number or by the ratio of stress and pressure:
+    /// the cell then dilates, and the fraction is that of the start.
+    pub fn imposes_pressure(&self) -> bool {
+        self.viscous_number.is_some() || self.macroscopic_friction.is_some()
     }
 
     /// Thermal energy kT of Brownian motion, 6π/Pe in mu·a³·rate; `None` without. In fluid

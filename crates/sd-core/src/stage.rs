@@ -357,11 +357,11 @@ impl<S: Fluid> StageSolver<S> {
                 )?
             }
         };
-        let dilation = self.contacts.dilation;
-        self.distant.finish(&self.velocities, dilation);
+        let (dilation, kind) = (self.contacts.dilation, self.contacts.dilates());
+        self.distant.finish(&self.velocities, kind, dilation);
         for contact in &mut self.contacts.list {
             contact.set_velocities(&self.velocities);
-            contact.normal_velocity += contact.opening() * dilation;
+            contact.dilate(kind, dilation);
         }
         match self.velocities.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(Error::NotFinite {
@@ -389,7 +389,7 @@ impl<S: Fluid> StageSolver<S> {
         if let StageContacts::Laws { laws, span, .. } = contact {
             self.distant.add(laws, resistance, flow, span, forces);
         }
-        self.contacts.distant_work = self.distant.work();
+        self.contacts.distant_work = self.distant.work(self.contacts.dilates());
         resistance.factor()?;
         self.contacts.begin_stage();
         if !self.random_forces.is_empty() {

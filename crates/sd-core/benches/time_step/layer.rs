@@ -100,6 +100,7 @@ impl Layer {
                 kind,
                 first: &self.disturbances,
                 dilation: 0.0,
+                dilates: sd_core::model::PressureKind::Isotropic,
             },
             memory: &mut self.memory,
         };

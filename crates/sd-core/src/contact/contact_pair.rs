@@ -2,6 +2,7 @@
 
 use super::row::Row;
 use crate::law::rolling_friction;
+use crate::model::PressureKind;
 use crate::space::pair::Neighbours;
 use crate::space::{IncidentFlow, Layer, Space};
 use serde::{Deserialize, Serialize};
@@ -162,9 +163,38 @@ impl<S: Space> Contact<S> {
         S::tangent(&self.directions(), &components)
     }
 
-    /// The rate at which the pair opens per rate of dilation: r/d in d dimensions.
-    pub(crate) fn opening(&self) -> f64 {
-        self.pair.distance / S::DIMENSIONS as f64
+    /// The rate at which the pair opens per rate of dilation: r/d in d dimensions, `r n_y²` where
+    /// the cell dilates along y alone.
+    pub(crate) fn opening(&self, kind: PressureKind) -> f64 {
+        match kind {
+            PressureKind::Isotropic => self.pair.distance / S::DIMENSIONS as f64,
+            PressureKind::Gradient => self.pair.distance * self.pair.normal[1].powi(2),
+        }
+    }
+
+    /// The components of the slip per rate of dilation along the given directions.
+    pub(crate) fn shifting(
+        &self,
+        kind: PressureKind,
+        directions: &S::PerTangent<S::Vector>,
+    ) -> S::PerTangent<f64> {
+        let mut shifting = S::each_tangent(0.0);
+        if kind == PressureKind::Gradient {
+            for k in 0..S::TANGENTS {
+                shifting[k] = self.pair.distance * self.pair.normal[1] * directions[k][1];
+            }
+        }
+        shifting
+    }
+
+    /// Adds the motion of a dilating cell to the velocities.
+    pub(crate) fn dilate(&mut self, kind: PressureKind, rate: f64) {
+        self.normal_velocity += self.opening(kind) * rate;
+        if kind == PressureKind::Gradient {
+            let directions = self.directions();
+            let slip = self.shifting(kind, &directions);
+            self.slip_velocity += S::tangent(&directions, &slip) * rate;
+        }
     }
 
     /// v_n for given disturbance velocities of all spheres.

@@ -15,6 +15,7 @@ use super::problem::sparse_system::{SparseSystem, SparseSystemView};
 use super::problem::statement::{Forces, Problem};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::model::PressureKind;
 use crate::space::{IncidentFlow, Layer};
 
 pub(crate) use super::problem::statement::AppliedForces;
@@ -66,6 +67,8 @@ pub(crate) struct ImposedPressure {
     pub(crate) volume: f64,
     /// Resistance κ_V of the volume to its rate of change, in mu.
     pub(crate) resistance: f64,
+    /// The normal stress that it is.
+    pub(crate) kind: PressureKind,
 }
 
 /// The contact problem with its workspace. It allocates only when there are more contacts than ever
@@ -105,6 +108,11 @@ impl<S: Fluid> ContactSolver<S> {
                 Backend::Dense(Box::default())
             },
         }
+    }
+
+    /// How the cell dilates.
+    pub(crate) fn dilates(&self) -> PressureKind {
+        self.pressure.map_or_else(PressureKind::default, |p| p.kind)
     }
 
     /// Starts a step: discards the motion of earlier stages, so that results depend only on
@@ -176,7 +184,7 @@ impl<S: Fluid> ContactSolver<S> {
                 }
             };
             systems += solved.systems;
-            self.dilation = self.problem.dilation.rate(&self.solver.forces.normal);
+            self.dilation = self.problem.dilation.rate(&self.solver.forces);
             self.store_forces(laws);
             if !holds_bounds {
                 for contact in &mut self.list {

@@ -23,6 +23,7 @@ use crate::law::adhesion;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::rolling_friction;
 use crate::law::van_der_waals::VanDerWaals;
+use crate::model::PressureKind;
 use crate::space::pair::Neighbours;
 use crate::space::{IncidentFlow, Space};
 
@@ -132,23 +133,24 @@ impl<S: Fluid> DistantForces<S> {
 
     /// `Σ r f/d` of the forces before the motion is solved, in mu·a³·rate, and by how much it
     /// decreases per rate of dilation.
-    pub(crate) fn work(&self) -> [f64; 2] {
+    pub(crate) fn work(&self, kind: PressureKind) -> [f64; 2] {
         let [mut work, mut slope] = [0.0; 2];
         for (contact, [damping, at_rest]) in self.repulsive.iter().zip(&self.linearised) {
-            work += contact.opening() * at_rest;
-            slope += contact.opening().powi(2) * damping;
+            work += contact.opening(kind) * at_rest;
+            slope += contact.opening(kind).powi(2) * damping;
         }
         for contact in self.attractive.iter().chain(&self.adhesive) {
-            work += contact.opening() * contact.normal_force;
+            work += contact.opening(kind) * contact.normal_force;
         }
         [work, slope]
     }
 
     /// Sets the forces and velocities of the solved motion, with the rate at which the cell
     /// dilates.
-    pub(crate) fn finish(&mut self, velocities: &[f64], dilation: f64) {
+    pub(crate) fn finish(&mut self, velocities: &[f64], kind: PressureKind, dilation: f64) {
         for (contact, [damping, at_rest]) in self.repulsive.iter_mut().zip(&self.linearised) {
-            contact.normal_velocity = contact.approach(velocities) + contact.opening() * dilation;
+            contact.normal_velocity =
+                contact.approach(velocities) + contact.opening(kind) * dilation;
             contact.normal_force = at_rest - damping * contact.normal_velocity;
         }
         for contact in self.attractive.iter_mut().chain(&mut self.adhesive) {

@@ -21,7 +21,7 @@ use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::van_der_waals::VanDerWaals;
 use crate::law::{ColloidUnit, CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
-use crate::model::{ContactLaws, Surface};
+use crate::model::{ContactLaws, PressureKind, Surface};
 use crate::space::{IncidentFlow, Space};
 
 /// β: fraction of the overlap of rigid contacts that is corrected within one time span.
@@ -355,6 +355,8 @@ pub struct Span<'s> {
     pub first: &'s [f64],
     /// Rate of dilation of the cell at that stage; 0 where the volume is imposed.
     pub dilation: f64,
+    /// How it dilates.
+    pub dilates: PressureKind,
 }
 
 impl Span<'_> {
@@ -365,6 +367,7 @@ impl Span<'_> {
             kind: StageKind::Single,
             first: &[],
             dilation: 0.0,
+            dilates: PressureKind::Isotropic,
         }
     }
 
@@ -379,8 +382,18 @@ impl Span<'_> {
                 let half = 0.5 * self.time;
                 let first = S::by_sphere(self.first);
                 let [u_i, u_j] = [pair.i, pair.j].map(|sphere| S::translation(&first[sphere]));
-                let grown = 1.0 + self.dilation * half / S::DIMENSIONS as f64;
-                let drifted = pair.normal * (pair.distance / grown) - (u_j - u_i) * half;
+                let separation = match self.dilates {
+                    PressureKind::Isotropic => {
+                        let grown = 1.0 + self.dilation * half / S::DIMENSIONS as f64;
+                        pair.normal * (pair.distance / grown)
+                    }
+                    PressureKind::Gradient => {
+                        let mut separation = pair.normal * pair.distance;
+                        separation[1] /= 1.0 + self.dilation * half;
+                        separation
+                    }
+                };
+                let drifted = separation - (u_j - u_i) * half;
                 let start = flow.advect_backward(&drifted, half, [pair.i, pair.j]);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
@@ -393,7 +406,8 @@ impl Span<'_> {
         match self.kind {
             StageKind::Single | StageKind::Midpoint | StageKind::First => 0.0,
             StageKind::Second => {
-                2.0 * (contact.approach(self.first) + contact.opening() * self.dilation)
+                let opening = contact.opening(self.dilates);
+                2.0 * (contact.approach(self.first) + opening * self.dilation)
             }
         }
     }

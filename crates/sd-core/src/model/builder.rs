@@ -1,8 +1,8 @@
 //! Parameters from the values that are given: the others get their defaults, or are named.
 
 use super::{
-    ContactScheme, FlowType, Hydrodynamics, PARAMETERS, Parameter, Params, Refusal, Segment, Sizes,
-    StartFrom, parameters,
+    ContactScheme, FlowType, Hydrodynamics, PARAMETERS, Parameter, Params, PressureKind, Refusal,
+    Segment, Sizes, StartFrom, parameters,
 };
 use crate::error::Error;
 use crate::model::Form;
@@ -126,6 +126,19 @@ impl ParamsBuilder {
         self.with(["imposed_viscous_number"], |p| {
             p.viscous_number = Some(number);
         })
+    }
+
+    /// Imposed ratio σ/P of shear stress and particle pressure in place of the viscous number: see
+    /// [`Params::macroscopic_friction`].
+    pub fn macroscopic_friction(self, ratio: f64) -> Self {
+        self.with(["imposed_macroscopic_friction"], |p| {
+            p.macroscopic_friction = Some(ratio);
+        })
+    }
+
+    /// The normal stress that the imposed pressure is: [`PressureKind::Isotropic`] by default.
+    pub fn pressure(self, kind: PressureKind) -> Self {
+        self.with(["pressure"], |p| p.pressure = kind)
     }
 
     /// Two sizes: radius of the large spheres over that of the small, and number of large spheres

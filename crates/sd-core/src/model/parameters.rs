@@ -11,7 +11,7 @@ pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
-use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, segments};
+use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, PressureKind, segments};
 use crate::error::Refusal;
 use crate::law::tangential::stick_slide::MAX_RATIO;
 use crate::law::{ColloidUnit, Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
@@ -305,29 +305,46 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
 
 /// Refuses what cannot be combined with an imposed pressure.
 fn check_pressure(params: &Params) -> Result<(), Refusal> {
-    let Some(number) = params.viscous_number else {
-        return Ok(());
+    let (key, number) = match (params.viscous_number, params.macroscopic_friction) {
+        (None, None) => return Ok(()),
+        (Some(number), _) => ("imposed_viscous_number", number),
+        (None, Some(ratio)) => ("imposed_macroscopic_friction", ratio),
     };
     let refuse = |problem: &str, allowed: &str, because| {
         Err(Refusal {
-            key: "imposed_viscous_number",
+            key,
             value: number.to_string(),
             problem: problem.into(),
             allowed: allowed.into(),
             because: Some(because),
         })
     };
-    if params.at_rest || params.shear_stress.is_some() {
+    if params.viscous_number.is_some() && params.macroscopic_friction.is_some() {
+        return refuse(
+            "is imposed with the ratio of stress and pressure, from which it follows",
+            "one of the two: the other is a result",
+            "imposed_macroscopic_friction",
+        );
+    }
+    if params.at_rest {
+        return refuse(
+            "is imposed on fluid at rest",
+            "a flow: the pressure is in units of its rate, or of its stress",
+            "at_rest",
+        );
+    }
+    if params.viscous_number.is_some() && params.shear_stress.is_some() {
         return refuse(
             "is imposed without a rate",
-            "a `shear_rate`, in units of which the pressure is then given",
+            "a `shear_rate`, in units of which the pressure is then given, or the ratio of stress and pressure: \
+             `macroscopic_friction`",
             "shear_stress",
         );
     }
-    if params.flow != FlowType::Shear {
+    if params.flow != FlowType::Shear && params.pressure == PressureKind::Gradient {
         return refuse(
-            "is imposed in a flow that is no shear",
-            "`flow` = \"shear\"",
+            "is imposed along the gradient of a flow that is no shear",
+            "`pressure` = \"isotropic\", or `flow` = \"shear\"",
             "flow",
         );
     }

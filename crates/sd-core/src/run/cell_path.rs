@@ -55,6 +55,15 @@ impl<S: Space> CellPath<S> {
         Ok(Self::best(run, side)?.map(|(path, _)| path))
     }
 
+    /// The path of a run with a cell of this side; under an imposed pressure, which changes the
+    /// side, that of a lattice of content 1.
+    ///
+    /// # Errors
+    /// Those of [`Cell::periodic`].
+    pub(crate) fn of_run(run: &Params, side: f64) -> Result<Option<Self>, Error> {
+        Self::new(run, if run.imposes_pressure() { 1.0 } else { side })
+    }
+
     /// The shortest vector of the run's lattices at any strain, in a; `None` if it is sheared
     /// throughout.
     ///

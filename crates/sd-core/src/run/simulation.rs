@@ -16,13 +16,15 @@ pub use forces::Instant;
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, NetworkSample, Sample, StructureSample};
 pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
+pub use volume::ARREST_NUMBER;
 
 use crate::contact::laws::Laws;
 use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::law::CustomNormalLaw;
 use crate::model::{
-    ContactScheme, DEEPEST_OVERLAP, Imposed, Keywords as _, Params, Refusal, SolverSettings,
+    ContactScheme, DEEPEST_OVERLAP, Imposed, Keywords as _, Params, PressureKind, Refusal,
+    SolverSettings,
 };
 use crate::procedure::ContactList;
 use crate::run::cell_path::{CellPath, planned_cell};
@@ -38,7 +40,7 @@ use brownian::Brownian;
 use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
-use volume::Dilations;
+use volume::{Dilations, Extent};
 
 /// A run that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
@@ -64,10 +66,11 @@ pub struct Simulation<S: Starts = Layer> {
     pub(crate) imposed: Imposed,
     /// Steps done.
     steps: u64,
-    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
-    pub(crate) side: f64,
+    pub(crate) extent: Extent,
     /// How the cell dilates in the current step.
     dilations: Dilations,
+    /// Centres in the cell of a stage, where it dilates.
+    grown: Vec<S::Vector>,
     /// The lattice, unless the run is sheared throughout.
     path: Option<Box<CellPath<S>>>,
     state: State<S>,
@@ -115,7 +118,7 @@ fn background<S: Space>(params: &Params, imposed: &Imposed) -> VelocityGradient<
 /// What a step changes, as it was before the step.
 struct Before<S: Space> {
     state: State<S>,
-    side: f64,
+    extent: Extent,
     memory: SchemeMemory<S>,
     shear_control: ShearControl,
     counters: Counters,
@@ -158,7 +161,8 @@ impl<S: Starts> Simulation<S> {
         snapshot.check(params)?;
         let imposed = params.imposed(snapshot.steps.saturating_sub(1));
         let cell = planned_cell::<S>(params, snapshot.side)?;
-        let mut path = CellPath::new(params, snapshot.side)?.map(Box::new);
+        let mut path = CellPath::of_run(params, snapshot.side)?.map(Box::new);
+        let extent = snapshot.extent(params);
         if let Some(path) = &mut path {
             path.enter(params, imposed.segment)?;
         }
@@ -195,7 +199,7 @@ impl<S: Starts> Simulation<S> {
         Ok(Self {
             before: Before {
                 state: State::default(),
-                side: snapshot.side,
+                extent,
                 memory: SchemeMemory::new(&params.contact),
                 shear_control,
                 counters: snapshot.counters,
@@ -205,8 +209,9 @@ impl<S: Starts> Simulation<S> {
             run,
             imposed,
             steps: snapshot.steps,
-            side: snapshot.side,
+            extent,
             dilations: Dilations::default(),
+            grown: Vec::new(),
             path,
             state: State {
                 centres: snapshot.centres.iter().map(S::vector).collect(),
@@ -241,6 +246,10 @@ impl<S: Starts> Simulation<S> {
     /// Those of [`Cell::periodic`] for a strain that is not finite.
     pub fn cell_at(&self, strain: f64) -> Result<Cell<S>, Error> {
         if let Some(path) = &self.path {
+            let scale = self
+                .params
+                .imposes_pressure()
+                .then(|| self.extent.side * self.dilations.growth());
             let [net, cross] = self.imposed.gained(strain, self.params.time_step);
             let segment = self.imposed.segment;
             return match &self.run {
@@ -250,23 +259,15 @@ impl<S: Starts> Simulation<S> {
                     path.at(net, cross)
                 }
                 _ => path.at(net, cross),
-            };
+            }
+            .map(|cell| scale.map_or(cell, |scale| cell.scaled(scale)));
         }
         let [offset, cross_offset] = self.travelled_at(strain);
-        let growth = self.dilations.growth();
-        Cell::equal_sides(self.side * growth, offset * growth)?
-            .with_cross_offset(cross_offset * growth)
-    }
-
-    /// Distances along x and z by which the upper image cell is shifted at a strain of the current
-    /// step, not wrapped.
-    fn travelled_at(&self, strain: f64) -> [f64; 2] {
-        let net = self.imposed.net_strain(strain, self.params.time_step);
-        let travelled = net * self.side;
-        [
-            self.offset + travelled,
-            self.imposed.cross.at(strain) * self.side,
-        ]
+        let growth = match self.params.pressure {
+            PressureKind::Isotropic => self.dilations.growth(),
+            PressureKind::Gradient => 1.0,
+        };
+        Cell::periodic(self.sides(), offset * growth)?.with_cross_offset(cross_offset * growth)
     }
 
     /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
@@ -362,6 +363,7 @@ impl<S: Starts> Simulation<S> {
     ) -> impl Iterator<Item = S::Vector> + use<'c, '_, S> {
         let [along, cross] = self.travelled_at(strain);
         let since = strain - self.time();
+        let Extent { side, height, .. } = self.extent;
         let places = centres.iter().zip(&self.images).zip(&self.shifts);
         places.map(move |((&x, image), shift)| {
             if self.path.is_some() {
@@ -369,7 +371,8 @@ impl<S: Starts> Simulation<S> {
             }
             let mut x = x;
             for k in 0..S::DIMENSIONS {
-                x[k] += f64::from(image[k]) * self.side;
+                let side = if k == 1 { side * height } else { side };
+                x[k] += f64::from(image[k]) * side;
             }
             let up = f64::from(image[1]);
             x[0] += up * along;
@@ -385,17 +388,18 @@ impl<S: Starts> Simulation<S> {
     fn wrap(&mut self, cell: &Cell<S>) {
         if self.path.is_some() {
             let dt = self.params.time_step;
+            let growth = self.extent.side / self.before.extent.side;
             for (x, shift) in self.state.centres.iter_mut().zip(&mut self.shifts) {
                 let before = *x;
                 *x = cell.wrap(before);
-                *shift = self.background.carried(shift, dt) + (before - *x);
+                *shift = self.background.carried(shift, dt) * growth + (before - *x);
             }
             return;
         }
         // Whole sides by which the shifts of the cell's images differ from those travelled.
         let sides = self.travelled_at(self.time()).map(|shift| {
             #[expect(clippy::cast_possible_truncation, reason = "strains are below 2^31")]
-            let sides = (shift / self.side + 0.5).floor() as i32;
+            let sides = (shift / self.extent.side + 0.5).floor() as i32;
             sides
         });
         for (x, image) in self.state.centres.iter_mut().zip(&mut self.images) {
@@ -448,11 +452,6 @@ impl<S: Starts> Simulation<S> {
     /// Radii, in a.
     pub fn radii(&self) -> &[f64] {
         self.solver.resistance.radii()
-    }
-
-    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
-    pub fn side(&self) -> f64 {
-        self.side
     }
 
     /// Counters so far.
@@ -518,7 +517,13 @@ impl<S: Starts> Simulation<S> {
             version: SNAPSHOT_VERSION,
             steps: self.steps,
             radii: self.solver.resistance.radii().to_vec(),
-            side: self.side,
+            side: self.extent.side,
+            height: self.extent.height,
+            travelled: self.extent.travelled,
+            viscosity: self
+                .params
+                .macroscopic_friction
+                .map(|_| self.extent.viscosity),
             centres: self.state.centres.iter().map(S::point).collect(),
             orientations: self.state.orientations.clone(),
             images: self.images.clone(),

@@ -10,7 +10,7 @@ pub use given::fit;
 
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
-use crate::model::{Keywords as _, Params, Refusal, StartFrom, StartLayer};
+use crate::model::{Keywords as _, Params, PressureKind, Refusal, StartFrom, StartLayer};
 use crate::run::cell_path::CellPath;
 use crate::space::cell::{Cell, LUBRICATION_RANGE, needed};
 use crate::space::modes::Vec2;
@@ -120,9 +120,10 @@ pub fn check(params: &Params) -> Result<(), Error> {
             };
         }
         Err(Error::CellTooSmall { side, needed, .. }) => {
-            let shape = match params.viscous_number {
-                None => format!("a cell {side:.3} wide"),
-                Some(_) => format!("a cell that a pressure may shrink to a width of {side:.3}"),
+            let shape = if params.imposes_pressure() {
+                format!("a cell that a pressure may shrink to a width of {side:.3}")
+            } else {
+                format!("a cell {side:.3} wide")
             };
             (shape, side, needed)
         }
@@ -159,14 +160,15 @@ pub fn check(params: &Params) -> Result<(), Error> {
             "at `{key}` = {fraction}{of_sizes} make {shape}, less than {needed:.3}, twice the range of pairs under {model}, \
              which is {range} radii of the largest sphere"
         ),
-        allowed: match params.viscous_number {
-            Some(_) => format!("at least {} spheres", least_spheres(params, side, needed)),
-            None => format!(
+        allowed: if params.imposes_pressure() {
+            format!("at least {} spheres", least_spheres(params, side, needed))
+        } else {
+            format!(
                 "at least {} spheres at this {kind} fraction, or {} {kind} fraction of at most {:.3}",
                 least_spheres(params, side, needed),
                 if power == 2 { "an" } else { "a" },
                 fraction * (side / needed).powi(power)
-            ),
+            )
         },
         because: Some(sizes.map_or(key, |(key, _)| key)),
     }
@@ -343,16 +345,20 @@ pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
 /// images of one neighbour in range, at the start or in the flow of the run.
 fn check_range<S: Fluid>(params: &Params, radii: &[f64], side: f64) -> Result<(), Error> {
     let range = Resistance::<S>::range(params.hydrodynamics);
-    let Some(shortest) = CellPath::<S>::shortest(params, side)? else {
-        let (.., fraction, power) = fraction_of(params);
-        let shrunk = match params.viscous_number {
-            None => side,
-            Some(_) => {
-                side * (fraction / DENSEST[S::DIMENSIONS - 2]).powf(f64::from(power).recip())
-            }
+    let (.., fraction, power) = fraction_of(params);
+    let shrunk = if params.imposes_pressure() {
+        let power = match params.pressure {
+            PressureKind::Isotropic => power,
+            PressureKind::Gradient => 1,
         };
-        return Cell::<S>::equal_sides(shrunk, 0.0)?.check_range(radii, range);
+        (fraction / DENSEST[S::DIMENSIONS - 2]).powf(f64::from(power).recip())
+    } else {
+        1.0
     };
+    let Some(shortest) = CellPath::<S>::shortest(params, side)? else {
+        return Cell::<S>::equal_sides(side * shrunk, 0.0)?.check_range(radii, range);
+    };
+    let shortest = shortest * shrunk;
     let needed = needed(radii, range);
     if shortest < needed {
         return Err(Error::LatticeTooShort { shortest, needed });

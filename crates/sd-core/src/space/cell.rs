@@ -101,6 +101,14 @@ impl<S: Space> Cell<S> {
         Self::periodic(sides, offset)
     }
 
+    /// The cell with all lengths multiplied by a factor.
+    pub(crate) fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::Unbounded => self,
+            Self::Periodic(lattice) => Self::Periodic(lattice.scaled(factor)),
+        }
+    }
+
     /// The lattice of the images; `None` if unbounded.
     pub fn lattice(&self) -> Option<&Lattice<S>> {
         match self {

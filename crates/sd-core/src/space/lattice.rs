@@ -261,6 +261,22 @@ impl<S: Space> Lattice<S> {
         Self::sheared_cell(sides, wrapped(rows[1][0], sides[0]), cross_offset)
     }
 
+    /// The lattice with all lengths multiplied by a factor.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        if self.is_sheared_cell {
+            let mut sides = S::Vector::default();
+            for k in 0..S::DIMENSIONS {
+                sides[k] = self.lengths[k] * factor;
+            }
+            return Self::sheared_cell(sides, self.offset * factor, self.cross_offset * factor);
+        }
+        Self {
+            basis: self.basis.map(|row| row * factor),
+            numbers: self.numbers,
+            ..Self::with_basis(self.vectors.map(|row| row * factor))
+        }
+    }
+
     /// Position of an image relative to the original.
     pub fn image_vector(&self, image: S::Image) -> S::Vector {
         let mut vector = self.basis[0] * f64::from(image[0]);

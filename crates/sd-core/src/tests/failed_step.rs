@@ -42,7 +42,7 @@ fn check(params: &Params, steps: u64, spoil: fn(&mut Simulation, f64)) {
         "{error}"
     );
     run.imposed.cross = undisturbed.imposed.cross;
-    run.side = undisturbed.side;
+    run.extent.side = undisturbed.extent.side;
     assert_eq!(run.snapshot(), before);
     for _ in 0..2 {
         assert_eq!(run.step().unwrap(), undisturbed.step().unwrap());
@@ -58,7 +58,7 @@ fn later_stages(run: &mut Simulation, strain: f64) {
 
 /// Makes the first stage of a step fail.
 fn first_stage(run: &mut Simulation, _: f64) {
-    run.side = f64::INFINITY;
+    run.extent.side = f64::INFINITY;
 }
 
 #[test]

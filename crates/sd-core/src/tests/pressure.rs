@@ -2,6 +2,7 @@
 
 use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, ImposedPressure, SolvePass, Status, Surface};
+use crate::model::PressureKind;
 use crate::space::cell::Cell;
 use crate::space::{Layer, Space as _, VelocityGradient};
 use crate::stage::{Method, StageContacts};
@@ -33,7 +34,14 @@ fn both_backends_dilate_the_cell_alike_and_contacts_bear_the_pressure() {
             critical_load: 0.0,
         })
     };
-    for (pressure, resistance) in [(100.0, 10.0), (0.1, 1.0), (1e4, 1e-3)] {
+    let cases = [
+        (100.0, 10.0, PressureKind::Isotropic),
+        (0.1, 1.0, PressureKind::Isotropic),
+        (1e4, 1e-3, PressureKind::Isotropic),
+        (100.0, 10.0, PressureKind::Gradient),
+        (1e4, 1e-3, PressureKind::Gradient),
+    ];
+    for (pressure, resistance, kind) in cases {
         let solved = [Method::Dense, Method::Pairwise].map(|method| {
             let mut stage = method
                 .solver::<Layer>(
@@ -50,6 +58,7 @@ fn both_backends_dilate_the_cell_alike_and_contacts_bear_the_pressure() {
                 pressure,
                 volume,
                 resistance,
+                kind,
             });
             let contact = StageContacts::Laws {
                 laws: &laws,
@@ -60,8 +69,14 @@ fn both_backends_dilate_the_cell_alike_and_contacts_bear_the_pressure() {
             let quality = stage.solve(&flow, &[], contact, SolvePass::First).unwrap();
             assert_eq!(quality.status, Status::Solved, "{quality:?}");
             let list = &stage.contacts.list;
-            let borne: f64 = list.iter().map(|c| c.opening() * c.normal_force).sum();
-            // V κ_V e = Σ c f − V P
+            let borne = list.iter().map(|c| {
+                let directions = c.directions();
+                let [shifting] = c.shifting(kind, &directions);
+                let [friction] = Layer::along(&directions, &c.tangential_force);
+                c.opening(kind) * c.normal_force - shifting * friction
+            });
+            let borne: f64 = borne.sum();
+            // V κ_V e = Σ c f − Σ s t − V P
             let dilation = stage.contacts.dilation;
             let error = volume * resistance * dilation - (borne - volume * pressure);
             assert!(error.abs() < 1e-9 * volume * pressure, "{error}");

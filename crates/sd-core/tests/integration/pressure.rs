@@ -2,7 +2,9 @@
 
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params,
-    RunSpace, Simulation, Snapshot, StiffnessUnit, TangentialLaw, model::SolverSettings,
+    RunSpace, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
+    model::{FlowType, PressureKind, SolverSettings},
+    simulation::Flow,
 };
 
 const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
@@ -16,6 +18,7 @@ fn suspension(number: f64, fraction: f64, friction: f64) -> Params {
     Params::builder()
         .spheres(40)
         .volume_fraction(fraction)
+        .two_sizes(1.4, 0.25)
         .roughness(0.01)
         .friction(friction)
         .shear_rate(f64::INFINITY)
@@ -50,15 +53,17 @@ fn layer(number: f64) -> Params {
         .unwrap()
 }
 
-/// Mean pressure, fraction and viscosity from a strain on.
+/// Mean pressures, fraction and viscosity from a strain on.
 struct Means {
     pressure: f64,
+    /// On planes across the gradient, tangential forces included.
+    pressure_22: f64,
     fraction: f64,
     viscosity: f64,
 }
 
 fn means<S: RunSpace>(mut run: Simulation<S>, [from, to]: [f64; 2]) -> Means {
-    let mut sums = [0.0; 3];
+    let mut sums = [0.0; 4];
     let mut count = 0.0;
     while run.strain() < to {
         let sample = run.step().unwrap();
@@ -68,17 +73,32 @@ fn means<S: RunSpace>(mut run: Simulation<S>, [from, to]: [f64; 2]) -> Means {
             let fraction = sample.fraction.unwrap_or(run.fraction());
             let normal = [xx, yy, zz].map(|part| part.normal_contact + part.repulsion);
             let pressure = -normal.iter().sum::<f64>() / S::DIMENSIONS as f64;
-            for (sum, x) in sums.iter_mut().zip([pressure, fraction, sample.viscosity]) {
+            let across = -(normal[1] + yy.tangential_contact);
+            let all = [pressure, fraction, sample.viscosity, across];
+            for (sum, x) in sums.iter_mut().zip(all) {
                 *sum += x;
             }
             count += 1.0;
         }
     }
-    let [pressure, fraction, viscosity] = sums.map(|sum| sum / count);
+    let [pressure, fraction, viscosity, pressure_22] = sums.map(|sum| sum / count);
     Means {
         pressure,
+        pressure_22,
         fraction,
         viscosity,
+    }
+}
+
+/// Means of three runs between two strains.
+fn means_of_runs(params: &Params, strains: [f64; 2]) -> Means {
+    let runs = [1, 2, 3].map(|seed| means(begun::<Bulk>(params, seed), strains));
+    let mean = |of: fn(&Means) -> f64| runs.iter().map(of).sum::<f64>() / 3.0;
+    Means {
+        pressure: mean(|run| run.pressure),
+        pressure_22: mean(|run| run.pressure_22),
+        fraction: mean(|run| run.fraction),
+        viscosity: mean(|run| run.viscosity),
     }
 }
 
@@ -89,10 +109,8 @@ fn begun<S: RunSpace>(params: &Params, seed: u64) -> Simulation<S> {
 #[test]
 fn contacts_bear_the_imposed_pressure_from_any_start() {
     for number in [0.1, 0.01] {
-        let runs = [0.45, 0.52].map(|fraction| {
-            let run = begun::<Bulk>(&suspension(number, fraction, 0.0), 1);
-            means(run, [2.0, 6.0])
-        });
+        let runs = [0.45, 0.52]
+            .map(|fraction| means_of_runs(&suspension(number, fraction, 0.0), [2.0, 5.0]));
         for run in &runs {
             let ratio = run.pressure * number;
             assert!((ratio - 1.0).abs() < 0.03, "{number}: {ratio}");
@@ -119,13 +137,134 @@ fn the_pressure_at_an_imposed_fraction_gives_that_fraction() {
         viscous_number: None,
         ..suspension(1.0, 0.48, 0.3)
     };
-    let fixed = means(begun::<Bulk>(&fixed, 1), [1.5, 5.0]);
+    let fixed = means_of_runs(&fixed, [1.5, 5.0]);
     assert!((fixed.fraction - 0.48).abs() < 1e-9);
     let free = suspension(fixed.pressure.recip(), 0.46, 0.3);
-    let free = means(begun::<Bulk>(&free, 1), [1.5, 5.0]);
+    let free = means_of_runs(&free, [1.5, 5.0]);
     assert!((free.fraction - 0.48).abs() < 0.012, "{}", free.fraction);
     let ratio = free.viscosity / fixed.viscosity;
     assert!((ratio - 1.0).abs() < 0.25, "{ratio}");
+}
+
+#[test]
+fn frictionless_spheres_approach_random_packing_and_a_small_friction() {
+    let [flowing, dense] = [1e-3, 1e-4].map(|number| {
+        let run = means(begun::<Bulk>(&suspension(number, 0.58, 0.0), 1), [1.5, 3.0]);
+        (run.viscosity / run.pressure, run.fraction)
+    });
+    // The friction of the packing tends to some 0.1, and the fraction to that of random packing,
+    // 0.64 to 0.65 of the spheres with their roughness.
+    assert!(dense.0 < 0.75 * flowing.0, "{flowing:?} {dense:?}");
+    assert!((0.08..0.2).contains(&dense.0), "{dense:?}");
+    assert!((0.60..0.65).contains(&dense.1), "{dense:?}");
+}
+
+/// Equal spheres, which need a smaller cell.
+fn gradient(params: Params) -> Params {
+    Params {
+        pressure: PressureKind::Gradient,
+        size_ratio: 1.0,
+        large_fraction: 0.5,
+        ..params
+    }
+}
+
+#[test]
+fn contacts_bear_the_pressure_across_the_gradient() {
+    for friction in [0.0, 0.5] {
+        let params = gradient(suspension(0.03, 0.5, friction));
+        let mut run = begun::<Bulk>(&params, 1);
+        run.step().unwrap();
+        let run = means(run, [2.0, 6.0]);
+        let ratio = run.pressure_22 * 0.03;
+        assert!((ratio - 1.0).abs() < 0.03, "{friction}: {ratio}");
+        // With friction the second normal stress difference is negative.
+        if friction > 0.0 {
+            assert!(run.pressure < run.pressure_22, "{}", run.pressure);
+        }
+    }
+    let planar = means(begun::<Layer>(&gradient(layer(0.05)), 1), [2.0, 6.0]);
+    let ratio = planar.pressure_22 * 0.05;
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+}
+
+#[test]
+fn the_pressure_across_the_gradient_gives_the_fraction_that_it_was_measured_at() {
+    let fixed = Params {
+        viscous_number: None,
+        ..suspension(1.0, 0.48, 0.3)
+    };
+    let fixed = means_of_runs(&fixed, [1.5, 5.0]);
+    let free = gradient(suspension(fixed.pressure_22.recip(), 0.46, 0.3));
+    let free = means_of_runs(&free, [1.5, 5.0]);
+    assert!((free.fraction - 0.48).abs() < 0.012, "{}", free.fraction);
+}
+
+#[test]
+fn the_volume_follows_the_pressure_in_extension_too() {
+    for flow in [FlowType::PlanarExtension, FlowType::Uniaxial] {
+        let params = Params {
+            flow,
+            spheres: 60,
+            ..suspension(0.05, 0.48, 0.3)
+        };
+        let run = means(begun::<Bulk>(&params, 1), [2.0, 5.0]);
+        let ratio = run.pressure * 0.05;
+        assert!((ratio - 1.0).abs() < 0.03, "{flow}: {ratio}");
+        let sheared = means(begun::<Bulk>(&suspension(0.05, 0.48, 0.3), 1), [2.0, 5.0]);
+        assert!(
+            (run.fraction - sheared.fraction).abs() < 0.03,
+            "{flow}: {}",
+            run.fraction
+        );
+    }
+}
+
+/// A ratio of stress and pressure in place of the viscous number.
+fn at_ratio(ratio: f64, params: Params) -> Params {
+    Params {
+        viscous_number: None,
+        macroscopic_friction: Some(ratio),
+        ..params
+    }
+}
+
+#[test]
+fn stress_and_pressure_keep_their_ratio_and_both_ensembles_agree() {
+    let number = 0.05;
+    let fixed = means(begun::<Bulk>(&suspension(number, 0.48, 0.3), 1), [1.5, 6.0]);
+    let ratio = fixed.viscosity * number;
+    let params = at_ratio(ratio, suspension(number, 0.48, 0.3));
+    let mut run = begun::<Bulk>(&params, 1);
+    let mut shear = (0.0, 0.0);
+    while run.strain() < 6.0 {
+        let sample = run.step().unwrap();
+        if sample.strain >= 1.5 {
+            // Strain over the time in units of the stress.
+            shear.0 += 1.0;
+            shear.1 += sample.viscosity;
+        }
+    }
+    assert_eq!(run.flow(), Flow::Flowing);
+    let found = ratio * shear.0 / shear.1;
+    assert!((found / number - 1.0).abs() < 0.2, "{found}");
+    assert!((run.fraction() - fixed.fraction).abs() < 0.03);
+}
+
+#[test]
+fn below_the_least_ratio_a_suspension_arrests_and_above_it_yields() {
+    // Without friction the ratio tends to some 0.1.
+    let runs = [0.04, 0.8].map(|ratio| {
+        let params = at_ratio(ratio, suspension(1.0, 0.55, 0.0));
+        let mut run = begun::<Bulk>(&params, 1);
+        while run.flow() == Flow::Flowing && run.strain() < 1.5 {
+            run.step().unwrap();
+        }
+        (run.flow(), run.fraction())
+    });
+    let [(arrested, dense), (flowing, loose)] = runs;
+    assert_eq!([arrested, flowing], [Flow::Jammed, Flow::Flowing]);
+    assert!(dense > 0.6 && loose < 0.58, "{dense} {loose}");
 }
 
 #[test]
@@ -177,6 +316,14 @@ fn springs_and_repulsion() -> [ContactLaws; 2] {
 fn an_interrupted_run_continues_with_the_same_bits() {
     check_interrupted::<Bulk>(&suspension(0.05, 0.5, 0.5));
     check_interrupted::<Layer>(&layer(0.05));
+    check_interrupted::<Bulk>(&gradient(suspension(0.05, 0.5, 0.5)));
+    check_interrupted::<Layer>(&gradient(layer(0.05)));
+    check_interrupted::<Bulk>(&at_ratio(0.8, suspension(0.05, 0.5, 0.5)));
+    check_interrupted::<Bulk>(&Params {
+        flow: FlowType::Uniaxial,
+        spheres: 60,
+        ..suspension(0.05, 0.5, 0.5)
+    });
     check_interrupted::<Layer>(&Params {
         spheres: 70,
         ..layer(0.05)
@@ -223,10 +370,17 @@ fn a_pressure_is_refused_where_it_cannot_be_imposed() {
         ),
         (
             Params {
-                flow: sd_core::model::FlowType::PlanarExtension,
-                ..good.clone()
+                flow: FlowType::PlanarExtension,
+                ..gradient(good.clone())
             },
             "no shear",
+        ),
+        (
+            Params {
+                macroscopic_friction: Some(0.5),
+                ..good.clone()
+            },
+            "it follows",
         ),
     ] {
         let error = bad.validate().unwrap_err().to_string();

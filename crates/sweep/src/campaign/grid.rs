@@ -33,12 +33,14 @@ const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 /// Number of problems of one grid after which the check stops.
 const MAX_PROBLEMS: usize = 200;
 
-/// The key of an imposed viscous number, which is a column of its own beside the measured one.
-const VISCOUS_NUMBER: &str = "viscous_number";
+/// The keys in files of axes that are columns of their own beside the measured ones.
+const IMPOSED: [&str; 2] = ["viscous_number", "macroscopic_friction"];
 
 /// The entry of an axis.
 fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {
-    let short = axis.is_imposed_pressure().then_some(VISCOUS_NUMBER);
+    let short = IMPOSED
+        .into_iter()
+        .find(|short| axis.key.strip_prefix("imposed_") == Some(short));
     table.get(axis.key).or_else(|| table.get(short?))
 }
 
@@ -55,7 +57,7 @@ impl<'t> Grid<'t> {
         faults: &'t Faults,
     ) -> Self {
         let known = AXES.iter().map(|axis| axis.key);
-        let known: Vec<&str> = known.chain([SEEDS, VISCOUS_NUMBER]).collect();
+        let known: Vec<&str> = known.chain([SEEDS]).chain(IMPOSED).collect();
         let table = Reader::new(entries, span, "[[grid]]", &known, faults);
         let mut shear = AXES.iter().filter(|axis| axis.is_of_shear());
         let imposes = shear.any(|axis| table.get(axis.key).is_some());

@@ -218,12 +218,7 @@ impl<'t> Reader<'t> {
 }
 
 /// What the program does not have, by keys that users of other programs try.
-const ABSENT: [(&[&str], &str); 5] = [
-    (
-        &["pressure", "normal_stress", "viscous_number"],
-        "imposed pressure",
-    ),
-    (&["flow", "flow_type", "extension"], "flow but simple shear"),
+const ABSENT: [(&[&str], &str); 3] = [
     (&["wall", "walls"], "wall"),
     (&["gravity", "buoyancy", "weight"], "gravity"),
     (
@@ -252,6 +247,11 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
     }
     if ["temperature", "brownian", "kt"].contains(&written) {
         allowed = format!("Brownian motion has a `peclet` or a `thermal_load`; {allowed}");
+    }
+    if ["particle_pressure", "normal_stress", "confining_pressure"].contains(&written) {
+        allowed = format!(
+            "an imposed pressure has a `viscous_number` or a `macroscopic_friction`; {allowed}"
+        );
     }
     if ["lognormal", "uniform", "species"].contains(&written) && known.contains(&"sizes") {
         allowed = format!(

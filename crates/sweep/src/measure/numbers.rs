@@ -288,6 +288,9 @@ pub static NUMBERS: &[Number] = {
         number("sigma_yz_repulsion", "mu rate").sample("Σ_yz of repulsion and van der Waals attraction", Part(|s| &mut s.yz.repulsion)).averaged().label(""),
         number("sigma_yz_brownian", "mu rate").sample("Σ_yz of Brownian motion", Part(|s| &mut s.yz.brownian)).averaged().label(""),
         number("fraction", "1").sample("area or volume fraction under an imposed pressure", Free(|s| &mut s.fraction)).averaged(),
+        number("final_fraction", "1").run("area or volume fraction at its end, under an imposed pressure", Of(|r| r.final_fraction)),
+        number("arrested_fraction", "1").label("fraction at arrest")
+            .point("area or volume fraction at which jammed runs came to rest under an imposed ratio of stress and pressure, mean over them", Over(|r| r.arrested_fraction())),
         number("pressure", "mu rate").label("particle pressure P")
             .run("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
             .point("particle pressure P, without the isotropic stress of the fluid: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),

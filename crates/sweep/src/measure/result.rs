@@ -27,6 +27,7 @@ impl<'p> RunData<'p> {
             activated: 0,
             sticking: 0,
             approach: 0.0,
+            final_fraction: None,
             order: [Vec::new(), Vec::new()],
             displacements: [Slope::default(); 2],
             means: vec![Mean::default(); columns(Level::Runs).count()],
@@ -48,6 +49,7 @@ impl<'p> RunData<'p> {
 
     /// Adds a sample.
     pub(crate) fn add(&mut self, step: u64, sample: &Sample) {
+        self.final_fraction = sample.fraction;
         if step < self.discard_step {
             return;
         }

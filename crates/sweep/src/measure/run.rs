@@ -28,6 +28,8 @@ pub(crate) struct RunData<'p> {
     pub(super) sticking: u64,
     /// Approach velocities, summed over the contacts of all samples.
     pub(super) approach: f64,
+    /// Fraction of the last sample, under an imposed pressure.
+    pub(super) final_fraction: Option<f64>,
     /// Layering, and bond orientation, of the averaged samples.
     pub(super) order: [Vec<f64>; 2],
     /// Mean square displacements along y and z against strain.
@@ -208,6 +210,11 @@ impl PointRun {
     /// Whether it is finished and included in averages.
     pub fn is_sound(&self) -> bool {
         self.state == State::Done && self.doubts.is_empty()
+    }
+
+    /// Whether it came to rest under an imposed ratio of stress and pressure.
+    pub(super) fn is_arrested(&self) -> bool {
+        self.state == State::Jammed && self.params.macroscopic_friction.is_some()
     }
 
     /// Strain discarded.

@@ -2,7 +2,7 @@
 
 use super::run::PointRun;
 use super::steady::{MIN_RUNS, significant_mean};
-use super::{Decision, Distribution, Drift, Estimate, Trend, relative_half_width};
+use super::{Decision, Distribution, Drift, Estimate, Trend, ratio, relative_half_width};
 use crate::model::precision::{Precision, Quantity};
 
 /// Changes of order over the kept strain, by name, with the word for what changes.
@@ -50,6 +50,15 @@ impl Runs<'_> {
     /// The mean over runs of a number of their results.
     pub(crate) fn estimate(&self, name: &str) -> Option<Estimate> {
         Estimate::of(&self.values(name))
+    }
+
+    /// The mean fraction at which runs came to rest under an imposed ratio of stress and pressure.
+    pub(super) fn arrested_fraction(&self) -> Option<f64> {
+        let arrested = self.all.iter().filter(|run| run.is_arrested());
+        let fractions: Vec<f64> = arrested
+            .filter_map(|run| run.number("final_fraction"))
+            .collect();
+        ratio(fractions.iter().sum(), fractions.len() as f64)
     }
 
     /// Smallest gap of any run, in a.

@@ -136,9 +136,9 @@ impl Axis {
         self.is_shear_rate() || self.is_shear_stress()
     }
 
-    /// Whether it is the axis of imposed viscous numbers.
+    /// Whether it imposes the pressure, by the viscous number or its ratio to the stress.
     pub fn is_imposed_pressure(&self) -> bool {
-        self.key == "imposed_viscous_number"
+        ["imposed_viscous_number", "imposed_macroscopic_friction"].contains(&self.key)
     }
 
     /// Whether it is an area fraction or a volume fraction.

@@ -81,9 +81,10 @@ impl Case {
             None if acts || p.shear_rate != 0.0 => format!(" Γ={}", p.shear_rate),
             None => String::new(),
         };
-        let pressure = match p.viscous_number {
-            Some(number) => format!(" J={number}"),
-            None => String::new(),
+        let pressure = match (p.viscous_number, p.macroscopic_friction) {
+            (Some(number), _) => format!(" J={number}"),
+            (None, Some(ratio)) => format!(" σ/P={ratio}"),
+            (None, None) => String::new(),
         };
         format!(
             "{fraction} {friction} h={}{flow}{shear}{pressure} N={} seed {}",

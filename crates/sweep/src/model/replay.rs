@@ -71,7 +71,7 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
         "hydrodynamics": p.hydrodynamics,
         "contact": contact,
     });
-    if run.is_sheared() {
+    if run.is_sheared() && snapshot.height == 1.0 {
         input["cell"] = json!(vec![snapshot.side; S::DIMENSIONS]);
         input["offset"] = json!(at_start + run.net_strain(snapshot.steps) * snapshot.side);
         let cross_strain = run.cross_strain(snapshot.steps);

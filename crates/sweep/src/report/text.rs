@@ -110,8 +110,18 @@ pub fn write(
         } else {
             String::new()
         };
+        let mut ended = report.points.iter().filter(|point| point.jammed > 0);
+        let arrested = ended.all(|point| point.params.macroscopic_friction.is_some());
+        let [word, fractions] = if arrested {
+            [
+                "arrested",
+                "; the column arrested_fraction has their fraction",
+            ]
+        } else {
+            ["jammed", ""]
+        };
         lines.push(format!(
-            "jammed runs, by their numbers in the file: {named}{more}; `sweep show` shows one"
+            "{word} runs, by their numbers in the file: {named}{more}; `sweep show` shows one{fractions}"
         ));
     }
     if report.doubtful > 0 {

@@ -209,8 +209,10 @@ impl Workers<'_> {
             if !owned {
                 self.options.progress.note(&claim.lost().to_string());
             } else if finished.state == State::Jammed {
+                let arrests = claim.case.params.macroscopic_friction.is_some();
                 self.options.progress.note(&format!(
-                    "jammed at strain {:.3}: {}",
+                    "{} at strain {:.3}: {}",
+                    if arrests { "arrested" } else { "jammed" },
                     finished.steps as f64 * claim.case.params.time_step,
                     claim.case.label()
                 ));

@@ -76,7 +76,8 @@ impl<S: Fluid> ContactSolver<S> {
             }
             let contact = Contact::new(*pair, radii, input.flow);
             let (overlap, normal) = (overlap_of(input, &contact), &input.laws.normal);
-            let approach = contact.approach(velocities) + contact.opening() * self.dilation;
+            let opening = contact.opening(self.dilates());
+            let approach = contact.approach(velocities) + opening * self.dilation;
             if approach < normal.separation_velocity(&overlap, &input.span) {
                 self.list.push(contact);
             }

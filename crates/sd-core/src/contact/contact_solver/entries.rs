@@ -1,7 +1,7 @@
 //! Conversion of the laws of the candidates to coefficients of the contact problem, and of its
 //! solution to contact forces and states.
 
-use super::super::contact_pair::{Contact, ContactState};
+use super::super::contact_pair::ContactState;
 use super::super::laws::{COMPLIANCE, Laws, Overlap};
 use super::super::memory::ContactMemory;
 use super::super::problem::statement::{self, Forces, FrictionState, Problem};
@@ -10,6 +10,7 @@ use super::candidates::overlap_of;
 use super::{ContactSolver, ImposedPressure, SolvePass, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
 use crate::law::FrictionConstraint;
+use crate::model::PressureKind;
 
 /// Largest accepted difference between a force and its nonlinear law, over the largest force or 1.
 const LINEARISATION_TOLERANCE: f64 = 1e-9;
@@ -60,17 +61,19 @@ impl<S: Fluid> ContactSolver<S> {
     fn set_up_dilation(&mut self) {
         let dilation = &mut self.problem.dilation;
         dilation.openings.clear();
+        dilation.shiftings.clear();
         (dilation.mobility, dilation.free) = (0.0, 0.0);
         let Some(ImposedPressure {
             pressure,
             volume,
             resistance,
+            kind,
         }) = self.pressure
         else {
             return;
         };
         let each = self.list.iter();
-        dilation.openings.extend(each.map(Contact::opening));
+        dilation.openings.extend(each.map(|c| c.opening(kind)));
         let [work, slope] = self.distant_work;
         dilation.mobility = (volume * resistance + slope).recip();
         dilation.free = dilation.mobility * (work - volume * pressure);
@@ -111,11 +114,19 @@ impl<S: Fluid> ContactSolver<S> {
             FrictionConstraint::Slip | FrictionConstraint::SlipAndRotation => {}
         }
         let contact = &self.list[k];
+        let dilates = self.pressure.map_or_else(PressureKind::default, |p| p.kind);
+        let mut shifting = contact.shifting(dilates, &contact.directions());
         let mut add = |rows: S::PerTangent<Row<S>>,
                        [shift, force]: [S::Tangent; 2],
                        compliance: f64,
                        coefficient: f64| {
             let directions = contact.directions();
+            if dilates == PressureKind::Gradient {
+                let shiftings = &mut self.problem.dilation.shiftings;
+                shiftings.extend_from_slice(shifting.as_ref());
+                // Further forces of the contact act on rotations, which the cell does not change.
+                shifting = S::each_tangent(0.0);
+            }
             self.problem.friction.push(statement::Friction {
                 contact: k,
                 rows,

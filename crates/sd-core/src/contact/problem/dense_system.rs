@@ -79,6 +79,7 @@ impl DenseSystem {
             openings,
             mobility,
             free,
+            shiftings: _,
         } = &problem.dilation;
         for (k, c) in openings.iter().enumerate() {
             self.free_normal[k] += c * free;
@@ -105,6 +106,18 @@ impl DenseSystem {
         }
         self.free_slip.clear();
         columns.add_transposed_product(&self.free, &mut self.free_slip);
+        let dilation = &problem.dilation;
+        for (m, s) in dilation.shiftings.iter().enumerate() {
+            self.free_slip[m] += s * dilation.free;
+            for (k, c) in dilation.openings.iter().enumerate() {
+                self.g_tn[(m, k)] += dilation.mobility * s * c;
+            }
+            if !problem.uses_frictionless_slip {
+                for (l, other) in dilation.shiftings.iter().enumerate() {
+                    self.g_tt[(m, l)] += dilation.mobility * s * other;
+                }
+            }
+        }
     }
 
     /// Sets the disturbance velocities under the given contact forces.

@@ -75,6 +75,10 @@ pub(crate) struct SparseSystem<S: Fluid = Layer> {
     /// Memory for the terms of the linear system, of no meaning between solutions.
     active: ActiveTerms<S>,
     gmres: Gmres,
+    /// The velocities per rate of dilation, weighted as residuals, and what the preconditioner
+    /// makes of them.
+    dilation_column: Vec<f64>,
+    dilation_response: Vec<f64>,
     /// Residual and correction, each of v, v_N, f and t.
     residual: Vec<f64>,
     correction: Vec<f64>,
@@ -125,7 +129,7 @@ impl<S: Fluid> SparseSystem<S> {
                 *r = f - *r;
             }
         }
-        let dilation = problem.dilation.rate(&forces.normal);
+        let dilation = problem.dilation.rate(forces);
         for entry in &linear.active.closed {
             let (k, row) = (entry.index as usize, entry.row());
             let f = forces.normal[k];
@@ -146,14 +150,19 @@ impl<S: Fluid> SparseSystem<S> {
                 }
             }
         }
-        let flow = if problem.uses_frictionless_slip {
-            &self.frictionless
+        let (flow, dilation) = if problem.uses_frictionless_slip {
+            let rate = problem.dilation.frictionless_rate(forces);
+            (&self.frictionless, rate)
         } else {
-            &self.velocities
+            (&self.velocities, dilation)
         };
         for entry in &linear.active.sticking {
             let m = entry.index;
-            let moved = entry.row.read(flow) - entry.compliance * entry.force(&forces.tangential);
+            let mut moved =
+                entry.row.read(flow) - entry.compliance * entry.force(&forces.tangential);
+            if !problem.dilation.shiftings.is_empty() {
+                moved += entry.shifting(&problem.dilation) * dilation;
+            }
             r_t[m] = -VELOCITY_WEIGHT * (moved + entry.shift);
         }
     }
@@ -211,12 +220,26 @@ impl<S: Fluid> System<S> for SparseSystemView<'_, S> {
             system.preconditioner.update(&linear).ok()?;
             system.correction.clear();
             system.correction.resize(system.residual.len(), 0.0);
+            let dilates = !problem.dilation.openings.is_empty();
+            if dilates {
+                linear.set_dilation_column(&mut system.dilation_column);
+                let (column, response) = (&system.dilation_column, &mut system.dilation_response);
+                response.clear();
+                response.resize(column.len(), 0.0);
+                system.preconditioner.apply(&linear, column, response);
+            }
+            let response = &system.dilation_response;
             let info = system.gmres.solve(
                 &system.residual,
                 &mut system.correction,
                 StopCriteria::new(goal, MAX_ITERATIONS),
                 |x, y| linear.apply(x, y, &mut system.both),
-                |r, z| system.preconditioner.apply(&linear, r, z),
+                |r, z| {
+                    system.preconditioner.apply(&linear, r, z);
+                    if dilates {
+                        linear.dilate(response, z);
+                    }
+                },
             );
             residual_norm = info.residual;
             let [v, v_n, f, t] = linear.split(&system.correction);
@@ -365,6 +388,8 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
 
     /// Computes slack and slip from the current velocities.
     fn read(&self, problem: &Problem<S>, forces: &mut Forces<S>) {
+        let dilation = problem.dilation.rate(forces);
+        let frictionless = problem.dilation.frictionless_rate(forces);
         let Forces {
             normal,
             tangential,
@@ -375,14 +400,13 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
         slack.clear();
         let entries = problem.normal.iter().zip(&*normal);
         slack.extend(entries.map(|(e, f)| e.row.read(v) + e.bias + e.compliance * f));
-        let dilation = problem.dilation.rate(normal);
         for (w, c) in slack.iter_mut().zip(&problem.dilation.openings) {
             *w += c * dilation;
         }
-        let flow = if problem.uses_frictionless_slip {
-            &self.system.frictionless
+        let (flow, dilation) = if problem.uses_frictionless_slip {
+            (&self.system.frictionless, frictionless)
         } else {
-            v
+            (v, dilation)
         };
         slip.clear();
         let entries = problem.friction.iter().zip(&*tangential);
@@ -393,5 +417,9 @@ impl<'a, S: Fluid> SparseSystemView<'a, S> {
             }
             z
         }));
+        let shiftings = problem.dilation.shiftings.iter();
+        for (z, s) in S::components_mut(slip).iter_mut().zip(shiftings) {
+            *z += s * dilation;
+        }
     }
 }

@@ -77,12 +77,14 @@ impl<S: Space> Friction<S> {
     }
 }
 
-/// The rate at which the cell dilates under an imposed pressure, as it follows from the normal
-/// forces: `e = mobility Σ c f + free`. Candidates open at the rates c e.
+/// The rate at which the cell dilates under an imposed pressure, as it follows from the forces:
+/// `e = mobility (Σ c f − Σ s t) + free`. Candidates open at the rates c e, and slip at s e.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Dilation {
     /// c of each candidate, in a; empty where the volume is imposed.
     pub(crate) openings: Vec<f64>,
+    /// s of each component of the friction forces, in a; empty where the volume is imposed.
+    pub(crate) shiftings: Vec<f64>,
     /// In rate per unit of `Σ c f`.
     pub(crate) mobility: f64,
     /// The rate without contact forces.
@@ -90,10 +92,34 @@ pub(crate) struct Dilation {
 }
 
 impl Dilation {
-    /// e under normal forces; 0 where the volume is imposed.
-    pub(crate) fn rate(&self, normal: &[f64]) -> f64 {
-        let work: f64 = self.openings.iter().zip(normal).map(|(c, f)| c * f).sum();
-        self.mobility * work + self.free
+    /// e under these forces; 0 where the volume is imposed.
+    pub(crate) fn rate<S: Space>(&self, forces: &Forces<S>) -> f64 {
+        let frictionless = self.frictionless_rate(forces);
+        let components = S::components(&forces.tangential);
+        let work: f64 = self
+            .shiftings
+            .iter()
+            .zip(components)
+            .map(|(s, t)| s * t)
+            .sum();
+        frictionless - self.mobility * work
+    }
+
+    /// e under the normal forces alone.
+    pub(crate) fn frictionless_rate<S: Space>(&self, forces: &Forces<S>) -> f64 {
+        let normal = self.openings.iter().zip(&forces.normal);
+        self.mobility * normal.map(|(c, f)| c * f).sum::<f64>() + self.free
+    }
+
+    /// s of the components of a friction force; 0 where there is none.
+    pub(crate) fn shifting<S: Space>(&self, friction: usize) -> S::PerTangent<f64> {
+        let mut shifting = S::each_tangent(0.0);
+        if !self.shiftings.is_empty() {
+            for k in 0..S::TANGENTS {
+                shifting[k] = self.shiftings[S::TANGENTS * friction + k];
+            }
+        }
+        shifting
     }
 }
 

@@ -104,6 +104,15 @@ pub(super) static VISCOUS_NUMBER: Quantity = Quantity {
     note: "μ rate over the particle pressure; without it the fraction is imposed",
 };
 
+/// σ/P.
+pub(super) static MACROSCOPIC_FRICTION: Quantity = Quantity {
+    key: "imposed_macroscopic_friction",
+    unit: "1",
+    meaning: "imposed ratio of shear stress and particle pressure; in place of the viscous number",
+    range: Range::between(0.0, f64::INFINITY),
+    note: "shear stress over particle pressure; without it the viscous number or the fraction is imposed",
+};
+
 /// Sense of the flow.
 pub(super) static DIRECTION: Quantity = Quantity {
     key: "direction",

@@ -10,9 +10,9 @@ use super::choices::{
     tangential_words, usual_tangential_stiffness,
 };
 use super::quantities::{
-    AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, PECLET, ROUGHNESS,
-    SHEAR_RATE, SHEAR_STRESS, SIZE_RATIO, SPHERES, START, THERMAL_LOAD, TIME_STEP, VISCOUS_NUMBER,
-    VOLUME_FRACTION,
+    AREA_FRACTION, DIRECTION, FRICTION, LARGE_FRACTION, LUBRICATION_GAP, MACROSCOPIC_FRICTION,
+    PECLET, ROUGHNESS, SHEAR_RATE, SHEAR_STRESS, SIZE_RATIO, SPHERES, START, THERMAL_LOAD,
+    TIME_STEP, VISCOUS_NUMBER, VOLUME_FRACTION,
 };
 use super::{Choice, Form, Number, Parameter};
 use crate::law::adhesion::ADHESION;
@@ -28,7 +28,10 @@ use crate::law::van_der_waals::{
 };
 use crate::law::{ColloidUnit, FrictionOnset, Keywords as _, Quantity, StiffnessUnit};
 use crate::model::hydrodynamics::{CUTOFF, REGULARISATION};
-use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOrder, StartFrom};
+use crate::model::{
+    ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOrder, Params, PressureKind,
+    StartFrom,
+};
 
 /// All parameters of a run, in the order of columns and of nested loops.
 ///
@@ -41,7 +44,7 @@ use crate::model::{ContactLaws, Distribution, FlowType, Hydrodynamics, LeadingOr
 /// let friction = PARAMETERS.iter().find(|parameter| parameter.key == "friction");
 /// assert_eq!(friction.map(|parameter| parameter.unit), Some("1"));
 /// ```
-pub static PARAMETERS: [Parameter; 37] = [
+pub static PARAMETERS: [Parameter; 39] = [
     Parameter {
         key: "hydrodynamics",
         meaning: "how the grand resistance is made",
@@ -501,6 +504,32 @@ pub static PARAMETERS: [Parameter; 37] = [
             ..NEEDED
         }),
         ..number(&VISCOUS_NUMBER)
+    },
+    Parameter {
+        has_meaning: |p| p.macroscopic_friction.is_some(),
+        needs: Some(|| "a number above 0".into()),
+        form: Form::Number(Number {
+            quantity: &MACROSCOPIC_FRICTION,
+            default: Some(|_| 0.0),
+            get: |p| p.macroscopic_friction.unwrap_or(0.0),
+            set: |p, value| p.macroscopic_friction = (value > 0.0).then_some(value),
+            without: Some(0.0),
+            ..NEEDED
+        }),
+        ..number(&MACROSCOPIC_FRICTION)
+    },
+    Parameter {
+        key: "pressure",
+        meaning: "normal stress that an imposed pressure is",
+        has_meaning: Params::imposes_pressure,
+        needs: Some(|| "an imposed pressure".into()),
+        form: Form::Choice(Choice {
+            words: || PressureKind::KEYWORDS.to_vec(),
+            default: "isotropic",
+            get: |p| p.pressure.word().into(),
+            set: |p, word| read(&mut p.pressure, "pressure", word),
+        }),
+        ..CHOICE
     },
 ];
 

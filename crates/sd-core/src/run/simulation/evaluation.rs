@@ -2,6 +2,7 @@
 //! of the shear.
 
 use super::shear_control::ShearControl;
+use super::volume::grown;
 use super::{Instant, SchemeMemory, Simulation};
 use crate::contact::laws::Span;
 use crate::contact::{Quality, SolvePass};
@@ -19,14 +20,25 @@ impl<S: Starts> Simulation<S> {
         centres: &[S::Vector],
         velocities: &mut [f64],
     ) -> Result<Quality, Error> {
-        let grown;
-        let centres = match self.begin_dilation(&stage) {
-            None => centres,
-            Some(growth) => {
-                grown = centres.iter().map(|&x| x * growth).collect::<Vec<_>>();
-                &grown
-            }
+        let Some(growth) = self.begin_dilation(&stage) else {
+            return self.evaluate_at(stage, centres, velocities);
         };
+        let kind = self.params.pressure;
+        let mut places = std::mem::take(&mut self.grown);
+        places.clear();
+        places.extend(centres.iter().map(|&x| grown::<S>(kind, x, growth)));
+        let quality = self.evaluate_at(stage, &places, velocities);
+        self.grown = places;
+        quality
+    }
+
+    /// One right-hand side at the positions of the stage.
+    fn evaluate_at(
+        &mut self,
+        stage: Stage,
+        centres: &[S::Vector],
+        velocities: &mut [f64],
+    ) -> Result<Quality, Error> {
         let cell = self.cell_at(stage.time)?;
         if stage.number == 0 {
             // This gives a run that is resumed here the same bits.
@@ -37,6 +49,9 @@ impl<S: Starts> Simulation<S> {
             ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
         };
         self.count(quality);
+        if self.params.macroscopic_friction.is_some() {
+            self.dilations.viscosity = self.stress_of_stage().viscosity;
+        }
         if let Some(brownian) = &mut self.brownian {
             brownian.record(&stage, || self.stress.random_stress(&self.solver));
         }
@@ -70,6 +85,7 @@ impl<S: Starts> Simulation<S> {
         centres: &[S::Vector],
         mut pass: SolvePass,
     ) -> Result<Quality, Error> {
+        self.solver.contacts.pressure = self.imposed_pressure();
         let (flow, solver, laws) = (self.background.into(), &mut self.solver, &self.laws);
         if laws.act_without_contact() {
             // They are a part of the forces, and a repulsion of the matrix.
@@ -102,6 +118,7 @@ impl<S: Starts> Simulation<S> {
                     kind: stage.kind,
                     first: &self.first,
                     dilation: self.dilations.first(),
+                    dilates: self.params.pressure,
                 };
                 let contact = StageContacts::Laws { laws, span, memory };
                 let quality = solver.solve(&flow, external, contact, pass)?;

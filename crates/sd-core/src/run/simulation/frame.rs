@@ -1,6 +1,7 @@
 //! The spheres at a sample: positions, forces and contacts of the spheres.
 
 use super::Simulation;
+use super::volume::grown;
 use crate::contact::ContactState;
 use crate::contact::laws::StageKind;
 use crate::error::Error;
@@ -166,13 +167,16 @@ impl<S: Starts> Simulation<S> {
     /// Fills in the frame at the stage solved last.
     pub(super) fn fill_frame(&mut self, stage: &Stage, centres: &[S::Vector]) {
         let cell = self.cell_at(stage.time).unwrap_or(Cell::Unbounded);
-        let (vectors, offsets) = match (&self.path, cell.lattice()) {
-            (Some(_), Some(lattice)) => {
+        let is_sheared = self.path.is_none() && !self.dilates_along_gradient();
+        let (vectors, offsets) = match cell.lattice() {
+            Some(lattice) if !is_sheared => {
                 (lattice.vectors().iter().map(S::point).collect(), [0.0; 2])
             }
             _ => (Vec::new(), [cell.offset(), cell.cross_offset()]),
         };
         let growth = self.dilations.growth();
+        let kind = self.params.pressure;
+        let place = |x: S::Vector| S::point(&grown::<S>(kind, x, growth));
         // Rotated from the start of the step by the first stage.
         let ahead = stage.time - self.time();
         let turned = |(sphere, orientation): (usize, &S::Orientation)| {
@@ -190,16 +194,17 @@ impl<S: Starts> Simulation<S> {
         let orientations = self.before.state.orientations.iter().enumerate();
         let frame = Frame {
             strain: stage.time,
-            side: self.side * growth,
+            side: if is_sheared || self.path.is_some() {
+                self.extent.side * growth
+            } else {
+                self.content().powf((S::DIMENSIONS as f64).recip())
+            },
             vectors,
             offset: offsets[0],
             cross_offset: offsets[1],
             radii: self.solver.resistance.radii().to_vec(),
-            centres: centres.iter().map(|&x| S::point(&(x * growth))).collect(),
-            unwrapped: self
-                .unwrapped_at(stage.time, centres)
-                .map(|x| S::point(&(x * growth)))
-                .collect(),
+            centres: centres.iter().map(|&x| place(x)).collect(),
+            unwrapped: self.unwrapped_at(stage.time, centres).map(place).collect(),
             velocities: motion().map(|u| S::point(&S::translation(u))).collect(),
             angular_velocities: motion().map(S::rotation).collect(),
             orientations: orientations.map(turned).collect(),

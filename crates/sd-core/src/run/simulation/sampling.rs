@@ -54,12 +54,6 @@ impl<S: Starts> Simulation<S> {
         }
     }
 
-    /// Area or volume of the cell.
-    fn content(&self) -> f64 {
-        let side = self.side * self.dilations.growth();
-        (0..S::DIMENSIONS).map(|_| side).product()
-    }
-
     /// The flow that viscosities refer to.
     fn primary_flow(&self) -> VelocityGradient<S> {
         VelocityGradient::of_type(self.params.flow, self.params.direction)
@@ -123,7 +117,7 @@ impl<S: Starts> Simulation<S> {
             counters: self.counters,
             network: None,
             structure: None,
-            fraction: self.params.viscous_number.map(|_| self.fraction()),
+            fraction: self.params.imposes_pressure().then(|| self.fraction()),
         });
     }
 
@@ -136,6 +130,7 @@ impl<S: Starts> Simulation<S> {
             let strain = self.primary_flow().rate_of_strain();
             brownian.finish(&mut sample, [spheres, volume], strain, S::DIMENSIONS);
         }
+        let arrest = self.arrest_viscosity();
         let counters = &mut self.counters;
         counters.minimum_gap = counters.minimum_gap.min(record.gap);
         // Under random forces the viscosity of an instant says nothing of a jam.
@@ -144,7 +139,8 @@ impl<S: Starts> Simulation<S> {
         } else {
             sample.viscosity
         };
-        counters.count_jam(viscosity, record.jammed);
+        let rests = arrest.is_some_and(|arrest| viscosity >= arrest);
+        counters.count_jam(viscosity, record.jammed || rests);
         sample.counters = *counters;
         sample
     }

@@ -2,6 +2,7 @@
 
 use super::Counters;
 use super::shear_control::ShearControl;
+use super::volume::Extent;
 use crate::contact::ContactMemory;
 use crate::contact::pair_forces::PairForces;
 use crate::contact::springs::Springs;
@@ -18,7 +19,7 @@ use crate::stage::Method;
 use serde::{Deserialize, Serialize};
 
 /// Version of [`Snapshot`].
-pub const SNAPSHOT_VERSION: u32 = 5;
+pub const SNAPSHOT_VERSION: u32 = 6;
 
 /// The state needed by the next step. Restored with the same parameters, a run continues with the
 /// same bits.
@@ -31,8 +32,20 @@ pub struct Snapshot<S: Space = Layer> {
     pub steps: u64,
     /// Radii, in a.
     pub radii: Vec<f64>,
-    /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
+    /// Side of the square or cubic cell, or of one with the content of the lattice, in a; where the
+    /// cell dilates along the gradient alone, the side across that.
     pub side: f64,
+    /// Height of the cell along the gradient over that side.
+    #[serde(default = "one")]
+    pub height: f64,
+    /// Distances along x and z by which the images above have travelled, in a, where the height
+    /// changes.
+    #[serde(default)]
+    pub travelled: [f64; 2],
+    /// Viscosity of the last stage, from which the next pressure follows where the ratio of stress
+    /// and pressure is imposed; `None` otherwise.
+    #[serde(default)]
+    pub viscosity: Option<f64>,
     /// Centres, in a.
     pub centres: Vec<S::Point>,
     /// Orientations: in radians, or unit quaternions.
@@ -66,6 +79,11 @@ pub struct Snapshot<S: Space = Layer> {
     pub noise_seed: Option<u64>,
     /// Counters.
     pub counters: Counters,
+}
+
+/// Default of [`Snapshot::height`].
+fn one() -> f64 {
+    1.0
 }
 
 /// Memory of contacts between steps.
@@ -235,7 +253,16 @@ impl<S: Space> Snapshot<S> {
     pub fn cell(&self, params: &Params) -> Result<Cell<S>, Error> {
         let imposed = params.imposed(self.steps);
         let strain = self.steps as f64 * params.time_step;
-        let Some(mut path) = CellPath::new(params, self.side)? else {
+        let Some(mut path) = CellPath::of_run(params, self.side)? else {
+            if self.height != 1.0 {
+                let mut sides = S::Vector::default();
+                for k in 0..S::DIMENSIONS {
+                    sides[k] = self.side;
+                }
+                sides[1] *= self.height;
+                let [along, cross] = self.travelled;
+                return Cell::periodic(sides, along)?.with_cross_offset(cross);
+            }
             let before = params.given_layer().map_or(0.0, |layer| layer.offset);
             let offset = before + params.net_strain(self.steps) * self.side;
             let cross = params.cross_strain(self.steps) * self.side;
@@ -243,7 +270,22 @@ impl<S: Space> Snapshot<S> {
         };
         path.enter(params, imposed.segment)?;
         let [net, cross] = imposed.gained(strain, params.time_step);
-        path.at(net, cross)
+        let cell = path.at(net, cross)?;
+        Ok(if params.imposes_pressure() {
+            cell.scaled(self.side)
+        } else {
+            cell
+        })
+    }
+
+    pub(super) fn extent(&self, params: &Params) -> Extent {
+        Extent {
+            side: self.side,
+            height: self.height,
+            travelled: self.travelled,
+            since: self.steps as f64 * params.time_step,
+            viscosity: self.viscosity.unwrap_or(Extent::FIRST_VISCOSITY),
+        }
     }
 }
 
@@ -280,6 +322,9 @@ impl<S: Starts> Snapshot<S> {
             steps: 0,
             radii: start.radii,
             side: start.side,
+            height: 1.0,
+            travelled: [0.0; 2],
+            viscosity: None,
             centres: start.centres.iter().map(S::point).collect(),
             orientations: start.orientations,
             images: Vec::new(),
@@ -348,7 +393,12 @@ impl<S: Starts> Snapshot<S> {
             // The start may have numbered spheres of all sizes by rows.
             own.sort_by(|a, b| b.total_cmp(a));
         }
-        let is_free = params.viscous_number.is_some() && self.side > 0.0 && self.side.is_finite();
+        let is_free = params.imposes_pressure()
+            && [self.side, self.height]
+                .iter()
+                .all(|x| *x > 0.0 && x.is_finite())
+            && self.travelled.iter().all(|x| x.is_finite())
+            && self.viscosity.is_none_or(|x| x > 0.0 && x.is_finite());
         if own != radii || !is_free && self.side.to_bits() != side.to_bits() {
             return refuse("radii or cell inconsistent with the parameters");
         }

@@ -82,7 +82,7 @@ impl<S: Starts> Simulation<S> {
     pub(in crate::run) fn save(&mut self) {
         let before = &mut self.before;
         before.state.copy_from(&self.state);
-        before.side = self.side;
+        before.extent = self.extent;
         before.memory.copy_from(&self.memory);
         (before.shear_control, before.counters) = (self.shear_control, self.counters);
         self.solver.save();
@@ -92,7 +92,7 @@ impl<S: Starts> Simulation<S> {
     /// Returns the error with the place of the step in the run.
     pub(in crate::run) fn restore(&mut self, source: Error) -> Error {
         self.restore_contacts();
-        self.restore_side(self.before.side);
+        self.restore_extent(self.before.extent);
         self.state.copy_from(&self.before.state);
         self.counters = self.before.counters;
         self.solver.restore();
@@ -147,13 +147,15 @@ impl<S: Starts> Simulation<S> {
         self.check_width(&end)?;
         let sample = self.count_step(&record);
         if advance == Advance::Blocked {
-            self.restore_side(self.before.side);
+            self.restore_extent(self.before.extent);
             self.state.copy_from(&self.before.state);
             self.counters.jammed_steps_running = self.jam_steps();
             return Ok(sample);
         }
         self.keep_mean_velocities(dt);
         self.steps += 1;
+        // The sum of the parts of a step may differ by rounding.
+        self.extent.since = self.time();
         self.wrap(&end);
         Ok(sample)
     }
@@ -260,7 +262,7 @@ impl<S: Starts> Simulation<S> {
                 return Ok(Advance::Moved);
             };
             state.copy_from(&self.before.state);
-            self.restore_side(self.before.side);
+            self.restore_extent(self.before.extent);
             self.restore_contacts();
             self.impose(self.steps);
             let overlaps = matches!(error, Error::Overlap { .. });
@@ -291,7 +293,7 @@ impl<S: Starts> Simulation<S> {
         part: Part,
         record: &mut StepRecord,
     ) -> Result<Advance, Error> {
-        let (before, counters, side) = (*record, self.counters, self.side);
+        let (before, counters, extent) = (*record, self.counters, self.extent);
         let attempt = self.attempt_rigid(method, state, part, record)?;
         let halvings = match attempt {
             Attempt::Moved => return Ok(Advance::Moved),
@@ -302,7 +304,7 @@ impl<S: Starts> Simulation<S> {
         if part.halvings < halvings {
             if has_moved {
                 method.undo(state);
-                self.restore_side(side);
+                self.restore_extent(extent);
             }
             *record = before;
             self.counters = counters;
@@ -338,7 +340,7 @@ impl<S: Starts> Simulation<S> {
         let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
-            self.restore_side(side);
+            self.restore_extent(extent);
             return Ok(Advance::Blocked);
         }
         Ok(Advance::Moved)
@@ -355,7 +357,7 @@ impl<S: Starts> Simulation<S> {
         let (mut jammed, mut inexact) = (false, false);
         let mut held = self.settings.held_share * self.params.roughness;
         self.each_spring(Springs::begin_attempt);
-        let (span, side) = ([part.time, part.dt], self.side);
+        let (span, extent) = ([part.time, part.dt], self.extent);
         let moved = method.step(state, span, Stages::Both, |stage, centres, velocities| {
             let quality = self.evaluate(stage, centres, velocities)?;
             jammed |= quality.jammed();
@@ -380,7 +382,7 @@ impl<S: Starts> Simulation<S> {
         match moved {
             Err(Stop::Failed(error)) => return Err(error),
             Err(Stop::LowGap) => {
-                self.restore_side(side);
+                self.restore_extent(extent);
                 return Ok(Attempt::LowGap { jammed });
             }
             Ok(()) => self.end_growth(Growth::Midpoint, part.dt, &mut state.centres),
@@ -389,7 +391,7 @@ impl<S: Starts> Simulation<S> {
         let closest = self.solver.resistance.closest_at(&end, &state.centres);
         if is_low(held, closest.as_ref()) {
             method.undo(state);
-            self.restore_side(side);
+            self.restore_extent(extent);
             return Ok(Attempt::LowGap { jammed });
         }
         Ok(if jammed || inexact {

@@ -10,6 +10,7 @@ use sd_core::internals::{
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::law::van_der_waals::VanDerWaals;
 use sd_core::model::DEEPEST_OVERLAP;
+use sd_core::model::PressureKind;
 use sd_core::modes::Vec2;
 use sd_core::{Hydrodynamics, NearFields, NormalLaw, TangentialLaw, VelocityGradient};
 
@@ -106,6 +107,7 @@ fn pushed_in_turn(
                     kind,
                     first: &first,
                     dilation: 0.0,
+                    dilates: PressureKind::Isotropic,
                 };
                 let law = StageContacts::Laws { laws, span, memory };
                 motion.assemble(&Cell::Unbounded, centres)?;

@@ -1,5 +1,7 @@
 //! Imposed pressure in a campaign file.
 
+use sd_core::model::PressureKind;
+
 use super::{CampaignError, GOOD, parse_text};
 
 fn suspension(more: &str) -> String {
@@ -27,14 +29,36 @@ fn a_viscous_number_imposes_the_pressure() {
 }
 
 #[test]
+fn a_ratio_of_stress_and_pressure_imposes_the_pressure_too() {
+    let keys = "macroscopic_friction = [0.5, 0.4]\npressure = \"gradient\"";
+    let wide = suspension(keys).replace("spheres = 90", "spheres = 130");
+    let campaign = parse_text(&wide).unwrap();
+    let params = &campaign.cases[0].1.params;
+    assert_eq!(params.macroscopic_friction, Some(0.5));
+    assert_eq!(params.pressure, PressureKind::Gradient);
+    let label = campaign.cases[0].1.label();
+    assert!(label.contains(" σ/P=0.5 "), "{label}");
+}
+
+#[test]
 fn pressures_that_cannot_be_imposed_are_refused_with_a_remedy() {
     for (more, fault, remedy) in [
         ("viscous_number = 0", "out of range", "above 0"),
         ("viscous_number = -0.1", "out of range", "above 0"),
         (
-            "viscous_number = 0.1\nflow = \"uniaxial\"",
+            "viscous_number = 0.1\nflow = \"uniaxial\"\npressure = \"gradient\"",
             "no shear",
             "`flow` = \"shear\"",
+        ),
+        (
+            "viscous_number = 0.1\nmacroscopic_friction = 0.5",
+            "it follows",
+            "one of the two",
+        ),
+        (
+            "pressure = \"gradient\"",
+            "no meaning",
+            "an imposed pressure",
         ),
     ] {
         let text = complaint(&suspension(more));

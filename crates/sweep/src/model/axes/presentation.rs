@@ -2,7 +2,7 @@
 
 use super::Axis;
 use sd_core::law::ColloidUnit;
-use sd_core::model::{FlowType, Form};
+use sd_core::model::{FlowType, Form, PressureKind};
 use sd_core::{ContactLaws, Params, StiffnessUnit};
 
 impl Axis {
@@ -38,6 +38,7 @@ impl Axis {
             "shear_rate" => "Γ",
             "shear_stress" => "σ*",
             "imposed_viscous_number" => "J",
+            "imposed_macroscopic_friction" => "σ/P",
             key => key,
         }
     }
@@ -66,6 +67,7 @@ impl Axis {
             "shear_rate" => "[0.1, 1.0, 10.0, inf]",
             "shear_stress" => "[0.1, 1.0, 10.0]",
             "imposed_viscous_number" => "[0.001, 0.01, 0.1]",
+            "imposed_macroscopic_friction" => "[0.4, 0.5, 0.7]",
             _ if self.is_numeric() => "1",
             _ => "",
         }
@@ -99,6 +101,7 @@ impl Axis {
             ("start", _) => params.start.is_some(),
             ("flow", _) => params.flow != FlowType::Shear,
             ("direction", _) => params.direction != 1.0,
+            ("pressure", _) => params.pressure != PressureKind::Isotropic,
             ("peclet", _) => params.peclet.is_finite(),
             ("thermal_load", _) => params.thermal_load > 0.0,
             (

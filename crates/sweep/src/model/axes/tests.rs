@@ -53,6 +53,7 @@ fn every_parameter_is_an_axis() {
             "onset" => "friction_onset",
             // The key of files is also the column of what is measured.
             "viscous_number" => "imposed_viscous_number",
+            "macroscopic_friction" => "imposed_macroscopic_friction",
             // Of the protocol, and of the library alone: every campaign shears.
             "segments" | "at_rest" => continue,
             same => same,

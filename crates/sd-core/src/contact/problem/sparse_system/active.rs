@@ -3,7 +3,7 @@
 //! About a third of the candidates and rows is absent from the system. Testing each of them in
 //! every product would cost more than the arithmetic, as the branches are unpredictable.
 
-use crate::contact::problem::statement::{FrictionState, Problem, States};
+use crate::contact::problem::statement::{Dilation, FrictionState, Problem, States};
 use crate::contact::row::Row;
 use crate::space::Space;
 
@@ -36,6 +36,8 @@ pub(super) struct ForceTerm<S: Space> {
     pub(super) force: usize,
     pub(super) factor: f64,
     pub(super) row: Row<S>,
+    /// By how much the row slips per rate of dilation.
+    pub(super) shifting: f64,
 }
 
 /// Terms of the linear system.
@@ -50,6 +52,11 @@ impl<S: Space> StickingRow<S> {
     /// Its force, from all friction forces.
     pub(super) fn force(&self, forces: &[S::PerTangent<f64>]) -> f64 {
         component::<S>(&self.direction, &forces[self.friction])
+    }
+
+    /// By how much it slips per rate of dilation.
+    pub(super) fn shifting(&self, dilation: &Dilation) -> f64 {
+        component::<S>(&self.direction, &dilation.shifting::<S>(self.friction))
     }
 
     /// Adds a force to it.
@@ -88,6 +95,7 @@ impl<S: Space> ActiveTerms<S> {
         for (friction, (entry, state)) in problem.friction.iter().zip(&states.friction).enumerate()
         {
             let contact = entry.contact;
+            let shifting = problem.dilation.shifting::<S>(friction);
             let mut compliance = entry.compliance;
             if let FrictionState::Slip(slide) = state {
                 compliance += slide.compliance;
@@ -96,6 +104,7 @@ impl<S: Space> ActiveTerms<S> {
                         force: contact,
                         factor: entry.coefficient,
                         row: entry.row_along(&slide.direction),
+                        shifting: component::<S>(&slide.direction, &shifting),
                     });
                 }
             }
@@ -114,6 +123,7 @@ impl<S: Space> ActiveTerms<S> {
                     force: contacts + index,
                     factor: 1.0,
                     row,
+                    shifting: component::<S>(&direction, &shifting),
                 });
                 self.sticking.push(StickingRow {
                     index,

@@ -4,6 +4,7 @@ use super::VELOCITY_WEIGHT;
 use super::active::ActiveTerms;
 use crate::contact::problem::statement::{Problem, States};
 use crate::hydrodynamics::resistance::{Fluid, Motion, PairwiseResistance, side_by_side_mut};
+use crate::linalg::dense::add_scaled;
 use std::ops::Range;
 
 /// The data that define the linear system.
@@ -89,6 +90,49 @@ impl<S: Fluid> Linear<'_, S> {
         }
     }
 
+    /// Sets the part of `A` that multiplies the rate of dilation.
+    pub(super) fn set_dilation_column(&self, column: &mut Vec<f64>) {
+        column.clear();
+        column.resize(self.size(), 0.0);
+        let dilation = &self.problem.dilation;
+        let [.., f, t] = self.split_mut(column);
+        for closed in &self.active.closed {
+            let k = closed.index as usize;
+            f[k] = VELOCITY_WEIGHT * dilation.openings[k];
+        }
+        if !dilation.shiftings.is_empty() {
+            for sticking in &self.active.sticking {
+                t[sticking.index] = VELOCITY_WEIGHT * sticking.shifting(dilation);
+            }
+        }
+    }
+
+    /// The work `Σ c f − Σ s t` of forces in a dilation.
+    fn dilation_work(&self, x: &[f64]) -> f64 {
+        let dilation = &self.problem.dilation;
+        let [_, _, f, t] = self.split(x);
+        let forces = &x[x.len() - f.len() - t.len()..];
+        let closed = self
+            .active
+            .closed
+            .iter()
+            .map(|closed| closed.index as usize);
+        let normal: f64 = closed.map(|k| dilation.openings[k] * f[k]).sum();
+        let terms = self.active.force_terms.iter();
+        let friction = terms.map(|term| term.shifting * term.factor * forces[term.force]);
+        normal - friction.sum::<f64>()
+    }
+
+    /// Adds the dilation to what the preconditioner makes of a residual, which it leaves out: one
+    /// more unknown, whose column of `A` it takes to `response`.
+    pub(super) fn dilate(&self, response: &[f64], x: &mut [f64]) {
+        let resistance = self.problem.dilation.mobility.recip();
+        let rate = self.dilation_work(x) / (resistance + self.dilation_work(response));
+        if rate.is_finite() {
+            add_scaled(x, response, -rate);
+        }
+    }
+
     /// Adds the contributions of the contacts and their forces to `y = A x`. Normal forces act in
     /// all L motions, friction only in the first.
     fn add_contacts<const L: usize>(
@@ -107,6 +151,7 @@ impl<S: Fluid> Linear<'_, S> {
             y_f[k] = VELOCITY_WEIGHT * (row.read(v) + closed.compliance * f[k]);
         }
         let dilation = &self.problem.dilation;
+        let [mut rate, mut frictionless] = [0.0; 2];
         if !dilation.openings.is_empty() {
             let closed = || {
                 self.active
@@ -115,8 +160,12 @@ impl<S: Fluid> Linear<'_, S> {
                     .map(|closed| closed.index as usize)
             };
             let work: f64 = closed().map(|k| dilation.openings[k] * f[k]).sum();
+            frictionless = dilation.mobility * work;
+            let terms = self.active.force_terms.iter();
+            let by_friction = terms.map(|term| term.shifting * term.factor * forces[term.force]);
+            rate = frictionless - dilation.mobility * by_friction.sum::<f64>();
             for k in closed() {
-                y_f[k] += VELOCITY_WEIGHT * dilation.openings[k] * dilation.mobility * work;
+                y_f[k] += VELOCITY_WEIGHT * dilation.openings[k] * rate;
             }
         }
         for term in &self.active.force_terms {
@@ -124,14 +173,18 @@ impl<S: Fluid> Linear<'_, S> {
             term.row.add_to_first::<1, L>(force, y);
         }
         y_t.fill(0.0);
-        let flow = if self.problem.uses_frictionless_slip {
-            v_n
+        let (flow, rate) = if self.problem.uses_frictionless_slip {
+            (v_n, frictionless)
         } else {
-            v
+            (v, rate)
         };
         for sticking in &self.active.sticking {
             let m = sticking.index;
-            y_t[m] = VELOCITY_WEIGHT * (sticking.row.read(flow) - sticking.compliance * t[m]);
+            let mut slip = sticking.row.read(flow) - sticking.compliance * t[m];
+            if !dilation.shiftings.is_empty() {
+                slip += sticking.shifting(dilation) * rate;
+            }
+            y_t[m] = VELOCITY_WEIGHT * slip;
         }
     }
 }
