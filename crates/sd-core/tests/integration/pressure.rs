@@ -178,10 +178,6 @@ fn contacts_bear_the_pressure_across_the_gradient() {
         let run = means(run, [2.0, 6.0]);
         let ratio = run.pressure_22 * 0.03;
         assert!((ratio - 1.0).abs() < 0.03, "{friction}: {ratio}");
-        // With friction the second normal stress difference is negative.
-        if friction > 0.0 {
-            assert!(run.pressure < run.pressure_22, "{}", run.pressure);
-        }
     }
     let planar = means(begun::<Layer>(&gradient(layer(0.05)), 1), [2.0, 6.0]);
     let ratio = planar.pressure_22 * 0.05;
