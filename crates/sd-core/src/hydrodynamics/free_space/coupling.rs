@@ -367,13 +367,15 @@ impl Coupling {
     }
 
     /// Forces and torques from velocities alone, by columns.
+    #[inline(always)]
     pub(crate) fn force_matrix(&self, n: &Vector3<f64>) -> [Motion; 6] {
-        std::array::from_fn(|column| {
-            let (mut from, mut to) = ([0.0; 6], [0.0; 6]);
+        let mut columns = [[0.0; 6]; 6];
+        for (column, to) in columns.iter_mut().enumerate() {
+            let mut from = [0.0; 6];
             from[column] = 1.0;
-            self.add_forces(n, &from, &mut to);
-            to
-        })
+            self.add_forces(n, &from, to);
+        }
+        columns
     }
 
     /// The coupling of isolated spheres: force, torque and stresslet.

@@ -51,11 +51,11 @@ impl NearTerm<Bulk> for BulkTerm {
 
     #[inline(always)]
     fn blocks(&self, n: &Vector3<f64>) -> [[f64; 36]; 3] {
-        self.0.map(|coupling| {
-            let mut block = [0.0; 36];
+        let mut blocks = [[0.0; 36]; 3];
+        for (block, coupling) in blocks.iter_mut().zip(&self.0) {
             block.copy_from_slice(coupling.force_matrix(n).as_flattened());
-            block
-        })
+        }
+        blocks
     }
 
     fn mode_blocks(&self, n: &Vector3<f64>) -> [[[f64; MODES]; MODES]; 3] {

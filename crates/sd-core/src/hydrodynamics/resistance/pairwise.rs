@@ -110,17 +110,11 @@ impl<S: Fluid> PairwiseResistance<S> {
                             |at, [has_i, has_j]| {
                                 let pair = &pairs[at];
                                 let [of_i, coupling, of_j] = terms[at].blocks(&pair.normal);
-                                for (has, sphere, block) in
-                                    [(has_i, pair.i, of_i), (has_j, pair.j, of_j)]
-                                {
-                                    if has {
-                                        let own = own[sphere - first].as_mut().iter_mut();
-                                        for (x, entry) in own.zip(block.as_ref()) {
-                                            *x += entry;
-                                        }
-                                    }
+                                if has_j {
+                                    add_block::<S>(&mut own[pair.j - first], &of_j);
                                 }
                                 if has_i {
+                                    add_block::<S>(&mut own[pair.i - first], &of_i);
                                     let (i, j) = pair.key();
                                     let entry = &mut couplings[at - first_pair];
                                     entry.0 = [i, j];
@@ -323,6 +317,13 @@ pub(crate) fn side_by_side<S: Space>(x: &[f64]) -> &[Motion<S, 1>] {
 /// A mutable vector of all spheres, as one motion.
 pub(crate) fn side_by_side_mut<S: Space>(x: &mut [f64]) -> &mut [Motion<S, 1>] {
     S::by_sphere_mut(x.as_chunks_mut().0)
+}
+
+#[inline(always)]
+fn add_block<S: Space>(to: &mut S::Block, block: &S::Block) {
+    for (x, entry) in to.as_mut().iter_mut().zip(block.as_ref()) {
+        *x += entry;
+    }
 }
 
 /// A row of a block times the velocities of a sphere.

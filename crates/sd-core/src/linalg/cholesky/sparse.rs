@@ -8,7 +8,7 @@
 //! traffic.
 //!
 //! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
-//! [`single`]. The time of faer's own factorization and solve of the same pattern, over the time of
+//! [`single`]. Large factors are divided in [`parts`], which several threads compute. The time of faer's own factorization and solve of the same pattern, over the time of
 //! these, by `cargo test --release -p sd-core --lib times_of -- --ignored --nocapture`:
 //!
 //! | near field of | factorization | solve |
@@ -26,11 +26,11 @@ mod lanes;
 mod levels;
 mod node;
 mod numeric;
+mod parts;
 mod single;
 
 use self::node::Node;
 use crate::linalg::error::BadPivot;
-use crate::linalg::simd::vectorised;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky;
 use faer::sparse::linalg::cholesky::simplicial::prefactorize_symbolic_cholesky_scratch;
@@ -67,13 +67,13 @@ pub(crate) struct BlockPattern {
     couplings: Vec<Place>,
     /// Symbolic factorization.
     symbolic: SymbolicSupernodalCholesky<usize>,
-    /// Its supernodes.
+    /// Its supernodes, and those of each part.
     nodes: Vec<Node>,
+    parts: Vec<Vec<usize>>,
     /// Positions of values in it.
     schedule: numeric::Schedule,
-    /// The order of a solve, and the rows of each sphere in it.
+    /// The order of a solve.
     order: levels::SolveOrder,
-    places: Vec<[u32; 3]>,
 }
 
 impl BlockPattern {
@@ -84,23 +84,23 @@ impl BlockPattern {
     pub(crate) fn new(spheres: usize, couplings: &[(usize, usize)]) -> Option<Self> {
         let rows = elimination_order(spheres, couplings).ok()?;
         // Block rows below, and above, the diagonal of each block column, ascending.
-        let (mut below, mut above) = (vec![Vec::new(); spheres], vec![Vec::new(); spheres]);
+        let (mut lower, mut above) = (vec![Vec::new(); spheres], vec![Vec::new(); spheres]);
         for &(i, j) in couplings {
             let (first, second) = (rows[i].min(rows[j]), rows[i].max(rows[j]));
-            below[first].push(second);
+            lower[first].push(second);
             above[second].push(first);
         }
-        for others in below.iter_mut().chain(&mut above) {
+        for others in lower.iter_mut().chain(&mut above) {
             others.sort_unstable();
         }
         let mut starts = Vec::with_capacity(spheres);
         let mut start = 0;
-        for others in &below {
+        for others in &lower {
             starts.push(start);
             start += 9 * (1 + others.len());
         }
         let place = |row: usize, column: usize, transposed: bool| {
-            let others = &below[column];
+            let others = &lower[column];
             let before = if row == column {
                 0
             } else {
@@ -119,16 +119,26 @@ impl BlockPattern {
         });
         // The analysis reads the upper triangle, the factorization the lower one.
         let symbolic = analyse(scalars(&above).as_ref()).ok()?;
-        let scalar = scalars(&below);
-        let nodes = Node::all(&symbolic);
-        let order = levels::SolveOrder::new(&nodes, symbolic.row_idx(), 3 * spheres);
+        let scalar = scalars(&lower);
+        let mut nodes = Node::all(&symbolic);
+        let (owner, below) = (Node::owners(&nodes, 3 * spheres), symbolic.row_idx());
+        let parts = parts::divide(&nodes, &owner, below);
+        Node::sort_values(&mut nodes, &parts);
+        let mut elements = vec![0; 3 * spheres];
+        for (sphere, &row) in rows.iter().enumerate() {
+            for k in 0..3 {
+                elements[3 * row + k] = 3 * sphere + k;
+            }
+        }
+        let order = levels::SolveOrder::new(&nodes, &parts, (&owner, below), &elements);
+        let schedule = numeric::Schedule::new(&nodes, &parts, (&owner, below), scalar.as_ref());
         Some(Self {
             diagonal,
             couplings: couplings.collect(),
-            schedule: numeric::Schedule::new(&nodes, symbolic.row_idx(), scalar.as_ref()),
-            places: rows.iter().map(|&row| order.places(3 * row)).collect(),
+            schedule,
             order,
             nodes,
+            parts,
             symbolic,
             scalar,
             rows,
@@ -217,10 +227,8 @@ pub(crate) struct BlockCholesky {
     packed: Vec<lanes::Lanes>,
     /// Right-hand side in the order of a solve.
     ordered: Vec<lanes::Lanes>,
-    /// Rows below the supernode that is factored.
-    rows: Vec<f32>,
     work: levels::Workspace,
-    scratch: Option<MemBuffer>,
+    works: Vec<numeric::Workspace>,
 }
 
 impl BlockCholesky {
@@ -251,11 +259,6 @@ impl BlockCholesky {
         self.ordered
             .resize(pattern.order.length(), [0.0; lanes::LANES]);
         self.factor.resize(pattern.symbolic.len_val(), 0.0);
-        let needed = numeric::scratch(&pattern.nodes);
-        let held = self.scratch.as_ref().map_or(0, |memory| memory.len());
-        if held < needed.size_bytes() {
-            self.scratch = Some(MemBuffer::new(needed));
-        }
     }
 
     /// Adds to a diagonal block.
@@ -298,16 +301,11 @@ impl BlockCholesky {
     fn factor_new(&mut self, pattern: &BlockPattern) -> Result<(), BadPivot> {
         // A failed factorization is discarded.
         self.factored.clear();
-        let Some(memory) = &mut self.scratch else {
-            return Err(BadPivot { pivot: 0 });
-        };
         numeric::factor(
             pattern,
-            &self.values,
-            &self.is_new,
+            (&self.values, &self.is_new),
             &mut self.factor,
-            &mut self.rows,
-            MemStack::new(memory),
+            &mut self.works,
         )
         .map_err(|row| {
             let sphere = pattern.rows.iter().position(|&other| other == row / 3);
@@ -323,28 +321,13 @@ impl BlockCholesky {
 
     /// `z ≈ A⁻¹ r` by the factor; vectors `[3N]` in the order of the spheres.
     pub(crate) fn solve(&mut self, pattern: &BlockPattern, r: &[f64], z: &mut [f64]) {
-        let x = self.ordered.as_flattened_mut();
-        for (r, places) in r.chunks_exact(3).zip(&pattern.places) {
-            for (&r, &place) in r.iter().zip(places) {
-                #[expect(clippy::cast_possible_truncation, reason = "the factor's precision")]
-                let value = r as f32;
-                x[place as usize] = value;
-            }
-        }
-        let (nodes, x, work) = (&pattern.nodes, &mut self.ordered, &mut self.work);
-        vectorised(
-            #[inline(always)]
-            || {
-                let order = &pattern.order;
-                order.solve(nodes, &self.factor, &self.packed, x, work);
-            },
+        pattern.order.solve(
+            &pattern.nodes,
+            (&self.factor, &self.packed),
+            r,
+            z,
+            (&mut self.ordered, &mut self.work),
         );
-        let x = self.ordered.as_flattened();
-        for (z, places) in z.chunks_exact_mut(3).zip(&pattern.places) {
-            for (z, &place) in z.iter_mut().zip(places) {
-                *z = f64::from(x[place as usize]);
-            }
-        }
     }
 }
 

@@ -46,6 +46,16 @@ impl Node {
             .collect()
     }
 
+    /// Stores their values part after part.
+    pub(super) fn sort_values(nodes: &mut [Self], parts: &[Vec<usize>]) {
+        let mut start = 0;
+        for &k in parts.iter().flatten() {
+            let count = nodes[k].values.len();
+            nodes[k].values = start..start + count;
+            start += count;
+        }
+    }
+
     /// The three columns of a sphere from column `j` on, starting at the row of the first.
     #[inline(always)]
     pub(super) fn columns<'f>(&self, factor: &'f [f32], j: usize) -> [&'f [f32]; 3] {

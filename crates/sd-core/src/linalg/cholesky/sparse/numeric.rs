@@ -11,7 +11,8 @@
 
 use super::{BlockPattern, Node, narrow};
 use crate::linalg::simd::vectorised;
-use faer::dyn_stack::{MemStack, StackReq};
+use crate::threads;
+use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
     LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
 };
@@ -26,6 +27,8 @@ const ROWS: usize = 16;
 const LAST_ROWS: usize = 8;
 /// Columns of a sphere.
 const COLUMNS: usize = 3;
+/// Fewest spheres whose columns a thread updates.
+const LEAST_COLUMNS: usize = 8;
 /// Columns of two spheres.
 const TWO_SPHERES: usize = 2 * COLUMNS;
 
@@ -41,6 +44,11 @@ pub(super) struct Schedule {
     of_node: Vec<Range<usize>>,
     /// Rows of the targets.
     rows: Vec<u32>,
+    /// The part of each supernode.
+    part: Vec<usize>,
+    /// For each supernode above groups of subtrees: the supernodes that update it, ascending, with
+    /// the numbers of their updates.
+    incoming: Vec<Vec<[usize; 2]>>,
 }
 
 /// The update of a later supernode by a supernode.
@@ -60,15 +68,15 @@ struct Update {
 }
 
 impl Schedule {
-    /// The schedule of supernodes, whose rows below are those of the list `below`; `matrix`: the
-    /// lower triangle.
+    /// The schedule of supernodes in parts, whose rows below are those of the list `below`, by the
+    /// supernode of each row; `matrix`: the lower triangle.
     pub(super) fn new(
         nodes: &[Node],
-        below: &[usize],
+        parts: &[Vec<usize>],
+        (owner, below): (&[usize], &[usize]),
         matrix: SymbolicSparseColMatRef<'_, usize>,
     ) -> Self {
         let size = matrix.ncols();
-        let owner = Node::owners(nodes, size);
         // Index of a row in a supernode.
         let local = |node: &Node, row: usize| {
             if row < node.start + node.width {
@@ -78,7 +86,16 @@ impl Schedule {
                 node.width + rows.partition_point(|&other| other < row)
             }
         };
-        let mut schedule = Self::default();
+        let mut schedule = Self {
+            part: vec![0; nodes.len()],
+            incoming: vec![Vec::new(); nodes.len()],
+            ..Self::default()
+        };
+        for (number, nodes) in parts.iter().enumerate() {
+            for &k in nodes {
+                schedule.part[k] = number;
+            }
+        }
         for column in 0..size {
             let node = &nodes[owner[column]];
             let start = node.values.start + (column - node.start) * node.height();
@@ -88,7 +105,7 @@ impl Schedule {
             schedule.places.extend(places);
         }
         let starts = matrix.col_ptr();
-        for node in nodes {
+        for (k, node) in nodes.iter().enumerate() {
             let values = starts[node.start]..starts[node.start + node.width];
             schedule.values.push(values);
             let first_update = schedule.updates.len();
@@ -99,6 +116,10 @@ impl Schedule {
                 let begin = schedule.rows.len();
                 let targets = rows[first..].iter().map(|&row| narrow(local(target, row)));
                 schedule.rows.extend(targets);
+                let target_part = schedule.part[owner[same[0]]];
+                if parts.len() > 1 && target_part == parts.len() - 1 {
+                    schedule.incoming[owner[same[0]]].push([k, schedule.updates.len()]);
+                }
                 schedule.updates.push(Update {
                     target: owner[same[0]],
                     first,
@@ -115,10 +136,24 @@ impl Schedule {
     }
 }
 
-/// Scratch of [`factor`].
-pub(super) fn scratch(nodes: &[Node]) -> StackReq {
-    let widest = nodes.iter().map(|node| node.width).max().unwrap_or(0);
-    cholesky_in_place_scratch::<f32>(widest, Par::Seq, Spec::default())
+/// Workspace of one thread.
+#[derive(Default)]
+pub(super) struct Workspace {
+    /// Rows below the supernode whose updates are applied.
+    rows: Vec<f32>,
+    scratch: Option<MemBuffer>,
+}
+
+impl Workspace {
+    /// Makes room for the factorization of all supernodes.
+    fn make_room(&mut self, nodes: &[Node]) {
+        let widest = nodes.iter().map(|node| node.width).max().unwrap_or(0);
+        let needed = cholesky_in_place_scratch::<f32>(widest, Par::Seq, Spec::default());
+        let held = self.scratch.as_ref().map_or(0, |memory| memory.len());
+        if held < needed.size_bytes() {
+            self.scratch = Some(MemBuffer::new(needed));
+        }
+    }
 }
 
 impl Schedule {
@@ -145,79 +180,238 @@ fn differ(old: &[f32], new: &[f32]) -> bool {
     pairs.filter(|(old, new)| old != new).count() > 0
 }
 
-/// Factors a matrix of the pattern, in the new supernodes; the others are kept. `rows`: workspace.
+/// Factors a matrix of the pattern, in the new supernodes; the others are kept.
 ///
 /// # Errors
 /// The row of a pivot that is not positive.
 pub(super) fn factor(
     pattern: &BlockPattern,
-    values: &[f32],
-    is_new: &[bool],
+    (values, is_new): (&[f32], &[bool]),
     factor: &mut [f32],
-    rows: &mut Vec<f32>,
-    stack: &mut MemStack,
+    works: &mut Vec<Workspace>,
 ) -> Result<(), usize> {
-    let (nodes, schedule) = (&pattern.nodes, &pattern.schedule);
-    for k in (0..nodes.len()).filter(|&k| is_new[k]) {
-        factor[nodes[k].values.clone()].fill(0.0);
+    let parts = pattern.parts.len();
+    works.resize_with(
+        works.len().max(parts).max(threads::together()),
+        Workspace::default,
+    );
+    for work in &mut *works {
+        work.make_room(&pattern.nodes);
+    }
+    let matrix = Numeric {
+        pattern,
+        values,
+        is_new,
+    };
+    if parts == 1 {
+        return matrix.factor_parts(0..1, (factor, 0), works);
+    }
+    let above = pattern.parts[parts - 1].first();
+    let begin = above.map_or(factor.len(), |&k| pattern.nodes[k].values.start);
+    let (groups, above) = factor.split_at_mut(begin);
+    matrix.factor_parts(0..parts - 1, (groups, 0), works)?;
+    matrix.factor_above((groups, above), works)
+}
+
+/// A matrix of a pattern and the supernodes to be factored.
+#[derive(Clone, Copy)]
+struct Numeric<'m> {
+    pattern: &'m BlockPattern,
+    values: &'m [f32],
+    is_new: &'m [bool],
+}
+
+impl Numeric<'_> {
+    /// Factors parts at the same time; their values begin at `begin`.
+    fn factor_parts(
+        self,
+        parts: Range<usize>,
+        (factor, begin): (&mut [f32], usize),
+        works: &mut [Workspace],
+    ) -> Result<(), usize> {
+        if parts.len() == 1 {
+            return self.factor_part(parts.start, (factor, begin), &mut works[0]);
+        }
+        let middle = usize::midpoint(parts.start, parts.end);
+        let mut left = self.pattern.parts[parts.start..middle].iter().flatten();
+        let end = left.next_back();
+        let end = end.map_or(begin, |&k| self.pattern.nodes[k].values.end);
+        let (of_left, of_right) = factor.split_at_mut(end - begin);
+        let (for_left, for_right) = works.split_at_mut(middle - parts.start);
+        let (mut left, mut right) = (Ok(()), Ok(()));
+        threads::both(
+            || left = self.factor_parts(parts.start..middle, (of_left, begin), for_left),
+            || right = self.factor_parts(middle..parts.end, (of_right, end), for_right),
+        );
+        match (left, right) {
+            (Err(left), Err(right)) => Err(left.min(right)),
+            (left, right) => left.and(right),
+        }
+    }
+
+    /// Copies the values of a supernode, whose values in the factor begin at `begin`.
+    fn copy_matrix(self, k: usize, panel: &mut [f32], begin: usize) {
+        let schedule = &self.pattern.schedule;
+        panel.fill(0.0);
         let range = &schedule.values[k];
         let places = &schedule.places[range.clone()];
-        for (&place, &value) in places.iter().zip(&values[range.clone()]) {
-            factor[place as usize] = value;
+        for (&place, &value) in places.iter().zip(&self.values[range.clone()]) {
+            panel[place as usize - begin] = value;
         }
     }
-    for (k, node) in nodes.iter().enumerate() {
-        if is_new[k] {
-            let panel = &mut factor[node.values.clone()];
-            let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
-            let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
-            let none = LltRegularization::default();
-            cholesky_in_place(top.as_mut(), none, Par::Seq, stack, Spec::default())
-                .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
-            let (top, bottom) = (top.as_ref(), bottom.as_mut().transpose_mut());
-            solve_lower_triangular_in_place(top, bottom, Par::Seq);
+
+    /// Factors a part: each supernode, then its updates of later ones.
+    fn factor_part(
+        self,
+        part: usize,
+        (factor, begin): (&mut [f32], usize),
+        work: &mut Workspace,
+    ) -> Result<(), usize> {
+        let BlockPattern {
+            nodes, schedule, ..
+        } = self.pattern;
+        let own = &self.pattern.parts[part];
+        let panel_of = |k: usize| nodes[k].values.start - begin..nodes[k].values.end - begin;
+        for &k in own.iter().filter(|&&k| self.is_new[k]) {
+            self.copy_matrix(k, &mut factor[panel_of(k)], nodes[k].values.start);
         }
-        let updates = &schedule.updates[schedule.of_node[k].clone()];
-        if updates.iter().any(|update| is_new[update.target]) {
-            let updates = updates.iter().filter(|update| is_new[update.target]);
-            vectorised(
-                #[inline(always)]
-                || update(&schedule.rows, updates, node, factor, rows),
-            );
+        for &k in own {
+            let node = &nodes[k];
+            if self.is_new[k] {
+                factor_panel(node, &mut factor[panel_of(k)], work)?;
+            }
+            let updates = schedule.updates[schedule.of_node[k].clone()].iter();
+            let mut updates = updates
+                .filter(|update| self.is_new[update.target] && schedule.part[update.target] == part)
+                .peekable();
+            if updates.peek().is_some() {
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        let rows = &mut work.rows;
+                        let height = pack(node, &factor[panel_of(k)], 0, rows);
+                        for update in updates {
+                            let targets = &schedule.rows[update.rows.clone()];
+                            let columns = 0..update.columns;
+                            let target = &mut factor[update.start - begin..];
+                            let rows = (&rows[..height * node.width], height, 0);
+                            apply(rows, (update, 0), targets, columns, target);
+                        }
+                    },
+                );
+            }
         }
+        Ok(())
     }
+
+    /// Factors the supernodes above the groups of subtrees, in order: for each all updates, its
+    /// columns divided among the threads.
+    fn factor_above(
+        self,
+        (groups, above): (&[f32], &mut [f32]),
+        works: &mut [Workspace],
+    ) -> Result<(), usize> {
+        let BlockPattern {
+            nodes,
+            schedule,
+            parts,
+            ..
+        } = self.pattern;
+        let begin = groups.len();
+        let last = parts.len() - 1;
+        for &k in parts[last].iter().filter(|&&k| self.is_new[k]) {
+            let (node, height) = (&nodes[k], nodes[k].height());
+            let (before, rest) = above.split_at_mut(node.values.start - begin);
+            let (panel, before) = (&mut rest[..node.values.len()], &*before);
+            self.copy_matrix(k, panel, node.values.start);
+            let parts = threads::parts(node.width / COLUMNS, LEAST_COLUMNS);
+            let works = &mut works[..parts];
+            let length = COLUMNS * height;
+            threads::divide_with((&mut *panel, length), works, &|first, columns, work| {
+                let first = COLUMNS * first;
+                let own = narrow(first)..narrow(first + columns.len() / height);
+                for &[source, number] in &schedule.incoming[k] {
+                    let (source_node, update) = (&nodes[source], &schedule.updates[number]);
+                    let targets = &schedule.rows[update.rows.clone()];
+                    let of_columns = &targets[..update.columns];
+                    let range = of_columns.partition_point(|&at| at < own.start)
+                        ..of_columns.partition_point(|&at| at < own.end);
+                    if range.is_empty() {
+                        continue;
+                    }
+                    let values = source_node.values.clone();
+                    let source = if schedule.part[source] == last {
+                        &before[values.start - begin..values.end - begin]
+                    } else {
+                        &groups[values]
+                    };
+                    vectorised(
+                        #[inline(always)]
+                        || {
+                            let packed = update.first + range.start;
+                            let rows = &mut work.rows;
+                            let height = pack(source_node, source, packed, rows);
+                            let rows = (&rows[..height * source_node.width], height, packed);
+                            apply(rows, (update, first), targets, range, columns);
+                        },
+                    );
+                }
+            });
+            factor_panel(node, panel, &mut works[0])?;
+        }
+        Ok(())
+    }
+}
+
+/// Factors a supernode whose updates are all applied.
+///
+/// # Errors
+/// The row of a pivot that is not positive.
+fn factor_panel(node: &Node, panel: &mut [f32], work: &mut Workspace) -> Result<(), usize> {
+    let memory = work.scratch.as_mut().ok_or(node.start)?;
+    let panel = MatMut::from_column_major_slice_mut(panel, node.height(), node.width);
+    let (mut top, mut bottom) = panel.split_at_row_mut(node.width);
+    let none = LltRegularization::default();
+    let stack = MemStack::new(memory);
+    cholesky_in_place(top.as_mut(), none, Par::Seq, stack, Spec::default())
+        .map_err(|LltError::NonPositivePivot { index }| node.start + index)?;
+    let (top, bottom) = (top.as_ref(), bottom.as_mut().transpose_mut());
+    solve_lower_triangular_in_place(top, bottom, Par::Seq);
     Ok(())
 }
 
-/// Applies the updates of a factored supernode to later ones, whose rows are those of the list, for
-/// vectorised callers.
+/// Copies the rows below a factored supernode from `from` on, column after column, with space for
+/// an incomplete block at the end, whose content is arbitrary; returns the column stride.
 #[inline(always)]
-fn update<'u>(
-    targets: &[u32],
-    updates: impl Iterator<Item = &'u Update>,
-    node: &Node,
-    factor: &mut [f32],
-    rows: &mut Vec<f32>,
-) {
-    // Its rows below, column after column, with space for an incomplete block at the end, whose
-    // content is arbitrary.
-    let count = node.below.len();
+fn pack(node: &Node, panel: &[f32], from: usize, rows: &mut Vec<f32>) -> usize {
+    let count = node.below.len() - from;
     let height = count.next_multiple_of(LAST_ROWS) + LAST_ROWS;
     rows.resize((node.width * height).max(rows.len()), 0.0);
-    let rows = &mut rows[..node.width * height];
-    let columns = factor[node.values.clone()].chunks_exact(node.height());
-    for (target, column) in rows.chunks_exact_mut(height).zip(columns) {
-        target[..count].copy_from_slice(&column[node.width..]);
+    let rows = rows.chunks_exact_mut(height);
+    for (target, column) in rows.zip(panel.chunks_exact(node.height())) {
+        target[..count].copy_from_slice(&column[node.width + from..]);
     }
-    for update in updates {
-        let targets = &targets[update.rows.clone()];
-        let in_twos = update.columns - update.columns % TWO_SPHERES;
-        for column in (0..in_twos).step_by(TWO_SPHERES) {
-            subtract::<TWO_SPHERES>(rows, height, update, targets, column, factor);
-        }
-        for column in (in_twos..update.columns).step_by(COLUMNS) {
-            subtract::<COLUMNS>(rows, height, update, targets, column, factor);
-        }
+    height
+}
+
+/// Applies some columns of an update to a later supernode, of which `factor` has the columns from
+/// `first` on, for vectorised callers. `rows`: the result of [`pack`], its stride, and the number of
+/// its first row.
+#[inline(always)]
+fn apply(
+    (rows, height, packed): (&[f32], usize, usize),
+    (update, first): (&Update, usize),
+    targets: &[u32],
+    columns: Range<usize>,
+    factor: &mut [f32],
+) {
+    let rows = (rows, height, packed);
+    let in_twos = columns.start + columns.len() - columns.len() % TWO_SPHERES;
+    for column in (columns.start..in_twos).step_by(TWO_SPHERES) {
+        subtract::<TWO_SPHERES>(rows, (update, first), targets, column, factor);
+    }
+    for column in (in_twos..columns.end).step_by(COLUMNS) {
+        subtract::<COLUMNS>(rows, (update, first), targets, column, factor);
     }
 }
 
@@ -225,16 +419,14 @@ fn update<'u>(
 /// diagonal are never read.
 #[inline(always)]
 fn subtract<const C: usize>(
-    rows: &[f32],
-    height: usize,
-    update: &Update,
+    (rows, height, packed): (&[f32], usize, usize),
+    (update, first): (&Update, usize),
     targets: &[u32],
     column: usize,
     factor: &mut [f32],
 ) {
-    let places = std::array::from_fn::<_, C, _>(|c| {
-        update.start + targets[column + c] as usize * update.height
-    });
+    let places =
+        std::array::from_fn::<_, C, _>(|c| (targets[column + c] as usize - first) * update.height);
     // Sums of a block of rows for successive columns.
     let mut take = |targets: &[u32], sums: &[f32]| {
         for (place, sums) in places.into_iter().zip(sums.chunks_exact(sums.len() / C)) {
@@ -244,7 +436,7 @@ fn subtract<const C: usize>(
             }
         }
     };
-    let from = update.first + column;
+    let from = update.first + column - packed;
     let (whole, last) = targets[column..].as_chunks::<ROWS>();
     for (number, targets) in whole.iter().enumerate() {
         let sums = products::<ROWS, C>(rows, height, from + ROWS * number, from);
@@ -281,6 +473,7 @@ fn products<const R: usize, const C: usize>(
 pub(crate) mod tests {
     use super::super::tests::lattice;
     use super::super::{BlockCholesky, BlockPattern};
+    use crate::threads::threads_for_small_work;
     use faer::dyn_stack::{MemBuffer, MemStack};
     use faer::linalg::cholesky::llt::factor::LltRegularization;
     use faer::sparse::SparseColMatRef;
@@ -293,7 +486,7 @@ pub(crate) mod tests {
 
     #[test]
     fn factor_has_the_bits_of_the_libraries() {
-        for side in [2, 7, 25] {
+        for side in [2, 7, 25, 60] {
             let (pattern, mut matrix) = lattice(side);
             matrix.factor(&pattern).unwrap();
             let scratch = factorize_supernodal_numeric_llt_scratch::<usize, f32>(
@@ -312,13 +505,37 @@ pub(crate) mod tests {
                 Spec::default(),
             )
             .unwrap();
-            for node in &pattern.nodes {
+            let starts = pattern.symbolic.col_ptr_for_val();
+            for (node, &first) in pattern.nodes.iter().zip(starts) {
                 for column in 0..node.width {
-                    let start = node.values.start + column * node.height();
-                    let below = start + column..start + node.height();
-                    assert_eq!(matrix.factor[below.clone()], expected[below], "side {side}");
+                    let below = column * node.height() + column..(column + 1) * node.height();
+                    let [ours, theirs] = [node.values.start, first]
+                        .map(|start| start + below.start..start + below.end);
+                    assert_eq!(matrix.factor[ours], expected[theirs], "side {side}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn factor_in_parts_has_the_same_bits_for_any_number_of_threads() {
+        let (pattern, mut one) = lattice(60);
+        assert!(pattern.parts.len() > 2);
+        one.factor(&pattern).unwrap();
+        let lower = |matrix: &BlockCholesky| {
+            let columns = pattern.nodes.iter().flat_map(|node| {
+                let columns = matrix.factor[node.values.clone()].chunks(node.height());
+                columns
+                    .enumerate()
+                    .flat_map(|(k, column)| column[k..].to_vec())
+            });
+            columns.collect::<Vec<_>>()
+        };
+        for threads in [2, 4, 16] {
+            let (_, mut many) = lattice(60);
+            let threads = threads_for_small_work(threads).unwrap();
+            threads.run(|| many.factor(&pattern)).unwrap();
+            assert!(lower(&many) == lower(&one) && many.packed == one.packed);
         }
     }
 
