@@ -68,6 +68,10 @@ CAMPAIGNS = {
     "cause-of-thickening-bulk-full": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
+    "mu-of-j": [figure("--kind", kind, suffix=f"-{kind}") for kind in ["mu-j", "phi-j"]],
+    "flows": [figure("--along", "volume_fraction")],
+    "brownian-viscosity": [figure("--along", "peclet")],
+    "thermal-thickening": [figure("--along", "shear_rate")],
 }
 # Campaigns of which single runs are published too.
 OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening")]
