@@ -8,9 +8,9 @@
 //!                                                                     right-hand sides one after the other
 //! ```
 //!
-//! CPU times of one thread; wall times with several. Random layers, h = 0.01, Γ = 1, and c = 0.693, ν = 0.3 where
-//! nothing else is said; suspensions have φ = 0.45. A LAW is one of `roll-slip`, `coulomb`,
-//! `stick-slide`; the last one has springs of 1e4 `F_crit`/a, the others are rigid.
+//! CPU times of one thread; wall times with several. Random layers, h = 0.01, Γ = 1, and c = 0.693,
+//! ν = 0.3 where nothing else is said; suspensions have φ = 0.45. A LAW is one of `roll-slip`,
+//! `coulomb`, `stick-slide`; the last one has springs of 1e4 `F_crit`/a, the others are rigid.
 
 #![expect(clippy::print_stdout, reason = "a bench prints its table")]
 

@@ -33,7 +33,8 @@
 //! friction is not active, ρ = 0.
 //!
 //! The problem is solved by [`newton`], and where that does not converge by [`proximal`], which
-//! follows a [`path`] where rigid contacts in a layer have tangential springs. The linear algebra of both is [`dense_system`] of few spheres and [`sparse_system`] of many.
+//! follows a [`path`] where rigid contacts in a layer have tangential springs. The linear algebra
+//! of both is [`dense_system`] of few spheres and [`sparse_system`] of many.
 
 pub(crate) mod dense_system;
 mod newton;

@@ -138,7 +138,7 @@ impl ParamsBuilder {
 
     /// The normal stress that the imposed pressure is: [`PressureKind::Isotropic`] by default.
     pub fn pressure(self, kind: PressureKind) -> Self {
-        self.with(["pressure"], |p| p.pressure = kind)
+        self.with(["imposed_pressure"], |p| p.pressure = kind)
     }
 
     /// Two sizes: radius of the large spheres over that of the small, and number of large spheres

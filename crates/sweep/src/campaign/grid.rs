@@ -34,7 +34,7 @@ const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 const MAX_PROBLEMS: usize = 200;
 
 /// The keys in files of axes that are columns of their own beside the measured ones.
-const IMPOSED: [&str; 2] = ["viscous_number", "macroscopic_friction"];
+const IMPOSED: [&str; 3] = ["viscous_number", "macroscopic_friction", "pressure"];
 
 /// The entry of an axis.
 fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {

@@ -182,8 +182,8 @@ impl<S: Space> ProblemSolver<S> {
     /// angle by which the direction of a slide changed.
     ///
     /// `is_full_step`: whether the forces solve the linear problem of the current states, i.e. the
-    /// step was not shortened. `least`: the smallest contradiction, as a force, that changes a state
-    /// in a selective iteration; smaller ones are counted.
+    /// step was not shortened. `least`: the smallest contradiction, as a force, that changes a
+    /// state in a selective iteration; smaller ones are counted.
     pub(super) fn update_states(
         &mut self,
         problem: &Problem<S>,

@@ -47,7 +47,8 @@ enum Condition {
 
 impl<S: Space> ProblemSolver<S> {
     /// Follows the path from the current forces, which are within their bounds, and the active set
-    /// inferred from them. Returns whether it ended at a solution, and the number of linear systems.
+    /// inferred from them. Returns whether it ended at a solution, and the number of linear
+    /// systems.
     pub(super) fn follow_path(
         &mut self,
         problem: &mut Problem<S>,

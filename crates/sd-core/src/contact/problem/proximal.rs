@@ -11,9 +11,9 @@
 //! fewer problems. Therefore ε is divided by ten after a problem that was solved, and multiplied by
 //! ten after one that was not.
 //!
-//! Where rigid contacts in a layer have tangential springs, ε changes in smaller steps, a problem at
-//! which Newton's method fails is solved along a [`super::path`] if that is short, and the original
-//! problem is solved as soon as the active set is known.
+//! Where rigid contacts in a layer have tangential springs, ε changes in smaller steps, a problem
+//! at which Newton's method fails is solved along a [`super::path`] if that is short, and the
+//! original problem is solved as soon as the active set is known.
 //!
 //! Where these methods fail, the friction bounds are fixed for one problem at the current loads.
 //! This is Tresca friction: the problem is the minimisation of a convex function of the velocities,

@@ -227,8 +227,8 @@ impl<S: Fluid> PairwiseResistance<S> {
         });
     }
 
-    /// The rows of [`PairwiseResistance::multiply`] from those of the sphere `first` on. Each sphere
-    /// adds its pairs in their order, whichever rows are computed together.
+    /// The rows of [`PairwiseResistance::multiply`] from those of the sphere `first` on. Each
+    /// sphere adds its pairs in their order, whichever rows are computed together.
     #[inline(always)]
     fn multiply_rows<const L: usize>(
         &self,

@@ -8,8 +8,9 @@
 //! traffic.
 //!
 //! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
-//! [`single`]. Large factors are divided in [`parts`], which several threads compute. The time of faer's own factorization and solve of the same pattern, over the time of
-//! these, by `cargo test --release -p sd-core --lib times_of -- --ignored --nocapture`:
+//! [`single`]. Large factors are divided in [`parts`], which several threads compute. The time of
+//! faer's own factorization and solve of the same pattern, over the time of these, by `cargo test
+//! --release -p sd-core --lib times_of -- --ignored --nocapture`:
 //!
 //! | near field of | factorization | solve |
 //! | --- | ---: | ---: |

@@ -519,7 +519,7 @@ pub static PARAMETERS: [Parameter; 39] = [
         ..number(&MACROSCOPIC_FRICTION)
     },
     Parameter {
-        key: "pressure",
+        key: "imposed_pressure",
         meaning: "normal stress that an imposed pressure is",
         has_meaning: Params::imposes_pressure,
         needs: Some(|| "an imposed pressure".into()),
@@ -527,7 +527,7 @@ pub static PARAMETERS: [Parameter; 39] = [
             words: || PressureKind::KEYWORDS.to_vec(),
             default: "isotropic",
             get: |p| p.pressure.word().into(),
-            set: |p, word| read(&mut p.pressure, "pressure", word),
+            set: |p, word| read(&mut p.pressure, "imposed_pressure", word),
         }),
         ..CHOICE
     },

@@ -321,8 +321,8 @@ impl<S: Starts> Simulation<S> {
         spheres.sum::<f64>() / self.content()
     }
 
-    /// The viscosity at which a suspension counts as at rest, where the ratio of stress and pressure
-    /// is imposed.
+    /// The viscosity at which a suspension counts as at rest, where the ratio of stress and
+    /// pressure is imposed.
     pub(super) fn arrest_viscosity(&self) -> Option<f64> {
         let ratio = self.params.macroscopic_friction?;
         Some(ratio / ARREST_NUMBER)

@@ -101,7 +101,7 @@ impl Axis {
             ("start", _) => params.start.is_some(),
             ("flow", _) => params.flow != FlowType::Shear,
             ("direction", _) => params.direction != 1.0,
-            ("pressure", _) => params.pressure != PressureKind::Isotropic,
+            ("imposed_pressure", _) => params.pressure != PressureKind::Isotropic,
             ("peclet", _) => params.peclet.is_finite(),
             ("thermal_load", _) => params.thermal_load > 0.0,
             (

@@ -54,6 +54,7 @@ fn every_parameter_is_an_axis() {
             // The key of files is also the column of what is measured.
             "viscous_number" => "imposed_viscous_number",
             "macroscopic_friction" => "imposed_macroscopic_friction",
+            "pressure" => "imposed_pressure",
             // Of the protocol, and of the library alone: every campaign shears.
             "segments" | "at_rest" => continue,
             same => same,

@@ -35,7 +35,8 @@ pub(super) struct SolveOrder {
 /// counted from the beginning of its range of vectors; those of updates too in a group of subtrees,
 /// but among all in the last part, which reads those of the groups.
 ///
-/// The range of a group ends with copies of rows of the last part, and every range with eight zeros.
+/// The range of a group ends with copies of rows of the last part, and every range with eight
+/// zeros.
 #[derive(Debug, Default)]
 struct Part {
     x: Range<usize>,

@@ -395,8 +395,8 @@ fn pack(node: &Node, panel: &[f32], from: usize, rows: &mut Vec<f32>) -> usize {
 }
 
 /// Applies some columns of an update to a later supernode, of which `factor` has the columns from
-/// `first` on, for vectorised callers. `rows`: the result of [`pack`], its stride, and the number of
-/// its first row.
+/// `first` on, for vectorised callers. `rows`: the result of [`pack`], its stride, and the number
+/// of its first row.
 #[inline(always)]
 fn apply(
     (rows, height, packed): (&[f32], usize, usize),
