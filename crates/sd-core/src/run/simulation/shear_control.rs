@@ -74,8 +74,8 @@ impl ShearControl {
 
     /// The contact laws at that critical load.
     pub(super) fn laws(&self, params: &Params) -> Laws {
-        let (choice, laws) = (params.contact.laws(), self.surface(params));
-        let laws = Laws::new(choice, laws);
+        let choice = params.contact.laws();
+        let laws = Laws::new(choice, self.surface(params));
         match params.thermal_energy() {
             Some(energy) => laws.at_thermal_energy(choice, energy),
             None => laws,
