@@ -3,13 +3,13 @@
 
 use crate::model::spaces::AnySnapshot;
 use sd_core::Sample;
-use sd_core::simulation::Counters;
+use sd_core::simulation::{Counters, SNAPSHOT_VERSION};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 4] = *b"SWCP";
-/// Version of the format.
-const VERSION: u32 = 4;
+/// Version of the format: a hundred times its own, plus that of the snapshot in it.
+const VERSION: u32 = 500 + SNAPSHOT_VERSION;
 /// Bytes before the content: magic, version, checksum.
 const HEADER: usize = 4 + 4 + 32;
 
@@ -34,7 +34,7 @@ pub enum BadCheckpoint {
     /// Too short, or something else.
     #[error("not a checkpoint")]
     Foreign,
-    /// Of an unknown format.
+    /// Whole, but of another format.
     #[error("format {found}, and this program reads {VERSION}")]
     Version {
         /// Its version.
@@ -83,12 +83,12 @@ impl Checkpoint {
         let (version, checksum) = rest
             .split_first_chunk::<4>()
             .ok_or(BadCheckpoint::Foreign)?;
+        if blake3::hash(content).as_bytes() != checksum {
+            return Err(BadCheckpoint::Checksum);
+        }
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
             return Err(BadCheckpoint::Version { found });
-        }
-        if blake3::hash(content).as_bytes() != checksum {
-            return Err(BadCheckpoint::Checksum);
         }
         let checkpoint: Self = postcard::from_bytes(content).map_err(BadCheckpoint::Content)?;
         if checkpoint.has_numbers() {

@@ -5,7 +5,9 @@ use super::digest::{DigestMismatch, Sealed};
 use super::entered::{self, Entered};
 use super::runs::{LAST, OF_CASES};
 use super::statements::Statements;
-use super::{Checkpoint, Store, StoreError, frames, points, processes, runs, samples, show};
+use super::{
+    BadCheckpoint, Checkpoint, Store, StoreError, frames, points, processes, runs, samples, show,
+};
 use rusqlite::Connection;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -150,15 +152,20 @@ impl Damage {
         self.unless_altered(looked)
     }
 
-    /// Checks that the last state of every completed run can be read.
+    /// Checks the last state of every completed run. One of another format is whole: the result
+    /// stands, and only to a larger strain is the run computed from its beginning.
     fn look_at_last_states(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let last = "SELECT k.case_id, k.data, r.computed FROM checkpoints k
              JOIN results r ON r.case_id = k.case_id WHERE k.generation = ?1";
         let mut query = connection.prepare_cached(last)?;
         let mut rows = query.query([LAST])?;
         while let Some(row) = rows.next()? {
-            let last = Checkpoint::decode(row.get_ref(1)?.as_blob()?);
-            if last.map(|last| last.snapshot.steps()) != Ok(row.get(2)?) {
+            let is_whole = match Checkpoint::decode(row.get_ref(1)?.as_blob()?) {
+                Ok(last) => last.snapshot.steps() == row.get::<_, u64>(2)?,
+                Err(BadCheckpoint::Version { .. }) => true,
+                Err(_) => false,
+            };
+            if !is_whole {
                 self.add(Part::Run(row.get(0)?), "the last state of a run");
             }
         }

@@ -55,6 +55,25 @@ fn finished_run_continues_from_its_last_state_to_a_larger_strain() {
 }
 
 #[test]
+fn a_result_stays_if_its_last_state_is_of_another_format() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut store, key) = store_with_a_run(directory.path());
+    let other = rusqlite::Connection::open(store.path()).unwrap();
+    // The version follows the first four bytes.
+    let changed = "UPDATE checkpoints SET data =
+         CAST(substr(data, 1, 4) || x'04000000' || substr(data, 9) AS BLOB)";
+    assert_eq!(other.execute(changed, []).unwrap(), 1);
+    assert_eq!(super::super::check(store.path()).unwrap().findings, []);
+    assert_eq!(run(&store, &key).state, State::Done);
+    store.take_in(&of_strain("2.0")).unwrap();
+    let claim = store.next().unwrap();
+    assert_eq!(
+        claim.checkpoints,
+        [Err(BadCheckpoint::Version { found: 4 })]
+    );
+}
+
+#[test]
 fn a_run_cut_short_has_the_averages_of_its_beginning_and_comes_back_whole() {
     let directory = tempfile::tempdir().unwrap();
     let (mut store, key) = store_with_a_run(directory.path());
