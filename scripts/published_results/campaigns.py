@@ -25,6 +25,11 @@ def _of_laws():
         yield figure("--along", "shear_stress", *where, suffix=f"-{law}-viscosity")
 
 
+def _of_rigid_thickening():
+    for space, fractions in [("layers", "area_fraction=0.74,0.76,0.78"), ("suspensions", "volume_fraction=0.5,0.54,0.56")]:
+        yield figure("--kind", "flow-curve", "--where", "contact=rigid", "--where", fractions, suffix=f"-{space}")
+
+
 # In the order of the list in the README.
 CAMPAIGNS = {
     # Their effects and the figure are made with the tables.
@@ -72,6 +77,12 @@ CAMPAIGNS = {
     "flows": [figure("--along", "volume_fraction")],
     "brownian-viscosity": [figure("--along", "peclet")],
     "thermal-thickening": [figure("--along", "shear_rate")],
+    "discontinuous": list(_of_rigid_thickening()),
+    "hydrodynamic-friction": [figure("--along", "shear_stress")],
+    "ordering": [figure("--kind", "trace")],
+    "suspension-controls": [
+        figure("--along", "stiffness", "--quantity", "n1_over_stress", "--where", "spheres=200", "--where", "volume_fraction=0.54")
+    ],
 }
 # Campaigns of which single runs are published too.
 OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening")]
