@@ -68,7 +68,7 @@ pub struct Progress {
     style: Style,
     bars: MultiProgress,
     /// Of all cases: its position never decreases.
-    overall: ProgressBar,
+    overall: Bar,
     workers: Vec<Worker>,
     campaign: Mutex<CampaignWork>,
     reported: Mutex<Vec<ReportedFailure>>,
@@ -100,12 +100,36 @@ struct ReportedFailure {
 
 /// Progress of one worker. Its thread writes numbers only; the supervising thread draws.
 struct Worker {
-    bar: ProgressBar,
+    bar: Bar,
     /// Its case, with the key.
     case: Mutex<Option<(String, Case)>>,
     /// Steps of its case done.
     steps: AtomicU64,
     viscosity: AtomicU64,
+}
+
+/// A bar that knows where it began. Its time left follows from the mean speed since then: that of
+/// the last seconds says nothing where one case takes a second and the next an hour.
+struct Bar {
+    drawn: ProgressBar,
+    from: AtomicU64,
+}
+
+impl Bar {
+    /// Work done before now is not of this run.
+    fn begin(&self) {
+        self.from.store(self.drawn.position(), Ordering::Relaxed);
+        self.drawn.reset_elapsed();
+    }
+
+    /// Remaining time, where it is known.
+    fn left(&self) -> Option<Duration> {
+        let (from, at) = (self.from.load(Ordering::Relaxed), self.drawn.position());
+        let done = at.saturating_sub(from);
+        let left = self.drawn.length()?.saturating_sub(at);
+        let is_known = done > 0 && left > 0;
+        is_known.then(|| self.drawn.elapsed().mul_f64(left as f64 / done as f64))
+    }
 }
 
 impl Progress {
@@ -120,7 +144,10 @@ impl Progress {
         let look = ProgressStyle::with_template("{bar:20} {percent:>3} %  {wide_msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar())
             .progress_chars("━╸ ");
-        let bar = |length| bars.add(ProgressBar::new(length).with_style(look.clone()));
+        let bar = |length| Bar {
+            drawn: bars.add(ProgressBar::new(length).with_style(look.clone())),
+            from: AtomicU64::new(0),
+        };
         let overall = bar(PARTS);
         let worker = |_| Worker {
             bar: bar(1),
@@ -150,9 +177,7 @@ impl Progress {
     pub(super) fn begin(&self, work: &Work) {
         self.see(work);
         self.advance();
-        // Work done before is not of this run.
-        self.overall.tick();
-        self.overall.reset_eta();
+        self.overall.begin();
         let left = work.counts.pending + work.counts.running;
         if self.style == Style::Lines && left > 0 {
             self.line(&format!(
@@ -179,11 +204,11 @@ impl Progress {
             return;
         };
         worker.write(steps, f64::NAN);
-        worker.bar.reset();
-        worker.bar.set_length(claim.case.steps);
-        worker.bar.set_position(steps);
-        worker.bar.tick();
-        worker.bar.reset_eta();
+        worker.bar.drawn.reset();
+        worker.bar.drawn.set_length(claim.case.steps);
+        worker.bar.drawn.set_position(steps);
+        worker.bar.drawn.tick();
+        worker.bar.begin();
         *lock(&worker.case) = Some((claim.key.clone(), claim.case.clone()));
     }
 
@@ -199,8 +224,8 @@ impl Progress {
         if let Some(worker) = self.workers.get(worker) {
             let cost = worker.cost();
             *lock(&worker.case) = None;
-            worker.bar.set_message("");
-            worker.bar.set_position(0);
+            worker.bar.drawn.set_message("");
+            worker.bar.drawn.set_position(0);
             if kept {
                 lock(&self.campaign).since += cost;
             }
@@ -211,11 +236,11 @@ impl Progress {
     pub(super) fn draw(&self) {
         for worker in &self.workers {
             let Some((_, case)) = &*lock(&worker.case) else {
-                worker.bar.tick();
+                worker.bar.drawn.tick();
                 continue;
             };
             let (steps, viscosity) = worker.now();
-            worker.bar.set_position(steps);
+            worker.bar.drawn.set_position(steps);
             if self.style == Style::Bars {
                 let strain = steps as f64 * case.params.time_step;
                 let viscosity = if viscosity.is_finite() {
@@ -224,7 +249,7 @@ impl Progress {
                     String::new()
                 };
                 let message = format!("strain {strain:.2}{viscosity}  {}", case.label());
-                worker.bar.set_message(message);
+                worker.bar.drawn.set_message(message);
             }
         }
         self.advance();
@@ -237,7 +262,7 @@ impl Progress {
                 self.line(&message);
             }
         }
-        self.overall.set_message(message);
+        self.overall.drawn.set_message(message);
     }
 
     /// Moves the overall bar to the work done, including running cases.
@@ -247,13 +272,8 @@ impl Progress {
         let done = (campaign.stored + campaign.since + here) / campaign.total;
         let part = if campaign.total > 0.0 { done } else { 1.0 };
         let position = count((part.clamp(0.0, 1.0) * PARTS as f64).floor()) as u64;
-        self.overall
-            .set_position(position.max(self.overall.position()));
-    }
-
-    /// Remaining time, where it is known.
-    fn left(bar: &ProgressBar) -> Option<Duration> {
-        Some(bar.eta()).filter(|left| !left.is_zero())
+        let bar = &self.overall.drawn;
+        bar.set_position(position.max(bar.position()));
     }
 
     /// Progress of the campaign, as last drawn.
@@ -267,11 +287,11 @@ impl Progress {
             }
         }
         let is_open = counts.pending + counts.running > 0;
-        if let Some(left) = Self::left(&self.overall).filter(|_| is_open) {
+        if let Some(left) = self.overall.left().filter(|_| is_open) {
             message = format!("{message}, {} left", duration(left.as_secs_f64()));
         }
         CampaignProgress {
-            fraction: self.overall.position() as f64 / PARTS as f64,
+            fraction: self.overall.drawn.position() as f64 / PARTS as f64,
             counts,
             message,
         }
@@ -334,7 +354,7 @@ impl Progress {
         if self.style != Style::Json {
             return;
         }
-        let seconds = |bar| Self::left(bar).map(|left| left.as_secs_f64());
+        let seconds = |bar: &Bar| bar.left().map(|left| left.as_secs_f64());
         for worker in &self.workers {
             let (steps, viscosity) = worker.now();
             if let Some((key, case)) = &*lock(&worker.case) {
@@ -366,10 +386,10 @@ impl Progress {
             ));
         }
         for worker in &self.workers {
-            worker.bar.finish_and_clear();
+            worker.bar.drawn.finish_and_clear();
         }
         let message = self.standing().message;
-        self.overall.finish_and_clear();
+        self.overall.drawn.finish_and_clear();
         if self.style == Style::Lines {
             self.line(&message);
         }
@@ -436,7 +456,7 @@ mod tests {
         progress.draw();
         assert_eq!(progress.standing().fraction, 0.6);
         // Of the other 40 at 10 in 0.2 s or somewhat more.
-        let left = Progress::left(&progress.overall).unwrap().as_secs_f64();
+        let left = progress.overall.left().unwrap().as_secs_f64();
         assert!((0.1..60.0).contains(&left), "{left}");
         progress.see(&work(10.0));
         progress.draw();
