@@ -73,7 +73,10 @@ CAMPAIGNS = {
     "cause-of-thickening-bulk-full": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
-    "mu-of-j": [figure("--kind", kind, suffix=f"-{kind}") for kind in ["mu-j", "phi-j"]],
+    "mu-of-j": [
+        figure(*("--kind", kind, "--where", "spheres=200", "--panels", "contact", "--reference", "boyer2011"), suffix=f"-{kind}")
+        for kind in ["mu-j", "phi-j"]
+    ],
     "flows": [figure("--along", "volume_fraction")],
     "brownian-viscosity": [figure("--along", "peclet")],
     "thermal-thickening": [figure("--along", "shear_rate")],

@@ -149,6 +149,8 @@ impl Label {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shared<'a> {
     pub(super) along: Option<&'a Axis>,
+    /// Keys of axes whose values are chosen for each place along the curves.
+    pub(super) chosen: &'a [&'static str],
     pub(super) panels: Option<&'a Axis>,
     pub(super) units: Units,
     pub(super) starts: &'a Starts,
@@ -157,8 +159,10 @@ pub(super) struct Shared<'a> {
 impl Shared<'_> {
     /// Whether this axis varies along the curves: rate and stress follow from each other.
     pub(super) fn is_along(self, axis: &Axis) -> bool {
-        self.along
-            .is_some_and(|along| axis.key == along.key || axis.is_of_shear() && along.is_of_shear())
+        self.chosen.contains(&axis.key)
+            || self.along.is_some_and(|along| {
+                axis.key == along.key || axis.is_of_shear() && along.is_of_shear()
+            })
     }
 
     pub(super) fn is_of_panels(self, axis: &Axis) -> bool {
@@ -223,6 +227,7 @@ impl Report {
     pub(super) fn labels<'p>(&self, params: impl Iterator<Item = &'p Params>) -> Vec<Label> {
         let shared = Shared {
             along: None,
+            chosen: &[],
             panels: None,
             units: self.units,
             starts: &self.starts,
@@ -253,6 +258,7 @@ mod tests {
         assert!(!sizes.varies(all[..2].iter()));
         let shared = Shared {
             along: None,
+            chosen: &[],
             panels: None,
             units: Units::default(),
             starts: &Starts::default(),

@@ -370,16 +370,56 @@ impl<'r> FigureSource<'r> {
     fn shared(&self, along: Option<&'static Axis>) -> Shared<'_> {
         Shared {
             along,
+            chosen: &[],
             panels: self.panels,
             units: self.units,
             starts: &self.report.starts,
         }
     }
 
+    /// Axes that vary along curves without dividing them, since each place has a value of its own:
+    /// the time step, and under an imposed pressure the fraction of the start and the stiffness,
+    /// which has the scale of the pressure.
+    fn chosen_along(&self) -> Vec<&'static str> {
+        let points: Vec<&Point> = self.report.points.iter().collect();
+        let is_candidate = |axis: &Axis| {
+            let may_follow = axis.is_fraction() || axis.key == "stiffness";
+            axis.key == "time_step" || may_follow && self.along.is_imposed_pressure()
+        };
+        let mut chosen = Vec::new();
+        for axis in AXES.iter().filter(|axis| is_candidate(axis)) {
+            let with: Vec<&'static str> = chosen.iter().copied().chain([axis.key]).collect();
+            let shared = Shared {
+                chosen: &with,
+                ..self.shared(Some(self.along))
+            };
+            let groups = grouped(&points, |axis| shared.is_along(axis));
+            let places = |group: &[usize]| {
+                let mut places: Vec<f64> = group
+                    .iter()
+                    .map(|place| points[*place].place(self.along))
+                    .collect();
+                places.sort_by(f64::total_cmp);
+                places
+            };
+            let are_apart = |group: &Vec<usize>| places(group).windows(2).all(|at| at[0] != at[1]);
+            let varies =
+                |group: &Vec<usize>| axis.varies(group.iter().map(|place| &points[*place].params));
+            if groups.iter().all(are_apart) && groups.iter().any(varies) {
+                chosen = with;
+            }
+        }
+        chosen
+    }
+
     /// The points as curves along the axis, one for each combination of values of the others.
     fn curves(&self) -> Vec<(Label, Vec<&'r Point>)> {
         let (along, points) = (self.along, &self.report.points);
-        let shared = self.shared(Some(along));
+        let chosen = self.chosen_along();
+        let shared = Shared {
+            chosen: &chosen,
+            ..self.shared(Some(along))
+        };
         let all: Vec<&Point> = points.iter().collect();
         let groups = grouped(&all, |axis| shared.is_along(axis));
         // Some laws have no effect at some points of a curve, which share their runs with others.

@@ -116,7 +116,8 @@ fn time_steps_and_sizes_set_curves_apart() {
         );
         std::fs::read_to_string(at.join("f.svg")).unwrap()
     };
-    assert!(draw(&[]).contains("ν = 0.3, Δt = 0.01"));
+    let apart = draw(&["--where", "shear_rate=1,inf"]);
+    assert!(apart.contains("ν = 0.3, Δt = 0.01"));
     assert!(draw(&["--along", "time_step", "--where", "shear_rate=inf"]).contains("<svg"));
     for (quantity, label) in [
         ("viscosity_stresslet", "stresslet viscosity"),
@@ -141,6 +142,29 @@ fn time_steps_and_sizes_set_curves_apart() {
             &[&["report", "s.sqlite", "--figure", "f.svg"], wrong].concat(),
         );
     }
+}
+
+#[test]
+fn a_time_step_that_follows_the_rate_divides_no_curve() {
+    let folder = SMALL.folder();
+    let at = folder.path();
+    let finer = |which: &str| {
+        spoil(
+            at,
+            &format!(
+                "UPDATE points SET axes = json_set(axes, '$.time_step', 0.01), params = json_set(params, '$.time_step', 0.01) WHERE {which};
+                 UPDATE cases SET steps = steps / 2 WHERE point IN (SELECT id FROM points WHERE {which})"
+            ),
+        );
+        with_new_keys(at);
+        sweep(at, &["report", "s.sqlite", "--figure", "f.svg"]);
+        std::fs::read_to_string(at.join("f.svg")).unwrap()
+    };
+    let drawn = finer("axes ->> 'shear_rate' = 1.0");
+    assert!(
+        drawn.contains("ν = 0.3") && !drawn.contains("Δt"),
+        "{drawn}"
+    );
 }
 
 #[test]
