@@ -79,7 +79,10 @@ CAMPAIGNS = {
     ],
     "flows": [figure("--along", "volume_fraction")],
     "brownian-viscosity": [figure("--along", "peclet")],
-    "thermal-thickening": [figure("--along", "shear_rate")],
+    "thermal-thickening": [
+        figure("--along", "shear_rate", "--where", "friction=1"),
+        figure("--along", "peclet", "--where", "friction=0", suffix="-frictionless"),
+    ],
     "discontinuous": list(_of_rigid_thickening()),
     "hydrodynamic-friction": [figure("--along", "shear_stress")],
     "ordering": [figure("--kind", "trace")],

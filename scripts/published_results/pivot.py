@@ -49,6 +49,8 @@ SYMBOLS = {
     "n1": "N1",
     "peclet": "Pe",
     "shear_brownian": "Brownian part of η",
+    "shear_normal_contact": "contact part",
+    "shear_tangential_contact": "friction part",
     "diffusivity_yy": "D_yy/(a²γ̇)",
     "diffusivity_zz": "D_zz/(a²γ̇)",
     "n2": "N2",
