@@ -17,7 +17,7 @@ class _Bar:
         self._bar.close()
 
 
-class _Told:
+class _Callback:
     """A function that receives the progress of the run."""
 
     def __init__(self, function):
@@ -32,7 +32,9 @@ def bar(progress):
     if progress is None or progress is True:
         return _Bar()
     if progress is False:
-        return _Told(lambda fraction, message: None)
+        return _Callback(lambda fraction, message: None)
     if callable(progress):
-        return _Told(progress)
-    raise TypeError(f"progress: {type(progress).__name__} came: True, False, or a function of a fraction and a text")
+        return _Callback(progress)
+    raise TypeError(
+        f"progress must be True, False, or a function of a fraction and a text, got {type(progress).__name__}"
+    )

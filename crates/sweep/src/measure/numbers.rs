@@ -338,11 +338,11 @@ pub static NUMBERS: &[Number] = {
             .run("half the slope of the mean square displacement along the vorticity; none below an averaged strain of 1 or ten samples", Of(|r| r.diffusivity(1)))
             .point("shear-induced diffusivity D_zz along the vorticity", MeanOver),
         number("layering_drift", "1")
-            .run("mean layering of the second half of the strain kept less that of the first", Of(|r| r.order_drift(0)))
-            .point("mean layering of the second half of the strain kept less that of the first", MeanOver),
+            .run("mean layering of the second half of the averaged strain minus that of the first half", Of(|r| r.order_drift(0)))
+            .point("mean layering of the second half of the averaged strain minus that of the first half", MeanOver),
         number("bond_order_drift", "1")
-            .run("the same of the bond orientation, Ψ₆ of a layer and Q₆ of a suspension", Of(|r| r.order_drift(1)))
-            .point("the same of the bond orientation, Ψ₆ of a layer and Q₆ of a suspension", MeanOver),
+            .run("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", Of(|r| r.order_drift(1)))
+            .point("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", MeanOver),
         number("not_steady", "1").point("1 if the viscosity drifts or remembers the start, or order falls, significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::NotSteady))),
         number("ordering", "1").point("1 if layering or bond orientation rises significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::Ordering))),
         number("coordination", "1").sample("loaded contacts of a sphere", Network(|n| &mut n.coordination)).averaged(),

@@ -345,10 +345,7 @@ fn every_command_has_a_manual_page() {
         .get_subcommands()
         .map(clap::Command::get_name)
         .collect();
-    assert!(
-        commands.contains(&"run") && commands.len() > 18,
-        "{commands:?}"
-    );
+    assert!(commands.contains(&"run"), "{commands:?}");
     for command in commands {
         let page = page(&format!("sweep-{command}.1")).unwrap();
         assert!(
@@ -384,10 +381,9 @@ fn version_names_physics_and_build() {
 fn help_is_what_it_was() {
     let directory = tempfile::tempdir().unwrap();
     let mut all = String::new();
-    for subcommand in [
-        "", "plan", "run", "submit", "merge", "cancel", "status", "report", "convert", "show",
-        "export", "serve", "replay", "prune", "check", "verify", "solve", "scalars", "pair", "man",
-    ] {
+    let program = <sweep::cli::Cli as clap::CommandFactory>::command();
+    let commands = program.get_subcommands().map(clap::Command::get_name);
+    for subcommand in [""].into_iter().chain(commands) {
         let mut command = sweep(directory.path());
         command.env("COLUMNS", "100");
         if !subcommand.is_empty() {
