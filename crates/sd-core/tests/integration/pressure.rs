@@ -1,11 +1,14 @@
 //! Imposed pressure: the volume of the cell follows.
 
+use crate::common::schemes::schemes;
+use sd_core::contact::ContactState;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, Params,
     RunSpace, Simulation, Snapshot, StiffnessUnit, TangentialLaw,
     model::{FlowType, PressureKind, SolverSettings},
     simulation::Flow,
 };
+use std::f64::consts::PI;
 
 const LUBRICATION: Hydrodynamics = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
 
@@ -147,6 +150,18 @@ fn the_pressure_at_an_imposed_fraction_gives_that_fraction() {
 }
 
 #[test]
+fn frictional_spheres_lie_on_the_law_of_boyer_guazzelli_and_pouliquen() {
+    let params = Params {
+        spheres: 150,
+        hydrodynamics: Hydrodynamics::BallMelrose,
+        ..suspension(0.03, 0.48, 0.5)
+    };
+    let run = means(begun::<Bulk>(&params, 1), [1.0, 2.6]);
+    let law = 0.585 / (1.0 + 0.03_f64.sqrt());
+    assert!((run.fraction / law - 1.0).abs() < 0.025, "{}", run.fraction);
+}
+
+#[test]
 fn frictionless_spheres_approach_random_packing_and_a_small_friction() {
     let [flowing, dense] = [1e-3, 1e-4].map(|number| {
         let run = means(begun::<Bulk>(&suspension(number, 0.58, 0.0), 1), [1.5, 3.0]);
@@ -265,19 +280,139 @@ fn below_the_least_ratio_a_suspension_arrests_and_above_it_yields() {
 
 #[test]
 fn means_do_not_depend_on_how_fast_the_volume_answers() {
-    let params = suspension(0.05, 0.5, 0.3);
-    let [slow, fast] = [2.0, 20.0].map(|rate| {
-        let mut settings = SolverSettings::default();
-        settings.volume_rate = rate;
-        let start = Snapshot::<Bulk>::start(&params, 3).unwrap();
-        let tables = NearFields::default();
-        means(
-            Simulation::with_settings(&params, start, &tables, &settings).unwrap(),
-            [2.0, 8.0],
-        )
-    });
-    assert!((slow.fraction - fast.fraction).abs() < 0.01);
-    assert!((slow.pressure / fast.pressure - 1.0).abs() < 0.05);
+    for kind in [PressureKind::Isotropic, PressureKind::Gradient] {
+        let params = Params {
+            pressure: kind,
+            ..gradient(suspension(0.05, 0.5, 0.3))
+        };
+        let [slow, fast] = [2.0, 20.0].map(|rate| {
+            let mut settings = SolverSettings::default();
+            settings.volume_rate = rate;
+            let start = Snapshot::<Bulk>::start(&params, 3).unwrap();
+            let tables = NearFields::default();
+            means(
+                Simulation::with_settings(&params, start, &tables, &settings).unwrap(),
+                [2.0, 8.0],
+            )
+        });
+        let imposed = |run: &Means| match kind {
+            PressureKind::Isotropic => run.pressure,
+            PressureKind::Gradient => run.pressure_22,
+        };
+        let ratios = [
+            slow.fraction / fast.fraction,
+            imposed(&slow) / imposed(&fast),
+        ];
+        assert!((ratios[0] - 1.0).abs() < 0.02, "{kind:?}: {ratios:?}");
+        assert!((ratios[1] - 1.0).abs() < 0.05, "{kind:?}: {ratios:?}");
+    }
+}
+
+/// Checks that contacts bear the pressure but for what the volume resists: its mean is
+/// P + κ ln(V/V₀)/t, κ = P/5, from an instant after the rise of P on.
+fn check_pressure<S: RunSpace>(params: &Params) {
+    let mut run = begun::<S>(params, 1);
+    while run.strain() < 0.205 {
+        run.step().unwrap();
+    }
+    let (from, steps) = (run.fraction(), 30);
+    let mut sum = 0.0;
+    for _ in 0..steps {
+        let stress = run.step().unwrap().stress;
+        let [xx, yy, zz] = [stress.xx(), stress.yy(), stress.zz()];
+        let normal = [xx, yy, zz].map(|part| part.normal_contact + part.repulsion);
+        sum -= match params.pressure {
+            PressureKind::Isotropic => normal.iter().sum::<f64>() / S::DIMENSIONS as f64,
+            PressureKind::Gradient => normal[1] + yy.tangential_contact,
+        };
+    }
+    let imposed = params.viscous_number.unwrap().recip();
+    let time = f64::from(steps) * params.time_step;
+    let expected = imposed * (1.0 + 0.2 * (from / run.fraction()).ln() / time);
+    let ratio = sum / f64::from(steps) / expected;
+    assert!((ratio - 1.0).abs() < 0.02, "{:?}: {ratio}", params.contact);
+}
+
+#[test]
+fn contacts_bear_the_pressure_under_every_law() {
+    for contact in schemes() {
+        let with = |params: Params| {
+            let mut params = Params {
+                contact,
+                shear_rate: 1.0,
+                ..params
+            };
+            params.canonicalise();
+            params
+        };
+        // Spheres that neither slip nor roll jam far earlier than others.
+        let jams = contact.laws().tangential == TangentialLaw::StickRotate;
+        let [number, fraction] = if jams { [0.5, 0.3] } else { [0.05, 0.5] };
+        check_pressure::<Bulk>(&with(suspension(number, fraction, 0.3)));
+        check_pressure::<Layer>(&with(gradient(layer(0.05))));
+    }
+}
+
+/// Spheres whose stress is a multiple of the pressure, at these shears.
+fn at_shear(shear_rate: f64, shear_stress: Option<f64>) -> Params {
+    let laws = ContactLaws {
+        tangential: TangentialLaw::Coulomb,
+        ..ContactLaws::PAPER
+    };
+    let mut params = Params {
+        contact: ContactScheme::Laws(laws),
+        shear_rate,
+        shear_stress,
+        ..at_ratio(0.6, suspension(1.0, 0.48, 0.5))
+    };
+    params.canonicalise();
+    params
+}
+
+#[test]
+fn friction_begins_at_the_critical_load_under_a_ratio_of_stress_and_pressure() {
+    let rates = [1e-4, 0.06, 100.0].map(|rate| at_shear(rate, None));
+    let stresses = [1e-4, 0.3, 100.0].map(|stress| at_shear(0.0, Some(stress)));
+    for runs in [rates, stresses] {
+        let shares = runs.map(|params| {
+            let mut run = begun::<Bulk>(&params, 1);
+            let [
+                mut stress,
+                mut pressure,
+                mut contacts,
+                mut rubbing,
+                mut others,
+            ] = [0.0; 5];
+            while run.strain() < 1.6 {
+                let (sample, frame) = run.step_with_frame().unwrap();
+                if let Some(imposed) = params.shear_stress {
+                    let borne = sample.viscosity * sample.shear_rate / (6.0 * PI);
+                    assert!((borne / imposed - 1.0).abs() < 1e-6, "{borne}");
+                }
+                if sample.strain < 0.6 {
+                    continue;
+                }
+                let parts = [sample.stress.xx(), sample.stress.yy(), sample.stress.zz()];
+                pressure -= parts.iter().map(|part| part.normal_contact).sum::<f64>() / 3.0;
+                stress += sample.viscosity;
+                let load = 6.0 * PI / sample.shear_rate;
+                for contact in &frame.contacts {
+                    let rubs = contact.state != ContactState::Frictionless;
+                    others += f64::from(u8::from(rubs != (contact.normal_force > load)));
+                    contacts += 1.0;
+                    rubbing += f64::from(u8::from(rubs));
+                }
+            }
+            let ratio = stress / pressure;
+            // Few stages have no consistent set of frictional contacts.
+            assert!(others < 0.02 * contacts, "{others} of {contacts}");
+            assert!((ratio / 0.6 - 1.0).abs() < 0.05, "{params:?}: {ratio}");
+            rubbing / contacts
+        });
+        let [few, some, most] = shares;
+        assert!(few == 0.0 && most > 0.95, "{shares:?}");
+        assert!((0.1..0.9).contains(&some), "{shares:?}");
+    }
 }
 
 fn check_interrupted<S: RunSpace>(params: &Params) {
@@ -315,6 +450,8 @@ fn an_interrupted_run_continues_with_the_same_bits() {
     check_interrupted::<Bulk>(&gradient(suspension(0.05, 0.5, 0.5)));
     check_interrupted::<Layer>(&gradient(layer(0.05)));
     check_interrupted::<Bulk>(&at_ratio(0.8, suspension(0.05, 0.5, 0.5)));
+    check_interrupted::<Bulk>(&at_shear(0.3, None));
+    check_interrupted::<Bulk>(&at_shear(0.0, Some(0.3)));
     check_interrupted::<Bulk>(&Params {
         flow: FlowType::Uniaxial,
         spheres: 60,
@@ -335,6 +472,22 @@ fn springs_and_repulsions_bear_the_pressure_too() {
         let params = soft(normal, 0.0);
         let run = means(begun::<Bulk>(&params, 1), [2.0, 5.0]);
         assert!((run.pressure * 0.05 - 1.0).abs() < 0.05, "{}", run.pressure);
+    }
+}
+
+/// Without a pressure to speak of, forces expand the cell no further than they reach.
+#[test]
+fn a_vanishing_pressure_lets_the_cell_grow_by_the_range_of_forces_only() {
+    for normal in springs_and_repulsion() {
+        let params = Params {
+            viscous_number: Some(1e8),
+            ..soft(normal, 0.5)
+        };
+        let mut run = begun::<Bulk>(&params, 1);
+        while run.strain() < 1.0 {
+            run.step().unwrap();
+        }
+        assert!((0.05..0.5).contains(&run.fraction()), "{}", run.fraction());
     }
 }
 

@@ -1,5 +1,6 @@
 //! Errors that show the place in the campaign file.
 
+use super::grid::with_written_keys;
 use crate::text::visible::{visible, visible_in_place};
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::fmt::Display;
@@ -196,7 +197,7 @@ impl Problem {
                 .map_or(0, |before| before.matches('\n').count())
         };
         let first = self.labels.first().map_or(0, |(span, _)| line_of(span));
-        let mut allowed = self.allowed;
+        let mut allowed = with_written_keys(self.allowed);
         // An excerpt shows all lines between two places, so distant ones are named instead.
         self.labels.retain(|(span, label)| {
             let line = line_of(span);
@@ -211,7 +212,7 @@ impl Problem {
             .into_iter()
             .map(|(span, label)| {
                 let span = first_line(text, &span);
-                LabeledSpan::new(Some(label), span.start, span.len())
+                LabeledSpan::new(Some(with_written_keys(label)), span.start, span.len())
             })
             .collect();
         let start = labels.first().map_or(0, LabeledSpan::offset);
@@ -227,7 +228,7 @@ impl Problem {
         }
         Fault {
             place: format!("{file}:{}:{}", line + 1, column + 1),
-            message: shortened(self.message),
+            message: shortened(with_written_keys(self.message)),
             allowed: shortened(allowed),
             about: *self.about,
             labels,

@@ -36,6 +36,13 @@ const MAX_PROBLEMS: usize = 200;
 /// The keys in files of axes that are columns of their own beside the measured ones.
 const IMPOSED: [&str; 3] = ["viscous_number", "macroscopic_friction", "pressure"];
 
+/// A message about axes, with their keys in files.
+pub(super) fn with_written_keys(message: String) -> String {
+    IMPOSED.iter().fold(message, |message, short| {
+        message.replace(&format!("`imposed_{short}`"), &format!("`{short}`"))
+    })
+}
+
 /// The entry of an axis.
 fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {
     let short = IMPOSED

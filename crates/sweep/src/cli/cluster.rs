@@ -290,10 +290,10 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     }
     writeln!(
         out,
-        "{} of {} cases are done, {} jammed, {} failed",
+        "{} of {} cases are done, {}, {} failed",
         cases.done,
         cases.total(),
-        cases.jammed,
+        cases.words_of_jammed(),
         cases.failed
     )?;
     Ok(())

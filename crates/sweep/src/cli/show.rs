@@ -71,8 +71,15 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
     let strain = |steps: u64| steps as f64 * details.params.time_step;
     writeln!(
         out,
-        "{}: strain {:.3} of {:.3}, started {}{}{}",
-        details.state,
+        "{}{}: strain {:.3} of {:.3}, started {}{}{}",
+        details.state.word(&details.params),
+        details
+            .final_fraction
+            .filter(|_| details.state.is_arrest(&details.params))
+            .map_or_else(String::new, |fraction| format!(
+                " at a fraction of {}",
+                significant(fraction, 4)
+            )),
         strain(details.steps_done),
         strain(details.steps),
         counted(details.attempts, "time"),

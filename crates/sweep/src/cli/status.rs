@@ -8,7 +8,7 @@ use crate::cluster::status::{CampaignStatus, JobStatus, TaskStatus};
 use crate::error::Error;
 use crate::report::{FailureGroup, table};
 use crate::system::exit;
-use crate::text::format::{counted, duration};
+use crate::text::format::{counted, duration, significant};
 use std::io::Write;
 use std::path::Path;
 
@@ -103,6 +103,14 @@ fn write_text(
         )?;
     }
     writeln!(out, "{table}")?;
+    if let Some(fraction) = status.arrested_fraction {
+        writeln!(
+            out,
+            "{}, at a mean fraction of {}",
+            c.words_of_jammed(),
+            significant(fraction, 4)
+        )?;
+    }
     for process in &status.processes {
         writeln!(
             out,

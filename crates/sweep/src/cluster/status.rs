@@ -24,6 +24,9 @@ pub(crate) struct CampaignStatus {
     /// Runs in the store that the campaign no longer contains.
     pub(crate) orphans: u64,
     pub(crate) cases: Counts,
+    /// Mean fraction at which runs came to rest under an imposed ratio of stress and pressure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) arrested_fraction: Option<f64>,
     /// Share of the estimated work that is done, 0 to 1.
     pub(crate) work_done: f64,
     /// Estimated CPU seconds of the open cases on this machine.
@@ -72,6 +75,7 @@ impl CampaignStatus {
             last_run_with: store.last_run_with().map(PathBuf::from),
             orphans: store.orphans()?,
             cases: work.counts,
+            arrested_fraction: store.arrested_fraction()?,
             work_done: if work.total > 0.0 {
                 work.done / work.total
             } else {

@@ -213,8 +213,8 @@ impl PointRun {
     }
 
     /// Whether it came to rest under an imposed ratio of stress and pressure.
-    pub(super) fn is_arrested(&self) -> bool {
-        self.state == State::Jammed && self.params.macroscopic_friction.is_some()
+    pub(crate) fn is_arrested(&self) -> bool {
+        self.state.is_arrest(&self.params)
     }
 
     /// Strain discarded.

@@ -163,6 +163,13 @@ impl Axis {
         self.is_of_shear() || self.is_fraction()
     }
 
+    /// Whether a point has no value on it: it has the alternative, or no pressure is imposed, whose
+    /// viscous number is not the 0 that stands for it.
+    pub(crate) fn is_absent(&self, params: &Params) -> bool {
+        let may_be = self.is_alternative() || self.key.starts_with("imposed_");
+        may_be && !self.means_something(params)
+    }
+
     /// Whether a table of these parameters has it as a column.
     pub fn matters<'p>(&self, params: impl Iterator<Item = &'p Params>) -> bool {
         let mut params = params;

@@ -219,6 +219,21 @@ impl State {
             Self::Failed => "failed",
         }
     }
+
+    /// Whether it is that of a run which came to rest under an imposed ratio of stress and
+    /// pressure: such runs count as jammed.
+    pub(crate) fn is_arrest(self, params: &Params) -> bool {
+        self == Self::Jammed && params.macroscopic_friction.is_some()
+    }
+
+    /// What it is called in a run of these parameters.
+    pub(crate) fn word(self, params: &Params) -> &'static str {
+        if self.is_arrest(params) {
+            "arrested"
+        } else {
+            self.name()
+        }
+    }
 }
 
 #[cfg(test)]

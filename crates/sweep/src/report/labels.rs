@@ -191,8 +191,7 @@ impl Shared<'_> {
         };
         let label = |params: &Params| {
             let named = differing.iter().zip(&words);
-            let named =
-                named.filter(|(axis, _)| !axis.is_alternative() || axis.means_something(params));
+            let named = named.filter(|(axis, _)| !axis.is_absent(params));
             let mut parts: Vec<String> = named.map(|(_, words)| words.named(params)).collect();
             if both && self.along.is_some() {
                 let how = if is_imposed(params) { "stress" } else { "rate" };

@@ -131,8 +131,11 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
             let number = run.number(name).map(|number| factor * number);
             number.map_or("–".into(), |number| significant(number, 4))
         };
-        let mut state = vec![run.state.name()];
-        state.extend(run.doubts.iter().map(|doubt| doubt.name()));
+        let mut state = vec![run.state.word(&run.params).to_owned()];
+        if run.is_arrested() {
+            state.push(format!("at {}", number("final_fraction", 1.0)));
+        }
+        state.extend(run.doubts.iter().map(|doubt| doubt.name().to_owned()));
         json!({
             "point": point, "key": run.key, "seed": run.seed,
             "state": state.join(", "),
@@ -157,10 +160,10 @@ pub fn data(excerpt: Excerpt<'_>, host: PageHost) -> Result<String, ReportError>
 fn summary(report: &Report, left: Option<f64>) -> String {
     let c = &report.counts;
     let mut words = vec![format!(
-        "{} of {} runs done, {} jammed, {} failed, {} running, {} pending",
+        "{} of {} runs done, {}, {} failed, {} running, {} pending",
         c.done,
         c.total(),
-        c.jammed,
+        c.words_of_jammed(),
         c.failed,
         c.running,
         c.pending

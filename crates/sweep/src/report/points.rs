@@ -122,7 +122,7 @@ impl Report {
         let doubtful = once.iter().filter(|run| run.is_doubtful()).count() as u64;
         let mut counts = Counts::default();
         for run in &once {
-            *counts.of(run.state) += 1;
+            counts.add(run.state, run.is_arrested());
         }
         let protocol = store.protocol()?;
         let states = store.point_states()?.into_iter();

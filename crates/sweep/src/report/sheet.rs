@@ -32,11 +32,13 @@ pub(crate) type View<'v> = (&'v str, &'v str, i32, u8);
 
 /// The views of the points.
 #[rustfmt::skip]
-const OF_POINTS: [View<'_>; 23] = [
+const OF_POINTS: [View<'_>; 24] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
     ("jammed", "jammed", 4, 1),
+    ("arrested_fraction", "arrested
+at", 4, 1),
     ("failed", "failed", 4, 1),
     ("doubtful", "doubtful", 4, 1),
     ("viscosity", "viscosity", 4, 0),
@@ -147,6 +149,7 @@ impl SheetColumn {
             Some(rate) if axis.is_shear_rate() && point.params.shear_stress.is_some() => {
                 Some(significant(rate, 4))
             }
+            _ if axis.is_absent(&point.params) => None,
             _ => (!data.cells.is_missing(row)).then(|| words.plain(&point.params)),
         };
         let is_named = |params| report.starts.name_on(axis, params).is_some();
@@ -216,6 +219,7 @@ impl Report {
                 self.points.iter().any(|point| point.number(name).is_some())
             }
             "jammed" => self.counts.jammed > 0,
+            "arrested_fraction" => self.counts.arrested > 0,
             "failed" => self.counts.failed > 0,
             "doubtful" => self.doubtful > 0,
             "overlap" => self.points.iter().any(Point::overlaps_too_much),

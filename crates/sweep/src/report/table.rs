@@ -333,13 +333,17 @@ pub fn write_json(report: &Report, out: &mut dyn Write) -> Result<(), ReportErro
     let is_converted = report.units.are_requested();
     let converted = is_converted.then(|| report.whole_table(report.units));
     let counts = &report.counts;
+    // Running cases count as pending; done ones include doubtful ones.
+    let mut cases = json!({
+        "done": counts.done, "jammed": counts.jammed, "failed": counts.failed, "pending": counts.pending + counts.running,
+        "doubtful": report.doubtful,
+    });
+    if counts.arrested > 0 {
+        cases["arrested"] = counts.arrested.into();
+    }
     let document = Document {
         campaign: &report.campaign,
-        // Running cases count as pending; done ones include doubtful ones.
-        cases: json!({
-            "done": counts.done, "jammed": counts.jammed, "failed": counts.failed, "pending": counts.pending + counts.running,
-            "doubtful": report.doubtful,
-        }),
+        cases,
         points: Objects(&points),
         physical: converted.as_ref().map(|table| Physical {
             units: table

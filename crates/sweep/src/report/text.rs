@@ -65,11 +65,11 @@ pub fn write(
 ) -> Result<(), ReportError> {
     let c = &report.counts;
     let mut lines = vec![format!(
-        "{}: {} of {} cases done, {} jammed, {} failed, {} to do",
+        "{}: {} of {} cases done, {}, {} failed, {} to do",
         report.campaign,
         c.done,
         c.total(),
-        c.jammed,
+        c.words_of_jammed(),
         c.failed,
         c.pending + c.running
     )];
@@ -110,18 +110,13 @@ pub fn write(
         } else {
             String::new()
         };
-        let mut ended = report.points.iter().filter(|point| point.jammed > 0);
-        let arrested = ended.all(|point| point.params.macroscopic_friction.is_some());
-        let [word, fractions] = if arrested {
-            [
-                "arrested",
-                "; the column arrested_fraction has their fraction",
-            ]
+        let word = if c.arrested == c.jammed {
+            "arrested"
         } else {
-            ["jammed", ""]
+            "jammed"
         };
         lines.push(format!(
-            "{word} runs, by their numbers in the file: {named}{more}; `sweep show` shows one{fractions}"
+            "{word} runs, by their numbers in the file: {named}{more}; `sweep show` shows one"
         ));
     }
     if report.doubtful > 0 {

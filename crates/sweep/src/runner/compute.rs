@@ -209,10 +209,9 @@ impl Workers<'_> {
             if !owned {
                 self.options.progress.note(&claim.lost().to_string());
             } else if finished.state == State::Jammed {
-                let arrests = claim.case.params.macroscopic_friction.is_some();
                 self.options.progress.note(&format!(
                     "{} at strain {:.3}: {}",
-                    if arrests { "arrested" } else { "jammed" },
+                    finished.state.word(&claim.case.params),
                     finished.steps as f64 * claim.case.params.time_step,
                     claim.case.label()
                 ));

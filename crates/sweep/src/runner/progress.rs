@@ -281,10 +281,11 @@ impl Progress {
         let counts = lock(&self.campaign).counts;
         let ended = counts.done + counts.jammed + counts.failed;
         let mut message = format!("{ended} of {} cases", counts.total());
-        for (number, word) in [(counts.jammed, "jammed"), (counts.failed, "failed")] {
-            if number > 0 {
-                message = format!("{message}, {number} {word}");
-            }
+        if counts.jammed > 0 {
+            message = format!("{message}, {}", counts.words_of_jammed());
+        }
+        if counts.failed > 0 {
+            message = format!("{message}, {} failed", counts.failed);
         }
         let is_open = counts.pending + counts.running > 0;
         if let Some(left) = self.overall.left().filter(|_| is_open) {
@@ -331,7 +332,8 @@ impl Progress {
     /// A case ended, with its state, steps and CPU seconds.
     pub(super) fn ended(&self, claim: &Claim, state: &str, steps: u64, cpu_time_s: f64) {
         if let Some(state) = State::of(state) {
-            lock(&self.campaign).counts.end(state);
+            let is_arrest = state.is_arrest(&claim.case.params);
+            lock(&self.campaign).counts.end(state, is_arrest);
         }
         if self.style == Style::Json {
             let case = &claim.case;
@@ -434,7 +436,7 @@ mod tests {
             ..Counts::default()
         };
         for state in [State::Done, State::Failed, State::Jammed, State::Done] {
-            counts.end(state);
+            counts.end(state, false);
         }
         assert_eq!((counts.done, counts.failed, counts.jammed), (1, 1, 1));
         assert_eq!(counts.total(), 3);

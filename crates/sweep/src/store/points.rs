@@ -20,6 +20,10 @@ pub(super) const SEALED: Sealed = Sealed {
     words: "the parameters of a point",
 };
 
+/// The points whose ratio of stress and pressure is imposed.
+pub(super) const AT_RATIO: &str =
+    "SELECT id FROM points WHERE json_extract(axes, '$.imposed_macroscopic_friction') > 0";
+
 /// A case in a row: the parameters of its point, its seed, steps and sample stride.
 #[derive(Clone, Deserialize)]
 pub(super) struct CaseRow {

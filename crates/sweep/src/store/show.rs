@@ -19,7 +19,7 @@ use rusqlite::{Connection, Row};
 use sd_core::{Params, Sample};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 impl Store {
@@ -219,7 +219,7 @@ pub struct CaseDetails {
     /// Its seed.
     pub seed: u64,
     /// Its state.
-    pub state: String,
+    pub state: State,
     /// Steps of the whole run.
     pub steps: u64,
     /// Steps done, as of the last checkpoint.
@@ -233,6 +233,8 @@ pub struct CaseDetails {
     pub wall_time_s: Option<f64>,
     /// Seconds of CPU.
     pub cpu_time_s: Option<f64>,
+    /// Area or volume fraction at its end, under an imposed pressure.
+    pub final_fraction: Option<f64>,
     /// Number of times it was resumed from a checkpoint.
     pub resumed: Option<u64>,
     /// The process that computed it, or computes it.
@@ -319,7 +321,7 @@ impl Store {
             let result = "results r ON r.case_id = c.id AND c.state IN ('done', 'jammed')";
             let case = format!(
                 "SELECT c.key, c.position + 1 AS number, q.params, c.seed, c.state, c.steps, c.steps_done,
-                     c.attempts, r.doubts, r.wall_time_s, r.cpu_time_s, r.resumed
+                     c.attempts, r.doubts, r.wall_time_s, r.cpu_time_s, r.final_fraction, r.resumed
                  FROM cases c JOIN points q ON q.id = c.point LEFT JOIN {result} WHERE c.id = ?1"
             );
             let origin = format!(
@@ -386,6 +388,10 @@ pub struct Counts {
     pub done: u64,
     /// Ended as jammed layers.
     pub jammed: u64,
+    /// Of these, those that came to rest under an imposed ratio of stress and pressure; in JSON
+    /// only if there are any.
+    #[serde(skip_serializing_if = "is_none")]
+    pub arrested: u64,
     /// Ended with an error.
     pub failed: u64,
     /// Owned by a process.
@@ -400,8 +406,23 @@ impl Counts {
         self.done + self.jammed + self.failed + self.running + self.pending
     }
 
+    /// Adds a case in a state, which may be that of an [arrest](State::is_arrest).
+    pub(crate) fn add(&mut self, state: State, is_arrest: bool) {
+        *self.of(state) += 1;
+        self.arrested += u64::from(is_arrest);
+    }
+
+    /// The jammed ones in words.
+    pub(crate) fn words_of_jammed(&self) -> String {
+        match (self.jammed, self.arrested) {
+            (jammed, 0) => format!("{jammed} jammed"),
+            (jammed, arrested) if jammed == arrested => format!("{arrested} arrested"),
+            (jammed, arrested) => format!("{jammed} jammed, {arrested} of them arrested"),
+        }
+    }
+
     /// Number of cases in a state.
-    pub(crate) fn of(&mut self, state: State) -> &mut u64 {
+    fn of(&mut self, state: State) -> &mut u64 {
         match state {
             State::Done => &mut self.done,
             State::Jammed => &mut self.jammed,
@@ -412,7 +433,7 @@ impl Counts {
     }
 
     /// Counts a case that ended in this state since the last count.
-    pub(crate) fn end(&mut self, state: State) {
+    pub(crate) fn end(&mut self, state: State, is_arrest: bool) {
         if matches!(state, State::Pending | State::Running) {
             return;
         }
@@ -424,9 +445,15 @@ impl Counts {
         };
         if *open > 0 {
             *open -= 1;
-            *self.of(state) += 1;
+            self.add(state, is_arrest);
         }
     }
+}
+
+/// Whether a number of cases is 0.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_none(cases: &u64) -> bool {
+    *cases == 0
 }
 
 /// Progress of the grid, in estimated CPU seconds.
@@ -494,9 +521,12 @@ impl Store {
     pub fn work(&self) -> Result<Work, StoreError> {
         let read = || {
             let alive = ActiveProcess::living(&self.connection)?;
+            let ratios = self
+                .connection
+                .values::<i64, HashSet<_>>(points::AT_RATIO, [])?;
             // Summed here: SQLite would sort all cases by their states first.
             let mut query = self.connection.prepare_cached(
-                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner
+                "SELECT state, cost, cost * min(1.0 * steps_done / steps, 1.0), owner, point
                      FROM cases NOT INDEXED WHERE counts",
             )?;
             let mut rows = query.query([])?;
@@ -517,7 +547,8 @@ impl Store {
                     }
                 }
                 work.alive += u64::from(owner.is_some_and(|owner| alive.contains(&owner)));
-                *work.counts.of(state) += 1;
+                let is_arrest = state == State::Jammed && ratios.contains(&row.get(4)?);
+                work.counts.add(state, is_arrest);
             }
             Ok(work)
         };
@@ -564,6 +595,17 @@ impl Store {
             Ok(found)
         };
         self.read(sampled())
+    }
+
+    /// The mean fraction at which runs came to rest under an imposed ratio of stress and pressure;
+    /// `None` without such runs.
+    pub(crate) fn arrested_fraction(&self) -> Result<Option<f64>, StoreError> {
+        let mean = format!(
+            "SELECT avg(r.final_fraction) FROM cases c JOIN results r ON r.case_id = c.id
+                 WHERE c.counts AND c.state = 'jammed' AND c.point IN ({})",
+            points::AT_RATIO
+        );
+        self.read(self.connection.one(&mean, [], |row| row.get(0)))
     }
 
     /// Estimated remaining CPU seconds of open cases, scaled by finished ones.

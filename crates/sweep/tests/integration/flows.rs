@@ -52,6 +52,42 @@ fn samples(directory: &Path) -> Vec<Vec<rusqlite::types::Value>> {
     rows.map(Result::unwrap).collect()
 }
 
+/// The lattice vectors in the comment of a frame of extended XYZ.
+fn lattice_of(comment: &str) -> [[f64; 3]; 3] {
+    let lattice = comment.split('"').nth(1).unwrap();
+    let numbers: Vec<f64> = lattice.split(' ').map(|x| x.parse().unwrap()).collect();
+    assert_eq!(numbers.len(), 9, "{comment}");
+    [0, 1, 2].map(|row| [0, 1, 2].map(|k| numbers[3 * row + k]))
+}
+
+/// Position and radius in a line of a frame: `species:S:1:pos:R:3:id:I:1:radius:R:1`.
+fn sphere(line: &str) -> ([f64; 3], f64) {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let [x, y, z, _, radius] = [1, 2, 3, 4, 5].map(|k| words[k].parse().unwrap());
+    ([x, y, z], radius)
+}
+
+/// The smallest gap between any two of the spheres and of their images.
+fn least_gap(spheres: &[([f64; 3], f64)], vectors: &[[f64; 3]; 3]) -> f64 {
+    let steps = || -2..=2;
+    let images = steps().flat_map(|a| steps().flat_map(move |b| steps().map(move |c| [a, b, c])));
+    let images: Vec<[i32; 3]> = images.collect();
+    let mut least = f64::INFINITY;
+    for (i, (x, a)) in spheres.iter().enumerate() {
+        for (j, (y, b)) in spheres.iter().enumerate() {
+            for image in images.iter().filter(|image| i != j || **image != [0; 3]) {
+                let between = [0, 1, 2].map(|k| {
+                    let shift = (0..3).map(|row| f64::from(image[row]) * vectors[row][k]);
+                    y[k] - x[k] + shift.sum::<f64>()
+                });
+                let distance = between.iter().map(|d| d * d).sum::<f64>().sqrt();
+                least = least.min(distance - a - b);
+            }
+        }
+    }
+    least
+}
+
 #[test]
 fn extension_goes_from_the_file_to_reports_pictures_and_exports() {
     let whole = folder("flows.toml", CAMPAIGN);
@@ -103,11 +139,8 @@ fn extension_goes_from_the_file_to_reports_pictures_and_exports() {
 
     let frames = sweep(whole.path(), &["export", "flows.toml", "2"]);
     let comment = frames.lines().nth(1).unwrap();
-    let lattice = comment.split('"').nth(1).unwrap();
-    let vectors: Vec<f64> = lattice.split(' ').map(|x| x.parse().unwrap()).collect();
-    let [ax, ay, az, bx, by, bz, cx, cy, cz] = vectors[..] else {
-        panic!("{comment}");
-    };
+    let vectors = lattice_of(comment);
+    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = vectors;
     let determinant =
         ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
     let volume = 30.0 * 4.0 / 3.0 * std::f64::consts::PI / 0.45;
@@ -116,6 +149,16 @@ fn extension_goes_from_the_file_to_reports_pictures_and_exports() {
         "{determinant} {volume}"
     );
     assert!(ay != 0.0 && az != 0.0 && comment.contains("pbc=\"T T T\""));
+    let last = frames
+        .lines()
+        .rev()
+        .take(30)
+        .map(sphere)
+        .collect::<Vec<_>>();
+    let comment = frames.lines().rev().nth(30).unwrap();
+    let gap = least_gap(&last, &lattice_of(comment));
+    // Rough spheres touch at a gap of 0.01, and some are in contact.
+    assert!((0.0098..0.0102).contains(&gap), "{gap}");
     for case in ["1", "2", "4"] {
         sweep(
             whole.path(),

@@ -24,6 +24,7 @@ mod harness;
 mod interruptions;
 mod layers;
 mod precision;
+mod pressure;
 mod progress;
 mod published;
 mod reference;

@@ -63,9 +63,11 @@ fn pressures_that_cannot_be_imposed_are_refused_with_a_remedy() {
     ] {
         let text = complaint(&suspension(more));
         assert!(
-            text.contains(fault) && text.contains(remedy),
+            text.contains(fault) && text.contains(remedy) && text.contains("friction.toml:"),
             "{more}: {text}"
         );
+        // Keys are those of the file.
+        assert!(!text.contains("imposed_"), "{text}");
     }
     let full =
         suspension("viscous_number = 0.1").replace("\"ball-melrose\"", "\"stokesian-dynamics\"");

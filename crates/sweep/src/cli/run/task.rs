@@ -95,11 +95,11 @@ fn answer(
     }
     writeln!(
         output.out,
-        "task {} of {}: {} cases done, {} jammed, {} failed, {left} left: {}",
+        "task {} of {}: {} cases done, {}, {} failed, {left} left: {}",
         part.task,
         part.tasks,
         counts.done,
-        counts.jammed,
+        counts.words_of_jammed(),
         counts.failed,
         shard.display()
     )?;

@@ -1,0 +1,75 @@
+//! Campaigns at an imposed pressure, from the file to reports: runs that come to rest under an
+//! imposed ratio of stress and pressure are called arrested, with their fraction.
+
+use crate::harness::{folder, json, sweep};
+
+/// Without friction the ratio of a flowing suspension is above 0.1.
+const CAMPAIGN: &str = r#"name = "creep"
+[protocol]
+strain = 1.5
+discard = 0.2
+[[grid]]
+volume_fraction = 0.58
+macroscopic_friction = [0.03, 0.8]
+friction = 0
+roughness = 0.01
+shear_rate = inf
+seeds = 1
+spheres = 40
+hydrodynamics = "lubrication"
+"#;
+
+#[test]
+fn runs_at_rest_under_a_ratio_of_stress_and_pressure_are_called_arrested() {
+    let at = folder("creep.toml", CAMPAIGN);
+    let at = at.path();
+    sweep(at, &["run", "creep.toml", "--quiet"]);
+    let report = json(at, &["report", "creep.toml"]);
+    let cases = &report["cases"];
+    assert_eq!(
+        [&cases["done"], &cases["jammed"], &cases["arrested"]],
+        [1, 1, 1],
+        "{report}"
+    );
+    let points = report["points"].as_array().unwrap();
+    let fraction = points[0]["arrested_fraction"].as_f64().unwrap();
+    assert!((0.6..0.7).contains(&fraction), "{fraction}");
+    assert!(points[1]["arrested_fraction"].is_null());
+
+    let shown = format!("{fraction:.4}");
+    let table = sweep(at, &["report", "creep.toml"]);
+    assert!(
+        table.contains("1 of 2 cases done, 1 arrested, 0 failed"),
+        "{table}"
+    );
+    assert!(table.contains(&shown), "{table}");
+    let status = sweep(at, &["status", "creep.toml"]);
+    let words = format!("1 arrested, at a mean fraction of {shown}");
+    assert!(status.contains(&words), "{status}");
+    let status = json(at, &["status", "creep.toml"]);
+    assert_eq!(status["cases"]["arrested"], 1, "{status}");
+    assert_eq!(status["arrested_fraction"], fraction);
+    let run = sweep(at, &["show", "creep.toml", "1"]);
+    let words = format!("arrested at a fraction of {shown}: strain");
+    assert!(run.contains(&words), "{run}");
+    let run = json(at, &["show", "creep.toml", "1"]);
+    assert_eq!(run["state"], "jammed");
+    assert_eq!(run["final_fraction"], fraction);
+    sweep(at, &["report", "creep.toml", "--page", "page.html"]);
+    let page = std::fs::read_to_string(at.join("page.html")).unwrap();
+    assert!(page.contains("1 of 2 runs done, 1 arrested, 0 failed"));
+    assert!(page.contains(&format!("\"state\":\"arrested, at {shown}\"")));
+
+    // The words of a run that did not end so are as before.
+    let flowing = sweep(
+        at,
+        &[
+            "report",
+            "creep.toml",
+            "--where",
+            "imposed_macroscopic_friction=0.8",
+        ],
+    );
+    assert!(flowing.contains("1 of 1 cases done, 0 jammed"), "{flowing}");
+    assert!(!flowing.contains("arrested"), "{flowing}");
+}
