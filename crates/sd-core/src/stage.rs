@@ -11,6 +11,7 @@ use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, ContactSolver, Quality, SolvePass, Status, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
+use crate::hydrodynamics::far_field::pressure::far_pressure_moment;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
 use crate::hydrodynamics::resistance::{Fluid, Resistance};
@@ -18,6 +19,7 @@ use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
 use crate::space::{IncidentFlow, Layer, Strains};
+use std::f64::consts::PI;
 
 /// Contact problems are solved to this fraction of the far field's relative residual, so that the
 /// differences between iterates, from which the acceleration extrapolates, are not noise.
@@ -74,6 +76,9 @@ pub struct StageSolver<S: Fluid = Layer> {
     /// contacts; empty without them.
     random_forces: Vec<f64>,
     random_motion: Vec<f64>,
+    /// Where the spheres are.
+    cell: Cell<S>,
+    centres: Vec<S::Vector>,
     /// Total applied forces in one evaluation of the far-field iteration.
     applied: Vec<f64>,
     /// Iterative far field in addition to a pairwise Ball-Melrose resistance.
@@ -94,6 +99,8 @@ impl<S: Fluid> StageSolver<S> {
             velocities: vec![0.0; n],
             random_forces: Vec::new(),
             random_motion: Vec::new(),
+            cell: Cell::Unbounded,
+            centres: Vec::new(),
             applied: Vec::with_capacity(n),
             far: None,
             procedure: None,
@@ -194,6 +201,37 @@ impl<S: Fluid> StageSolver<S> {
         }
     }
 
+    /// The isotropic part of the hydrodynamic stress in the last solve, as a pressure times the
+    /// volume, in mu·a³·rate: a third of the pressure moments of all spheres.
+    ///
+    /// It is relative to the pressure far above and below a layer, or far away in unbounded fluid; in
+    /// a periodic suspension to the mean pressure of the fluid between the spheres. There, with Π_far
+    /// and Π_near from pressures without a mean over the cell, and far from a pair,
+    ///
+    /// ```text
+    /// Π = (Π_far + Π_near − φ m)/(1 − φ)
+    /// ```
+    /// since a pressure field whose mean over the cell is zero has the mean −Π over the fluid times
+    /// 1 − φ; m, the virial of the near forces, is the mean over the cell of a pair's own field.
+    pub(crate) fn hydrodynamic_pressure(&self, strains: Strains<'_, S>) -> f64 {
+        let (resistance, velocities) = (&self.resistance, &self.velocities);
+        let [mut moment, of_forces] = resistance.pressure_moments(velocities, strains);
+        let far = match &self.far {
+            Some(far) => Some(far.force_modes(velocities, strains)),
+            None => resistance.far_modes(velocities, strains),
+        };
+        let radii = resistance.radii();
+        if let Some(modes) = far {
+            moment += far_pressure_moment(&self.cell, &self.centres, radii, &modes);
+        }
+        if let (3, Some(volume)) = (S::DIMENSIONS, self.cell.content()) {
+            let spheres: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();
+            let fraction = spheres / volume;
+            moment = (moment - fraction * of_forces) / (1.0 - fraction);
+        }
+        moment / 3.0
+    }
+
     /// Draws the random forces of the next stages at the current positions, which replace the
     /// former: see [`Resistance::add_random_forces`].
     ///
@@ -255,6 +293,9 @@ impl<S: Fluid> StageSolver<S> {
     /// Overlaps, an indefinite mobility, memory.
     pub fn assemble(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         self.resistance.assemble(cell, centres)?;
+        self.cell = *cell;
+        self.centres.clear();
+        self.centres.extend_from_slice(centres);
         match &mut self.far {
             Some(far) => far.update(cell, centres),
             None => Ok(()),

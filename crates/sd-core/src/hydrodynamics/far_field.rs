@@ -15,6 +15,7 @@
 mod ewald;
 pub(crate) mod far_operator;
 pub(crate) mod far_resistance;
+pub(crate) mod pressure;
 mod real_space;
 pub(crate) mod suspension;
 mod wave_grid;

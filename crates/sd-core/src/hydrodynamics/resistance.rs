@@ -55,7 +55,7 @@ pub(crate) use pairwise::{Motion, side_by_side_mut};
 
 pub use tables::NearFields;
 pub(crate) use tables::NearTerms;
-use tables::Twists;
+use tables::{PressureTerms, Twists};
 
 /// Storage of `R_FU`.
 enum Form<S: Fluid> {
@@ -71,6 +71,8 @@ pub struct Resistance<S: Fluid = Layer> {
     near: NearTerms,
     /// X^C of exact pairs, where spheres twist.
     twists: Option<Twists>,
+    /// Pressure moments of pairs.
+    pressures: PressureTerms,
     /// Range of the pair sum in s'.
     range: f64,
     /// Gap below which near-field terms are those of this gap, in a.
@@ -210,6 +212,7 @@ impl<S: Fluid> Resistance<S> {
             } else {
                 None
             },
+            pressures: PressureTerms::new(hydrodynamics, radii, tables)?,
             range,
             lubrication_gap: 0.0,
             friction: HydrodynamicFriction::default(),
@@ -410,6 +413,58 @@ impl<S: Fluid> Resistance<S> {
             Form::Pairwise(_) => forces.fill(0.0),
         }
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strains, forces);
+    }
+
+    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if it is
+    /// in full matrices.
+    pub(crate) fn far_modes(
+        &self,
+        velocities: &[f64],
+        strains: Strains<'_, S>,
+    ) -> Option<Vec<S::PerAnyMode<f64>>> {
+        match &self.form {
+            Form::Dense(dense) => dense.far_modes(velocities, strains),
+            Form::Pairwise(_) => None,
+        }
+    }
+
+    /// Sum over all spheres of the pressure moments of near pairs for disturbances `velocities`, in
+    /// mu·a³·rate: minus the trace of the first moment of the traction. Second, that of the forces of
+    /// these pairs, as if they acted at the centres.
+    pub(crate) fn pressure_moments(&self, velocities: &[f64], strains: Strains<'_, S>) -> [f64; 2] {
+        let velocities = S::by_sphere(velocities);
+        let virial = |pair: &Neighbours<S>, term: &S::Term| {
+            let modes = [pair.i, pair.j]
+                .map(|sphere| modes_in_strain::<S>(&velocities[sphere], strains.at(sphere)));
+            let [of_i, of_j] = term.apply(&pair.normal, &modes);
+            let push = (0..S::DIMENSIONS).map(|k| pair.normal[k] * (of_i[k] - of_j[k]));
+            0.5 * pair.distance * push.sum::<f64>()
+        };
+        let mut sums = [0.0; 2];
+        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
+            let (n, gap) = (&pair.normal, pair.gap.max(self.lubrication_gap));
+            let projection = S::moment_along(n, 1.0);
+            let motion = [pair.i, pair.j].map(|sphere| {
+                let along = S::dot(&S::translation(&velocities[sphere]), n);
+                let strain = S::full_tensor(strains.at(sphere));
+                let products = strain.iter().zip(projection).enumerate();
+                let stretch: f64 = products
+                    .map(|(k, (e, nn))| if k < 3 { e * nn } else { 2.0 * e * nn })
+                    .sum();
+                [along, -stretch]
+            });
+            let entries = self.pressures.evaluate([pair.i, pair.j], &self.radii, gap);
+            for row in entries.chunks_exact(4) {
+                for (entry, mode) in row.iter().zip(motion.as_flattened()) {
+                    sums[0] += entry * mode;
+                }
+            }
+            sums[1] += virial(pair, term);
+        }
+        for (pair, term) in self.far_pairs() {
+            sums[1] -= virial(pair, term);
+        }
+        sums
     }
 
     /// `R (v, −e)`: counterforces `R_FU v − R_FE e` `[3N]` and stresslets `S = R_SE e − R_SU v` of

@@ -15,6 +15,7 @@
 //! - `table`: [`NearField`], 25 ns per pair, and of all size ratios [`NearFieldRange`], 0.25 µs
 //! - `far_pair`: `R2B∞` near contact
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
+//! - `pressure`: the trace of the first moment of the traction, which no stresslet has
 //! - `twist`: X^C, which only a suspension needs, in closed form and tabulated
 //! - `pair_couplings`: a pair matrix in three dimensions, as the fifteen numbers of each block
 
@@ -25,6 +26,7 @@ mod near_contact;
 mod pair_couplings;
 mod pair_frame;
 mod pair_term;
+mod pressure;
 mod series;
 mod table;
 mod twist;
@@ -33,6 +35,8 @@ pub(crate) use far_pair::FarPair;
 pub(crate) use leading_order::LeadingOrderPair;
 pub use pair_frame::PairMatrix;
 pub use pair_term::PairTerm;
+pub use pressure::pressure_moments;
+pub(crate) use pressure::{PressureEntries, PressureRange, PressureTable, leading_order_pressure};
 pub use table::{NEAR_FIELD_VERSION, NearField, NearFieldRange};
 pub(crate) use table::{RANGES, range_of};
 pub use twist::twist;

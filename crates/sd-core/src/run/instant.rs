@@ -135,6 +135,10 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub disturbances: Vec<S::PerMode<f64>>,
     /// Stresslets S of (20) of each sphere by their components, in mu·a³·rate.
     pub stresslets: Vec<S::Strain>,
+    /// Isotropic part of the hydrodynamic stress, which the stresslets lack, as a pressure times the
+    /// volume, in mu·a³·rate: a third of the moments of [`crate::two_sphere::pressure_moments`] over
+    /// all spheres, in a periodic suspension relative to the mean pressure of the fluid.
+    pub pressure_moment: f64,
     /// Bulk stress; `None` in unbounded fluid. The viscosity is the resistance to the linear flow.
     pub stress: Option<Stress>,
     /// All candidate pairs.
@@ -326,6 +330,7 @@ pub(super) fn solve_with<S: Fluid>(
     Ok(SolvedConfiguration {
         disturbances: S::by_sphere(stage.velocities()).to_vec(),
         stresslets: work.stresslets,
+        pressure_moment: stage.hydrodynamic_pressure(background.strains()),
         stress,
         contacts,
         repulsive: stage.distant.repulsive.clone(),
@@ -550,6 +555,11 @@ mod tests {
                     let error = (a - b).amax() / 20.0;
                     assert!(error < 10.0 * tolerance, "{what}: stress {error:e}");
                 }
+                let [a, b] = [dense.pressure_moment, sparse.pressure_moment];
+                assert!(
+                    (a - b).abs() < 3e2 * tolerance && a.abs() > 0.1,
+                    "{what}: {a} {b}"
+                );
                 // Energy: an identity of the solution.
                 let stress = dense.stress.unwrap();
                 let volume = c.cell.content().unwrap();

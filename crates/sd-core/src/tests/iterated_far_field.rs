@@ -255,6 +255,10 @@ fn linear_motion_is_that_of_the_dense_far_field() {
             assert!(error < residual, "{size_ratio}: stresslets {error:e}");
             let error = (found_power / power - 1.0).abs();
             assert!(error < 0.5 * residual, "{size_ratio}: {error:e}");
+            let [a, b] =
+                [&dense, &stage].map(|stage| stage.hydrodynamic_pressure(shear().strains()));
+            let error = (a - b).abs() / power;
+            assert!(error < residual, "{size_ratio}: pressure {a} {b}");
             // The forces of the fluid balance those on the spheres: pair by pair to the tolerance
             // of the near part's solver, and by its factor to rounding.
             let (mut work, mut counter, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());

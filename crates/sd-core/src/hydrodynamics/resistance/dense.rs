@@ -1,7 +1,7 @@
 //! `R_FU` as a full matrix with its factor; under Stokesian Dynamics, with the far field of all
 //! spheres in it.
 
-use super::fluid::{FarMatrix, Fluid};
+use super::fluid::{FarMatrix, Fluid, modes_in_strain};
 use super::isolated::isolated;
 use super::pair_terms;
 use crate::error::Error;
@@ -96,6 +96,21 @@ impl<S: Fluid> DenseResistance<S> {
         }
         far.apply_for_forces(&mut self.vector);
         forces.copy_from_slice(&self.vector[first..]);
+    }
+
+    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if there
+    /// is one.
+    pub(super) fn far_modes(
+        &self,
+        velocities: &[f64],
+        strains: Strains<'_, S>,
+    ) -> Option<Vec<S::PerAnyMode<f64>>> {
+        self.far.as_ref()?;
+        let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
+        self.apply(velocities, strains, &mut work, &mut forces, &mut stresslets);
+        let spheres = S::by_sphere(&forces).iter().zip(&stresslets);
+        // As modes `(v, −e)`, here of the force and the stresslet.
+        Some(spheres.map(|(f, s)| modes_in_strain::<S>(f, s)).collect())
     }
 
     /// Appends the far field's counterforces and stresslets to empty vectors; `work` is scratch.

@@ -3,12 +3,13 @@
 
 use crate::error::Error;
 use crate::hydrodynamics::two_sphere::{
-    LeadingOrderPair, NearField, NearFieldRange, PairTerm, RANGES, TwistRange, TwistTable,
-    check_size_ratio, range_of,
+    LeadingOrderPair, NearField, NearFieldRange, PairTerm, PressureEntries, PressureRange,
+    PressureTable, RANGES, TwistRange, TwistTable, check_size_ratio, leading_order_pressure,
+    range_of,
 };
 use crate::linalg::simd::vectorised;
 use crate::model::{Hydrodynamics, LeadingOrder};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Maximum number of sizes with one table per pair; with more sizes, one table covers all size
 /// ratios up to the largest.
@@ -33,6 +34,10 @@ pub struct NearFields {
     ranges: Arc<[OnceLock<Arc<NearFieldRange>>; RANGES.len()]>,
     /// Tables of twists for many sizes, by range of size ratios.
     twists: Arc<[OnceLock<Arc<TwistRange>>; RANGES.len()]>,
+    /// Tables of pressure moments, made where they are needed.
+    pressures: Arc<Mutex<Vec<Arc<PressureTable>>>>,
+    /// Those for many sizes, by range of size ratios.
+    pressure_ranges: Arc<[OnceLock<Arc<PressureRange>>; RANGES.len()]>,
 }
 
 /// The sizes among the radii, each once, in increasing order.
@@ -108,6 +113,33 @@ impl NearFields {
         let range = range_of(largest)?;
         let made = self.twists[range].get_or_init(|| Arc::new(TwistRange::new(RANGES[range].0)));
         Ok(Arc::clone(made))
+    }
+
+    /// The table of pressure moments of a size ratio (≥ 1).
+    fn pressure(&self, size_ratio: f64) -> Arc<PressureTable> {
+        let mut tables = self
+            .pressures
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let found = tables
+            .iter()
+            .find(|table| same_ratio(table.size_ratio(), size_ratio));
+        if let Some(table) = found {
+            return Arc::clone(table);
+        }
+        let table = Arc::new(PressureTable::new(size_ratio));
+        tables.push(Arc::clone(&table));
+        table
+    }
+
+    /// The table of pressure moments for size ratios up to a largest.
+    fn pressure_range(&self, largest: f64) -> Result<Arc<PressureRange>, Error> {
+        let place = &self.pressure_ranges[range_of(largest)?];
+        if let Some(range) = place.get() {
+            return Ok(Arc::clone(range));
+        }
+        let range = Arc::new(PressureRange::new(largest)?);
+        Ok(Arc::clone(place.get_or_init(|| range)))
     }
 }
 
@@ -316,6 +348,48 @@ impl Twists {
         match self {
             Self::Few(tables) => tables.of(i, j).evaluate(gap),
             Self::Many(range) => range.evaluate(radii[i], radii[j], gap),
+        }
+    }
+}
+
+/// Pressure moments of pairs.
+pub(super) enum PressureTerms {
+    /// Exact pairs without their far field, of a few sizes.
+    Few(PerSizePair<Arc<PressureTable>>),
+    /// Of many.
+    Many(Arc<PressureRange>),
+    /// Leading-order lubrication.
+    LeadingOrder(LeadingOrder),
+}
+
+impl PressureTerms {
+    /// Those of spheres of the given radii.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a size ratio outside 0.01 to 100.
+    pub(super) fn new(
+        hydrodynamics: Hydrodynamics,
+        radii: &[f64],
+        tables: &NearFields,
+    ) -> Result<Self, Error> {
+        if let Some(&numbers) = hydrodynamics.leading_order() {
+            return Ok(Self::LeadingOrder(numbers));
+        }
+        Ok(match largest_of_continuous_sizes(radii) {
+            None => Self::Few(PerSizePair::new(radii, |[a, b]| {
+                Ok(tables.pressure(check_size_ratio(a.max(b) / a.min(b))?))
+            })?),
+            Some(largest) => Self::Many(tables.pressure_range(largest)?),
+        })
+    }
+
+    /// The entries for spheres i and j at a gap.
+    pub(super) fn evaluate(&self, [i, j]: [usize; 2], radii: &[f64], gap: f64) -> PressureEntries {
+        let (a, b) = (radii[i], radii[j]);
+        match self {
+            Self::Few(tables) => tables.of(i, j).evaluate(a, b, gap),
+            Self::Many(range) => range.evaluate(a, b, gap),
+            Self::LeadingOrder(numbers) => leading_order_pressure([a, b], numbers, gap),
         }
     }
 }

@@ -19,7 +19,7 @@
 //! a sum of positive terms that neither overflows nor cancels at any order.
 
 use super::{Scalars, ordered};
-use crate::linalg::dense::{Matrix, add_outer};
+use crate::linalg::dense::{Matrix, add_outer, add_scaled};
 use crate::linalg::lu;
 use crate::linalg::whole;
 
@@ -29,6 +29,8 @@ const ORDERS_PER_ALPHA: f64 = 16.0;
 const MINIMUM_ORDER: usize = 14;
 /// Orders of the eliminated sphere handled together, to bound memory.
 const CHUNK: usize = 512;
+/// Place, after the two starts of family X, of the pressure at the centre of the other sphere.
+const FIELD: usize = 2;
 
 /// Two spheres, the first of radius 1.
 #[derive(Debug, Clone, Copy)]
@@ -209,7 +211,8 @@ fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (
 }
 
 /// Multipoles `[observer][start sphere]`, each `[start × observed]` with starts and observed
-/// multipoles numbered as [`Family::starts`].
+/// multipoles numbered as [`Family::starts`]; at [`FIELD`] of family X the sum `Σ tˢ P_s` over those
+/// of the observer, which is the pressure that they make at the centre of the other sphere.
 type Response = [[[[f64; 3]; 3]; 2]; 2];
 
 fn respond(family: Family, geometry: &Geometry, effort: f64) -> Response {
@@ -291,6 +294,11 @@ fn fill_rows(
     }
 }
 
+/// `Σ tˢ P_s`, s from 1.
+fn field(multipoles: &[f64], t: f64) -> f64 {
+    multipoles.iter().rev().fold(0.0, |sum, p| t * (p + sum))
+}
+
 /// Equal spheres: motions alike and opposite decouple.
 fn respond_equal(family: Family, geometry: &Geometry, effort: f64) -> Response {
     let order = geometry.order(0, effort);
@@ -327,6 +335,13 @@ fn respond_equal(family: Family, geometry: &Geometry, effort: f64) -> Response {
                     response[observer][1 - observer][k][m] += sign * value;
                 }
             }
+            if family == Family::X {
+                let value = 0.5 * field(&x.column(k)[..orders], geometry.ratio(0));
+                for observer in 0..2 {
+                    response[observer][observer][k][FIELD] += value;
+                    response[observer][1 - observer][k][FIELD] += sign * value;
+                }
+            }
         }
     }
     response
@@ -350,6 +365,9 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
         add_start(x.column_mut(k), family, orders, start);
     }
     let mut observed = Matrix::zeros(size, starts.len());
+    // The pressure of the eliminated sphere at the centre of the kept one.
+    let mut pressure = vec![0.0; size];
+    let mut power = 1.0;
     let mut binomials = Binomials::new(order, geometry.ratio(kept), geometry.ratio(1 - kept));
     let (mut inward, mut outward) = (Matrix::default(), Matrix::default());
     if first == 2 {
@@ -366,6 +384,12 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
             fill_rows(&mut outward, family, &binomials, begin + at, at, width);
         }
         add_outer(&mut matrix, &inward, &outward, -1.0);
+        if family == Family::X {
+            for at in 0..width {
+                power *= geometry.ratio(1 - kept);
+                add_scaled(&mut pressure, outward.column(at), power);
+            }
+        }
         if begin == first {
             for (k, &(kind, order)) in starts.iter().enumerate() {
                 let at = order - first;
@@ -396,6 +420,17 @@ fn respond_unequal(family: Family, geometry: &Geometry, effort: f64) -> Response
             let own = f64::from(u8::from(sphere != kept && m == start));
             response[1 - kept][sphere][start][m] =
                 own + crate::linalg::dense::dot(observed.column(m), x.column(k));
+        }
+        if family == Family::X {
+            let multipoles = &x.column(k)[..orders];
+            response[kept][sphere][start][FIELD] = field(multipoles, geometry.ratio(kept));
+            let own = if sphere == kept {
+                0.0
+            } else {
+                geometry.ratio(1 - kept).powf(starts[start].1 as f64)
+            };
+            response[1 - kept][sphere][start][FIELD] =
+                own + crate::linalg::dense::dot(&pressure, x.column(k));
         }
     }
     response
@@ -428,6 +463,32 @@ pub(super) fn solve(size_ratio: f64, xi: f64, effort: f64) -> [Scalars; 2] {
             y_m: [y1[2][2], lambda * y2[2][2]],
             z_m: [z[one][one][0][0], -lambda * z[one][two][0][0]],
         }
+    };
+    if swapped {
+        [label(1), label(0)]
+    } else {
+        [label(0), label(1)]
+    }
+}
+
+/// Both labellings of the pressure moments, `[X11P, X11Q, X12P, X12Q]`: see [`super::pressure`].
+pub(super) fn pressure_moments(size_ratio: f64, xi: f64, effort: f64) -> [[f64; 4]; 2] {
+    let (ratio, swapped) = ordered(size_ratio);
+    let geometry = Geometry::new(ratio, xi);
+    let x = respond(Family::X, &geometry, effort);
+    let label = |one: usize| {
+        let two = 1 - one;
+        let lambda = geometry.radii[two] / geometry.radii[one];
+        let scale = 1.5 * geometry.ratio(one);
+        // In the scale of P_1 a strain along the line of centres starts P_2 with 10/3 of its radius.
+        let strain = scale * 10.0 / 3.0;
+        let (own, other) = (&x[two][one], &x[two][two]);
+        [
+            scale * own[0][FIELD],
+            strain * own[1][FIELD],
+            -scale * other[0][FIELD],
+            strain * lambda * other[1][FIELD],
+        ]
     };
     if swapped {
         [label(1), label(0)]

@@ -9,7 +9,7 @@ use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
-use crate::space::VelocityGradient;
+use crate::space::{IncidentFlow, VelocityGradient};
 use crate::stress::{ContactCounts, Stress};
 
 /// What a step records.
@@ -98,6 +98,10 @@ impl<S: Starts> Simulation<S> {
         if self.frame.is_some() {
             self.fill_frame(stage, centres);
         }
+        let pressure = self.brownian.is_none().then(|| {
+            let flow = IncidentFlow::from(self.background);
+            self.solver.hydrodynamic_pressure(flow.strains()) / stress.volume
+        });
         let counts = ContactCounts::of(&self.solver.contacts.list);
         record.sample = Some(Sample {
             strain: record.strain,
@@ -117,6 +121,7 @@ impl<S: Starts> Simulation<S> {
             counters: self.counters,
             network: None,
             structure: None,
+            particle_pressure_hydrodynamic: pressure,
             fraction: self.params.imposes_pressure().then(|| self.fraction()),
         });
     }
