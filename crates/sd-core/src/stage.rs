@@ -204,9 +204,9 @@ impl<S: Fluid> StageSolver<S> {
     /// The isotropic part of the hydrodynamic stress in the last solve, as a pressure times the
     /// volume, in mu·a³·rate: a third of the pressure moments of all spheres.
     ///
-    /// It is relative to the pressure far above and below a layer, or far away in unbounded fluid; in
-    /// a periodic suspension to the mean pressure of the fluid between the spheres. There, with Π_far
-    /// and Π_near from pressures without a mean over the cell, and far from a pair,
+    /// It is relative to the pressure far above and below a layer, or far away in unbounded fluid;
+    /// in a periodic suspension to the mean pressure of the fluid between the spheres. There, with
+    /// Π_far of a pressure without a mean over the cell, and Π_near of pairs alone,
     ///
     /// ```text
     /// Π = (Π_far + Π_near − φ m)/(1 − φ)

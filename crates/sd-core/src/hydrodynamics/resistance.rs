@@ -415,8 +415,8 @@ impl<S: Fluid> Resistance<S> {
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strains, forces);
     }
 
-    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if it is
-    /// in full matrices.
+    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if it
+    /// is in full matrices.
     pub(crate) fn far_modes(
         &self,
         velocities: &[f64],
@@ -429,8 +429,8 @@ impl<S: Fluid> Resistance<S> {
     }
 
     /// Sum over all spheres of the pressure moments of near pairs for disturbances `velocities`, in
-    /// mu·a³·rate: minus the trace of the first moment of the traction. Second, that of the forces of
-    /// these pairs, as if they acted at the centres.
+    /// mu·a³·rate: minus the trace of the first moment of the traction. Second, that of the forces
+    /// of these pairs, as if they acted at the centres.
     pub(crate) fn pressure_moments(&self, velocities: &[f64], strains: Strains<'_, S>) -> [f64; 2] {
         let velocities = S::by_sphere(velocities);
         let virial = |pair: &Neighbours<S>, term: &S::Term| {

@@ -135,9 +135,9 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub disturbances: Vec<S::PerMode<f64>>,
     /// Stresslets S of (20) of each sphere by their components, in mu·a³·rate.
     pub stresslets: Vec<S::Strain>,
-    /// Isotropic part of the hydrodynamic stress, which the stresslets lack, as a pressure times the
-    /// volume, in mu·a³·rate: a third of the moments of [`crate::two_sphere::pressure_moments`] over
-    /// all spheres, in a periodic suspension relative to the mean pressure of the fluid.
+    /// Isotropic part of the hydrodynamic stress, which the stresslets lack, as a pressure times
+    /// the volume, in mu·a³·rate: a third of the moments of [`crate::two_sphere::pressure_moments`]
+    /// over all spheres, in a periodic suspension relative to the mean pressure of the fluid.
     pub pressure_moment: f64,
     /// Bulk stress; `None` in unbounded fluid. The viscosity is the resistance to the linear flow.
     pub stress: Option<Stress>,

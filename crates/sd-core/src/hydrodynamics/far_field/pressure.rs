@@ -5,10 +5,10 @@
 //! layer:        φ^ = 2π erfc(q)/k,   ∂²φ/∂z² ^ = 2πk erfc(q) − 4α√π e^(−q²)      q = k/2α
 //! suspension:   φ^ = 4π e^(−q²)/k²
 //! ```
-//! The pressure is harmonic, so that spheres have no terms of finite size, and a sphere's own smooth
-//! part has no gradient and no traceless curvature at its centre. In a layer the pressure vanishes
-//! far above it; forces on the fluid have no sum. In a suspension the wave vector 0 is left out, so
-//! that the pressure has no mean over the cell, interior of the spheres included.
+//! The pressure is harmonic, so that spheres have no terms of finite size, and a sphere's own
+//! smooth part has no gradient and no traceless curvature at its centre. In a layer the pressure
+//! vanishes far above it; forces on the fluid have no sum. In a suspension the wave vector 0 is
+//! left out, so that the pressure has no mean over the cell, interior of the spheres included.
 
 use super::far_operator::{FarSpace, images};
 use crate::space::Space;
@@ -55,7 +55,8 @@ impl<S: Space> Source<S> {
     }
 }
 
-/// `Σ 4π a³ p'` over all spheres, p' the pressure that the others make at the centre, in mu·a³·rate.
+/// `Σ 4π a³ p'` over all spheres, p' the pressure that the others make at the centre, in
+/// mu·a³·rate.
 ///
 /// `modes`: forces, torques and stresslets that the spheres exert on the fluid.
 pub(crate) fn far_pressure_moment<S: FarSpace>(

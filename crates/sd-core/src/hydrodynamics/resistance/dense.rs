@@ -98,8 +98,8 @@ impl<S: Fluid> DenseResistance<S> {
         forces.copy_from_slice(&self.vector[first..]);
     }
 
-    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if there
-    /// is one.
+    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if
+    /// there is one.
     pub(super) fn far_modes(
         &self,
         velocities: &[f64],

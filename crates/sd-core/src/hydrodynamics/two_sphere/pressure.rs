@@ -1,15 +1,15 @@
-//! Pressure moments: the trace of the first moment of the traction on each of two spheres, which the
-//! pressure of a suspension needs beside the stresslets.
+//! Pressure moments: the trace of the first moment of the traction on each of two spheres, which
+//! the pressure of a suspension needs beside the stresslets.
 //!
 //! ```text
 //! T = −∫ x·σ·n dS = a ∫ p dS = 4π a³ p'      p': the pressure of the rest of the flow at the centre
 //! T_1 = 4π a_1² [X11P U_1·d + X12P U_2·d] + 4π a_1³ [X11Q d·E_1·d + X12Q d·E_2·d]
 //! ```
 //! with motions `(U − u∞, −E∞)` as in the resistance, and d from sphere 1 to sphere 2. On a rigid
-//! sphere the viscous normal stress has no mean. The own multipoles of a sphere have no mean pressure
-//! on it, and the mean of a harmonic function on a sphere is its value at the centre, so that T
-//! follows from the multipoles of the other sphere. Only motions along the line of centres and axial
-//! strains cause it. Near contact
+//! sphere the viscous normal stress has no mean. The own multipoles of a sphere have no mean
+//! pressure on it, and the mean of a harmonic function on a sphere is its value at the centre, so
+//! that T follows from the multipoles of the other sphere. Only motions along the line of centres
+//! and axial strains cause it. Near contact
 //!
 //! ```text
 //! X = g1/ξ + g2 ln(1/ξ) + …
@@ -30,8 +30,8 @@ use crate::linalg::lu;
 use crate::model::LeadingOrder;
 use std::f64::consts::PI;
 
-/// T of i, from `(U_i·n, n·E_i·n, U_j·n, n·E_j·n)` with n from i to j; then T of j from the same. In
-/// mu·a² and mu·a³.
+/// T of i, from `(U_i·n, n·E_i·n, U_j·n, n·E_j·n)` with n from i to j; then T of j from the same.
+/// In mu·a² and mu·a³.
 pub(crate) type PressureEntries = [f64; 8];
 
 /// Gap over the smaller radius that separates the two forms of a table.

@@ -211,8 +211,8 @@ fn add_start(column: &mut [f64], family: Family, orders: usize, (kind, order): (
 }
 
 /// Multipoles `[observer][start sphere]`, each `[start × observed]` with starts and observed
-/// multipoles numbered as [`Family::starts`]; at [`FIELD`] of family X the sum `Σ tˢ P_s` over those
-/// of the observer, which is the pressure that they make at the centre of the other sphere.
+/// multipoles numbered as [`Family::starts`]; at [`FIELD`] of family X the sum `Σ tˢ P_s` over
+/// those of the observer, which is the pressure that they make at the centre of the other sphere.
 type Response = [[[[f64; 3]; 3]; 2]; 2];
 
 fn respond(family: Family, geometry: &Geometry, effort: f64) -> Response {
@@ -480,7 +480,8 @@ pub(super) fn pressure_moments(size_ratio: f64, xi: f64, effort: f64) -> [[f64; 
         let two = 1 - one;
         let lambda = geometry.radii[two] / geometry.radii[one];
         let scale = 1.5 * geometry.ratio(one);
-        // In the scale of P_1 a strain along the line of centres starts P_2 with 10/3 of its radius.
+        // In the scale of P_1 a strain along the line of centres starts P_2 with 10/3 of its
+        // radius.
         let strain = scale * 10.0 / 3.0;
         let (own, other) = (&x[two][one], &x[two][two]);
         [

@@ -3,8 +3,8 @@ use super::super::two_sphere_resistance;
 use super::*;
 
 /// `[X11P, X11Q, X12P, X12Q]` by size ratio and ξ, from another solution: Lamb's multipoles of both
-/// spheres, no slip in the mean square at points of their surfaces, and x·σ·n of the flow integrated
-/// over sphere 1.
+/// spheres, no slip in the mean square at points of their surfaces, and x·σ·n of the flow
+/// integrated over sphere 1.
 const OF_TRACTION: [(f64, f64, [f64; 4]); 6] = [
     (1.0, 2.0, [0.0491595, 0.0230011, -0.1136099, 0.0868829]),
     (1.0, 0.5, [0.4456843, 0.3589074, -0.5686359, 0.5755160]),
