@@ -86,6 +86,7 @@ fn imported<'t>(text: &'t str, module: &str) -> Vec<&'t str> {
         })
         .map(str::trim_start)
         .map(|name| &name[..name.find(|c| !is_name(c)).unwrap_or(name.len())])
+        .filter(|name| !name.is_empty())
         .collect()
 }
 
