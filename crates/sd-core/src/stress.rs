@@ -15,7 +15,7 @@
 //! contact forces: each sphere feels the force at its end of the line of centres. Both n and t lie
 //! in the plane, so that contacts have no zz; that of stresslets is −(S_xx + S_yy), since they are
 //! traceless: Π includes only contacts and repulsion. The isotropic part of the hydrodynamic stress
-//! is a number of its own, [`crate::Sample::particle_pressure_hydrodynamic`].
+//! is a number of its own, [`crate::Sample::pressure_hydrodynamic`].
 //!
 //! Each component is the sum of four parts: hydrodynamic, from the stresslets; normal and
 //! tangential contact forces; repulsion. Adhesion is a part of the normal contact force: f − F_A.
@@ -91,7 +91,7 @@ pub struct StressComponents {
     /// Second normal stress difference Σ_yy − Σ_zz.
     pub n2: StressParts,
     /// Particle pressure −(1/3) trace Σ, without its hydrodynamic part, which is 0 here: see
-    /// [`crate::Sample::particle_pressure_hydrodynamic`].
+    /// [`crate::Sample::pressure_hydrodynamic`].
     pub particle_pressure: StressParts,
     /// Σ_xy: in simple shear `shear`, with the sign of its direction.
     #[serde(default)]

@@ -64,7 +64,7 @@ pub(crate) fn sample(strain: f64) -> Sample {
         network: None,
         structure: None,
         fraction: None,
-        particle_pressure_hydrodynamic: Some(0.25),
+        pressure_hydrodynamic: Some(0.25),
     }
 }
 

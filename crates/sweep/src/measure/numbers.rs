@@ -232,7 +232,7 @@ pub static NUMBERS: &[Number] = {
         number("effective_samples", "1").point("effective number of independent samples, all runs", Over(|r| r.of_each(|run| Some(run.number("samples")? / run.steadiness()?.correlation)).into_iter().reduce(|a, b| a + b))),
         number("n1", "mu rate").sample("first normal stress difference N₁, contacts included", Sum(|s| s.n1.total())).averaged(),
         number("n2", "mu rate").sample("second normal stress difference N₂, contacts included", Sum(|s| s.n2.total())).averaged().label("stress difference N₂"),
-        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts, repulsion and attraction, without `particle_pressure_hydrodynamic`", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
+        number("particle_pressure", "mu rate").sample("particle pressure Π of contacts, repulsion and attraction, without `pressure_hydrodynamic`", Sum(|s| s.particle_pressure.total())).averaged().label("particle pressure Π"),
         number("shear_hydrodynamic", "mu rate").sample("shear stress of the stresslets", Part(|s| &mut s.shear.hydrodynamic)).averaged(),
         number("shear_normal_contact", "mu rate").sample("shear stress of the normal contact forces", Part(|s| &mut s.shear.normal_contact)).averaged(),
         number("shear_tangential_contact", "mu rate").sample("shear stress of the tangential contact forces", Part(|s| &mut s.shear.tangential_contact)).averaged(),
@@ -251,7 +251,7 @@ pub static NUMBERS: &[Number] = {
         number("particle_pressure_normal_contact", "mu rate").sample("particle pressure of the normal contact forces", Part(|s| &mut s.particle_pressure.normal_contact)).averaged(),
         number("particle_pressure_repulsion", "mu rate").sample("particle pressure of repulsion and van der Waals attraction", Part(|s| &mut s.particle_pressure.repulsion)).averaged(),
         number("particle_pressure_brownian", "mu rate").sample("particle pressure of Brownian motion, n kT without its hydrodynamic part", Part(|s| &mut s.particle_pressure.brownian)).averaged(),
-        number("particle_pressure_hydrodynamic", "mu rate").sample("particle pressure of the fluid: the isotropic part of the hydrodynamic stress, which all other pressures and stresses lack; none under Brownian motion", Free(|s| &mut s.particle_pressure_hydrodynamic)).averaged().label("particle pressure of the fluid"),
+        number("pressure_hydrodynamic", "mu rate").sample("particle pressure of the fluid: the isotropic part of the hydrodynamic stress, which all other pressures and stresses lack; none under Brownian motion", Free(|s| &mut s.pressure_hydrodynamic)).averaged().label("particle pressure of the fluid"),
         number("sigma_xx", "mu rate").sample("particle stress Σ_xx, contacts included", Sum(|s| s.xx().total())).averaged(),
         number("sigma_xx_hydrodynamic", "mu rate").sample("Σ_xx of the stresslets", Sum(|s| s.xx().hydrodynamic)).averaged().label(""),
         number("sigma_xx_normal_contact", "mu rate").sample("Σ_xx of the normal contact forces", Sum(|s| s.xx().normal_contact)).averaged().label(""),
@@ -293,9 +293,9 @@ pub static NUMBERS: &[Number] = {
         number("arrested_fraction", "1").label("fraction at arrest")
             .point("area or volume fraction at which jammed runs came to rest under an imposed ratio of stress and pressure, mean over them", Over(|r| r.arrested_fraction())),
         number("pressure", "mu rate").label("particle pressure P")
-            .run("particle pressure P, without `particle_pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
-            .point("particle pressure P, without `particle_pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
-        number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without `particle_pressure_hydrodynamic`", Sum(|s| -s.yy().total())).averaged(),
+            .run("particle pressure P, without `pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
+            .point("particle pressure P, without `pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
+        number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without `pressure_hydrodynamic`", Sum(|s| -s.yy().total())).averaged(),
         number("viscous_number", "1").label("viscous number J")
             .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
             .point("viscous number J = μ rate/P₂₂, mean over runs", MeanOver),

@@ -52,7 +52,7 @@ pub struct Sample {
     /// Isotropic part of the hydrodynamic stress, which the stresslets lack, as a pressure, in
     /// mu·rate; `None` under Brownian motion. It is no part of `stress`.
     #[serde(default)]
-    pub particle_pressure_hydrodynamic: Option<f64>,
+    pub pressure_hydrodynamic: Option<f64>,
     /// Area fraction of a layer, volume fraction of a suspension, under an imposed pressure.
     #[serde(default)]
     pub fraction: Option<f64>,

@@ -121,7 +121,7 @@ impl<S: Starts> Simulation<S> {
             counters: self.counters,
             network: None,
             structure: None,
-            particle_pressure_hydrodynamic: pressure,
+            pressure_hydrodynamic: pressure,
             fraction: self.params.imposes_pressure().then(|| self.fraction()),
         });
     }
