@@ -73,3 +73,24 @@ fn runs_at_rest_under_a_ratio_of_stress_and_pressure_are_called_arrested() {
     assert!(flowing.contains("1 of 1 cases done, 0 jammed"), "{flowing}");
     assert!(!flowing.contains("arrested"), "{flowing}");
 }
+
+#[test]
+fn figures_of_an_imposed_pressure_run_along_it() {
+    let campaign = CAMPAIGN
+        .replace(
+            "macroscopic_friction = [0.03, 0.8]",
+            "viscous_number = [1.0, 0.3]",
+        )
+        .replace("friction = 0\n", "friction = [0.2, 0.5]\n")
+        .replace("0.58", "[0.3, 0.35]")
+        .replace("strain = 1.5", "strain = 0.3");
+    let at = folder("pressed.toml", &campaign);
+    let at = at.path();
+    sweep(at, &["run", "pressed.toml", "--quiet"]);
+    sweep(at, &["report", "pressed.toml", "--figure", "eta.svg"]);
+    let figure = std::fs::read_to_string(at.join("eta.svg")).unwrap();
+    assert!(figure.contains("viscous number J"), "{figure}");
+    for label in ["φ = 0.3, ν = 0.2", "φ = 0.35, ν = 0.5"] {
+        assert!(figure.contains(label), "{label}: {figure}");
+    }
+}

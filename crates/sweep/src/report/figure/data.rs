@@ -817,6 +817,8 @@ pub(in crate::report) fn default_axis(report: &Report, kind: Kind) -> &'static A
         first,
         "shear_stress",
         "shear_rate",
+        "imposed_viscous_number",
+        "imposed_macroscopic_friction",
         "area_fraction",
         "volume_fraction",
         "friction",
