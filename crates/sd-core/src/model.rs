@@ -107,21 +107,23 @@ pub struct Params {
     pub hydrodynamics: Hydrodynamics,
     /// Contact scheme.
     pub contact: ContactScheme,
-    /// Time step, in strain or [at rest](Params::at_rest) in the unit of time.
+    /// Time step, in strain, [at rest](Params::at_rest) in the unit of time, and where the
+    /// [rate is free](Params::has_free_rate) in mu/σ.
     pub time_step: f64,
     /// Imposed shear stress σ* = σ a²/F_crit, above 0; `None` where the rate is imposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shear_stress: Option<f64>,
-    /// Péclet number Pe = 6π mu a³ rate/kT of Brownian motion; ∞: none. In fluid
-    /// [at rest](Params::at_rest) 0, and the unit of time is then a²/D0 = 6π mu a³/kT.
+    /// Péclet number Pe = 6π mu a³ rate/kT of Brownian motion; ∞: none. Under an imposed stress σ
+    /// 6π a³ σ/kT. In fluid [at rest](Params::at_rest) 0, and the unit of time is then
+    /// a²/D0 = 6π mu a³/kT.
     #[serde(
         default = "infinity",
         skip_serializing_if = "is_infinity",
         with = "infinite"
     )]
     pub peclet: f64,
-    /// `F_crit a/kT` of Brownian motion, in place of the Péclet number, which is then Γ times this;
-    /// 0: none.
+    /// `F_crit a/kT` of Brownian motion, in place of the Péclet number, which is then Γ times this,
+    /// under an imposed stress 6π σ* times this; 0: none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub thermal_load: f64,
     /// Imposed viscous number J = mu·rate/P, above 0, which imposes the particle pressure P; the
@@ -246,8 +248,15 @@ impl Params {
         self.viscous_number.is_some() || self.macroscopic_friction.is_some()
     }
 
-    /// Thermal energy kT of Brownian motion, 6π/Pe in mu·a³·rate; `None` without. In fluid
-    /// [at rest](Params::at_rest) it is 6π, with the diffusivity D0 of a sphere as unit.
+    /// Whether a stress is imposed on Brownian spheres: the rate of an instant may then have either
+    /// sign, and times are in mu/σ.
+    pub fn has_free_rate(&self) -> bool {
+        self.shear_stress.is_some() && self.thermal_energy().is_some()
+    }
+
+    /// Thermal energy kT of Brownian motion, 6π/Pe in mu·a³·rate, under an imposed stress in a³ σ;
+    /// `None` without. In fluid [at rest](Params::at_rest) it is 6π, with the diffusivity D0 of a
+    /// sphere as unit.
     ///
     /// ```
     /// # use sd_core::{Hydrodynamics, Params};
@@ -267,7 +276,8 @@ impl Params {
     /// ```
     pub fn thermal_energy(&self) -> Option<f64> {
         let peclet = if self.thermal_load > 0.0 {
-            self.shear_rate * self.thermal_load
+            let of_stress = |stress| 6.0 * std::f64::consts::PI * stress;
+            self.shear_stress.map_or(self.shear_rate, of_stress) * self.thermal_load
         } else {
             self.peclet
         };

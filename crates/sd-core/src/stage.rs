@@ -14,7 +14,7 @@ use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::far_field::pressure::far_pressure_moment;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
-use crate::hydrodynamics::resistance::{Fluid, Resistance};
+use crate::hydrodynamics::resistance::{Fluid, RandomStress, Resistance};
 use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
@@ -233,7 +233,8 @@ impl<S: Fluid> StageSolver<S> {
     }
 
     /// Draws the random forces of the next stages at the current positions, which replace the
-    /// former: see [`Resistance::add_random_forces`].
+    /// former, and that on the rate of a flow of these rates of strain, where it is free: see
+    /// [`Resistance::add_random_forces`].
     ///
     /// # Errors
     /// [`Error::NotConverged`].
@@ -241,18 +242,20 @@ impl<S: Fluid> StageSolver<S> {
         &mut self,
         scale: f64,
         mut normal: impl FnMut() -> f64,
-    ) -> Result<(), Error> {
+        flow: Option<&S::Strain>,
+    ) -> Result<RandomStress, Error> {
         for list in [&mut self.random_forces, &mut self.random_motion] {
             list.clear();
             list.resize(self.velocities.len(), 0.0);
         }
         let forces = &mut self.random_forces;
         let resistance = &mut self.resistance;
-        resistance.add_random_forces(scale, &mut normal, forces);
+        let mut stress = resistance.add_random_forces(scale, &mut normal, flow, forces);
         if let Some(far) = &mut self.far {
-            far.add_random_forces(scale, normal, forces)?;
+            let (of_far, _) = far.add_random_forces(scale, normal, flow, forces)?;
+            stress.force += of_far;
         }
-        Ok(())
+        Ok(stress)
     }
 
     pub(crate) fn has_random_forces(&self) -> bool {
@@ -411,6 +414,19 @@ impl<S: Fluid> StageSolver<S> {
             }),
             None => Ok(quality),
         }
+    }
+
+    /// Has the next solve, at the positions of the last one and with its candidates, be in another
+    /// flow, without forces of pairs that do not touch.
+    pub(crate) fn change_flow(&mut self, flow: &IncidentFlow<S>, external: &[f64]) {
+        let forces = &mut self.forces;
+        self.resistance.background_forces(flow.strains(), forces);
+        for other in [external, &self.random_forces[..]] {
+            for (force, x) in forces.iter_mut().zip(other) {
+                *force += x;
+            }
+        }
+        self.contacts.change_flow(&self.resistance, flow);
     }
 
     /// Computes the forces on the spheres other than contact forces, and factors the resistance,

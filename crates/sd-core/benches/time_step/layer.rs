@@ -99,6 +99,7 @@ impl Layer {
                 time: span,
                 kind,
                 first: &self.disturbances,
+                shear: 1.0,
                 dilation: 0.0,
                 dilates: sd_core::model::PressureKind::Isotropic,
             },

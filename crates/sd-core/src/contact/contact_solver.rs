@@ -130,6 +130,16 @@ impl<S: Fluid> ContactSolver<S> {
         }
     }
 
+    /// Has the candidates be in another flow.
+    pub(crate) fn change_flow(&mut self, resistance: &Resistance<S>, flow: &IncidentFlow<S>) {
+        for contact in &mut self.list {
+            let moved = Contact::new(contact.pair, resistance.radii(), flow);
+            contact.background_approach = moved.background_approach;
+            contact.background_slip = moved.background_slip;
+            contact.background_spin = moved.background_spin;
+        }
+    }
+
     /// Solves the problem of the stage, starting from the forces of the last solution. Pairs that
     /// close in the solution are added as candidates, and the problem is solved again, until no
     /// other pair closes.

@@ -353,6 +353,8 @@ pub struct Span<'s> {
     /// Disturbance velocities of the first stage, at a later stage that depends on them; else
     /// empty.
     pub first: &'s [f64],
+    /// Rate of the flow at that stage over that at the present one; 1 where the rate is imposed.
+    pub shear: f64,
     /// Rate of dilation of the cell at that stage; 0 where the volume is imposed.
     pub dilation: f64,
     /// How it dilates.
@@ -366,6 +368,7 @@ impl Span<'_> {
             time,
             kind: StageKind::Single,
             first: &[],
+            shear: 1.0,
             dilation: 0.0,
             dilates: PressureKind::Isotropic,
         }
@@ -394,7 +397,7 @@ impl Span<'_> {
                     }
                 };
                 let drifted = separation - (u_j - u_i) * half;
-                let start = flow.advect_backward(&drifted, half, [pair.i, pair.j]);
+                let start = flow.advect_backward(&drifted, half * self.shear, [pair.i, pair.j]);
                 pair.gap + (S::norm_squared(&start).sqrt() - pair.distance)
             }
             StageKind::Second => pair.gap - self.time * self.twice_first_approach(contact),
@@ -407,7 +410,9 @@ impl Span<'_> {
             StageKind::Single | StageKind::Midpoint | StageKind::First => 0.0,
             StageKind::Second => {
                 let opening = contact.opening(self.dilates);
-                2.0 * (contact.approach(self.first) + opening * self.dilation)
+                let background = contact.background_approach * self.shear;
+                let approach = background + contact.normal_row().read(self.first);
+                2.0 * (approach + opening * self.dilation)
             }
         }
     }

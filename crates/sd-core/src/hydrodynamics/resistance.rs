@@ -53,6 +53,7 @@ pub(crate) use owned::{for_pairs_of, list_starts, part_of};
 pub(crate) use pairwise::{LEAST_SPHERES, PairwiseResistance};
 pub(crate) use pairwise::{Motion, side_by_side_mut};
 
+pub(crate) use random_forces::RandomStress;
 pub use tables::NearFields;
 pub(crate) use tables::NearTerms;
 use tables::{PressureTerms, Twists};

@@ -115,6 +115,15 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
             });
         }
         segments::check(params)?;
+        if params.flows().iter().any(Params::has_free_rate) {
+            return Err(Refusal {
+                key: "segments",
+                value: format!("{} segments", params.segments.len()),
+                problem: "begin at given strains, which Brownian spheres under an imposed stress pass at random times".into(),
+                allowed: "no segments, or rates in place of stresses".into(),
+                because: Some("shear_stress"),
+            });
+        }
         return params.flows().into_iter().try_for_each(|mut flow| {
             // A value may have a meaning in one segment and none in another.
             canonicalise(&mut flow);
@@ -250,7 +259,8 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
             "peclet",
         );
     }
-    if load > 0.0 && !(params.shear_rate > 0.0 && params.shear_rate.is_finite()) {
+    let has_stress = params.shear_stress.is_some();
+    if load > 0.0 && !has_stress && !(params.shear_rate > 0.0 && params.shear_rate.is_finite()) {
         return refuse(
             "is a ratio to F_crit, which this rate does not have",
             "0 there, or a `peclet`: F_crit = 6 pi/shear_rate is infinite at 0 and zero at inf",
@@ -267,11 +277,11 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
             "contact",
         );
     }
-    if params.shear_stress.is_some() {
+    if has_stress && params.flow != FlowType::Shear {
         return refuse(
-            "needs an imposed rate",
-            "none there; a `shear_rate` in place of `shear_stress`",
-            "shear_stress",
+            "under an imposed stress is of shear, whose cell can follow any strain",
+            "`flow` = \"shear\", or a rate in place of the stress",
+            "flow",
         );
     }
     if params.at_rest != (load == 0.0 && peclet == 0.0) {

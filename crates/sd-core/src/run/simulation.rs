@@ -40,7 +40,7 @@ use brownian::Brownian;
 use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
-use volume::{Dilations, Extent};
+use volume::{Extent, StageRates};
 
 /// A run that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
@@ -68,7 +68,9 @@ pub struct Simulation<S: Starts = Layer> {
     steps: u64,
     pub(crate) extent: Extent,
     /// How the cell dilates in the current step.
-    dilations: Dilations,
+    dilations: StageRates,
+    /// How it shears, where the rate is free.
+    shears: StageRates,
     /// Centres in the cell of a stage, where it dilates.
     grown: Vec<S::Vector>,
     /// The lattice, unless the run is sheared throughout.
@@ -210,7 +212,8 @@ impl<S: Starts> Simulation<S> {
             imposed,
             steps: snapshot.steps,
             extent,
-            dilations: Dilations::default(),
+            dilations: StageRates::default(),
+            shears: StageRates::default(),
             grown: Vec::new(),
             path,
             state: State {
@@ -301,17 +304,18 @@ impl<S: Starts> Simulation<S> {
         self.steps
     }
 
-    /// Strain reached, in either direction: the time, and 0 in fluid at rest.
+    /// Strain reached, in either direction: the time, and 0 in fluid at rest. Under a stress
+    /// imposed on Brownian spheres the net strain, which noise makes vary.
     pub fn strain(&self) -> f64 {
         if self.params.at_rest {
             0.0
         } else {
-            self.time()
+            self.free_strain().unwrap_or_else(|| self.time())
         }
     }
 
-    /// Time reached, in the unit of [`Params::time_step`]: inverse rates, and in fluid at rest the
-    /// unit that the forces are given in.
+    /// Time reached, in the unit of [`Params::time_step`]: inverse rates, in fluid at rest the unit
+    /// that the forces are given in, and mu/σ under a stress imposed on Brownian spheres.
     pub fn time(&self) -> f64 {
         self.time_of(self.steps)
     }

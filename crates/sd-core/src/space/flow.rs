@@ -156,6 +156,14 @@ impl<S: Space> VelocityGradient<S> {
         carried
     }
 
+    /// This flow at another rate, in rates of this one.
+    pub(crate) fn scaled(mut self, rate: f64) -> Self {
+        for row in &mut self.rows {
+            *row = *row * rate;
+        }
+        self
+    }
+
     /// Rows of L.
     pub fn rows(&self) -> &[S::Vector] {
         &self.rows[..S::DIMENSIONS]

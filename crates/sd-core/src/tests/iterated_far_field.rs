@@ -304,7 +304,7 @@ fn random_forces_alone_have_the_stresslets_of_forces_of_the_user() {
         count += 1.0;
         1.5 * f64::sin(1.9 * count + 0.03 * count * count)
     };
-    stage.draw_random_forces(2.0, number).unwrap();
+    stage.draw_random_forces(2.0, number, None).unwrap();
     let at_rest = VelocityGradient::at_rest().into();
     stage
         .solve(&at_rest, &[], StageContacts::None, SolvePass::First)

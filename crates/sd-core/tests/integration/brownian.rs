@@ -52,17 +52,17 @@ fn a_sphere_diffuses_by_stokes_and_einstein() {
     assert!(mean.abs() < 4.0 * deviation, "{mean}");
 }
 
-#[test]
-fn places_of_two_spheres_are_uniform_whatever_their_mobility() {
-    let (steps, roughness, width) = (300_000, 0.05, 0.025);
-    let params = at_rest(2, roughness).volume_fraction(0.06).build().unwrap();
-    let mut pair = Simulation::<Bulk>::new(&params, 1, &NearFields::default()).unwrap();
-    let (side, least) = (pair.side(), 2.0 + roughness);
+/// Two spheres in a box, whose places are uniform whatever their mobility.
+fn check_places_of_two(params: &Params, steps: u32) {
+    let width = 0.025;
+    let mut pair = Simulation::<Bulk>::new(params, 1, &NearFields::default()).unwrap();
+    let (side, least) = (pair.side(), 2.0 + params.roughness);
     let mut counts = [0_u32; 20];
     for _ in 0..steps {
         pair.step().unwrap();
-        let [a, b] = [pair.centres()[0], pair.centres()[1]];
-        let apart = (a - b).map(|x| x - side * (x / side).round()).norm();
+        let cell = pair.cell_at(pair.time()).unwrap();
+        let (apart, _) = cell.nearest(pair.centres()[0] - pair.centres()[1]);
+        let apart = apart.norm();
         if let Some(bin) = (0..20_u8).rfind(|bin| apart >= least + width * f64::from(*bin))
             && apart < least + 20.0 * width
         {
@@ -88,6 +88,26 @@ fn places_of_two_spheres_are_uniform_whatever_their_mobility() {
     let free = side.powi(3) - 4.0 / 3.0 * PI * least.powi(3);
     let share = far * free / (4.0 / 3.0 * PI * f64::from(steps));
     assert!((share - 1.0).abs() < 0.2, "{share}");
+}
+
+#[test]
+fn places_of_two_spheres_are_uniform_whatever_their_mobility() {
+    let params = at_rest(2, 0.05).volume_fraction(0.06).build().unwrap();
+    check_places_of_two(&params, 300_000);
+}
+
+#[test]
+fn places_are_uniform_also_where_strain_diffuses() {
+    // The stress is a small one. The viscosity, and with it the drift of the strain, depends on the
+    // gap, and the strain moves the spheres as much as their own forces do.
+    let (peclet, roughness) = (1e-3, 0.1);
+    let params = under_stress(2, peclet)
+        .volume_fraction(0.06)
+        .roughness(roughness)
+        .time_step(0.5 * peclet * roughness / 80.0)
+        .build()
+        .unwrap();
+    check_places_of_two(&params, 300_000);
 }
 
 #[test]
@@ -151,6 +171,119 @@ fn gaps_of_a_colloidal_pair_have_a_boltzmann_distribution() {
         let (found, expected) = (f64::from(*count) / all, weight / whole);
         assert!((found - expected).abs() < 0.1 * expected + 0.002, "{bin}");
     }
+}
+
+/// Spheres under a stress, whose unit of time is mu/σ; Pe = 6π a³ σ/kT.
+fn under_stress(spheres: usize, peclet: f64) -> sd_core::model::ParamsBuilder {
+    Params::builder()
+        .spheres(spheres)
+        .friction(0.0)
+        .shear_stress(1.0)
+        .peclet(peclet)
+        .hydrodynamics(LUBRICATION)
+        .contact(ContactScheme::Rigid)
+}
+
+#[test]
+fn strain_under_a_stress_is_a_thermal_coordinate() {
+    // Of one sphere the viscosity is 1 + 2.5 φ, without images.
+    let (peclet, fraction, steps) = (10.0, 0.03, 20_000_u32);
+    let params = under_stress(1, peclet)
+        .volume_fraction(fraction)
+        .roughness(0.1)
+        .time_step(0.01)
+        .build()
+        .unwrap();
+    let mut run = Simulation::<Bulk>::new(&params, 1, &NearFields::default()).unwrap();
+    let viscosity = 1.0 + 2.5 * fraction;
+    let (mut strain, mut square) = (0.0, 0.0);
+    for _ in 0..steps {
+        let sample = run.step().unwrap();
+        let gained = run.strain() - strain;
+        // Γ of the step is 6π σ* times the rate.
+        let rate = sample.shear_rate / (6.0 * PI);
+        assert!((gained - rate * params.time_step).abs() < 1e-12);
+        strain = run.strain();
+        square += (gained - params.time_step / viscosity).powi(2) / f64::from(steps);
+    }
+    let volume = 4.0 / 3.0 * PI / fraction;
+    let variance = 2.0 * 6.0 * PI / peclet / (viscosity * volume);
+    assert!((square / (variance * params.time_step) - 1.0).abs() < 0.04);
+    let time = params.time_step * f64::from(steps);
+    let missing = strain - time / viscosity;
+    assert!(missing.abs() < 4.0 * (variance * time).sqrt(), "{missing}");
+}
+
+/// Mean and error of a number of samples over four runs to this time in steps of a length.
+fn mean_of_runs(
+    builder: sd_core::model::ParamsBuilder,
+    [time, step]: [f64; 2],
+    of: fn(&sd_core::Sample) -> f64,
+) -> [f64; 2] {
+    let params = builder
+        .volume_fraction(0.35)
+        .roughness(0.2)
+        .time_step(step)
+        .build()
+        .unwrap();
+    let (mut runs, tables) = (Vec::new(), NearFields::default());
+    for seed in 1..=4 {
+        let mut run = Simulation::<Bulk>::new(&params, seed, &tables).unwrap();
+        let (mut sum, mut number) = (0.0, 0.0);
+        while run.time() < time {
+            let value = of(&run.step().unwrap());
+            if run.time() > 0.1 * time {
+                sum += value;
+                number += 1.0;
+            }
+        }
+        runs.push(sum / number);
+    }
+    let mean = runs.iter().sum::<f64>() / 4.0;
+    let square: f64 = runs.iter().map(|x| (x - mean).powi(2)).sum();
+    [mean, (square / 12.0).sqrt()]
+}
+
+#[test]
+fn the_stress_of_a_rate_leaves_that_rate() {
+    let peclet = 20.0;
+    let at_rate = Params::builder()
+        .spheres(20)
+        .friction(0.0)
+        .shear_rate(0.0)
+        .peclet(peclet)
+        .hydrodynamics(LUBRICATION)
+        .contact(ContactScheme::Rigid);
+    let [viscosity, error] = mean_of_runs(at_rate, [25.0, 0.05], |sample| sample.viscosity);
+    // In units of the stress it is larger by the viscosity.
+    let free = under_stress(20, peclet * viscosity);
+    let [rate, of_rate] = mean_of_runs(free, [100.0, 0.1], |sample| sample.shear_rate / (6.0 * PI));
+    let allowed = 4.0 * (error / viscosity).hypot(of_rate / rate);
+    assert!(allowed < 0.3, "{viscosity} {error}, {rate} {of_rate}");
+    let found = rate * viscosity;
+    assert!((found - 1.0).abs() < allowed, "{found} {allowed}");
+}
+
+#[test]
+fn stresses_of_spheres_under_a_stress_add_up_to_it() {
+    let params = under_stress(20, 10.0)
+        .volume_fraction(0.35)
+        .roughness(0.1)
+        .time_step(0.0125)
+        .build()
+        .unwrap();
+    let mut run = Simulation::<Bulk>::new(&params, 2, &NearFields::default()).unwrap();
+    let (mut sum, mut square, steps) = (0.0, 0.0, 4000_u32);
+    for _ in 0..steps {
+        let sample = run.step().unwrap();
+        let stress = sample.shear_rate / (6.0 * PI) + sample.stress.shear.total();
+        sum += stress / f64::from(steps);
+        square += stress * stress / f64::from(steps);
+        assert!(sample.viscosity.is_nan());
+    }
+    let deviation = ((square - sum * sum) / f64::from(steps)).sqrt();
+    assert!(deviation < 0.1, "{deviation}");
+    assert!((sum - 1.0).abs() < 4.0 * deviation, "{sum} {deviation}");
 }
 
 /// After some steps, and the same with an interruption in the middle.
@@ -218,6 +351,15 @@ fn interrupted_runs_have_the_same_bits() {
         let suspension = run(Params::builder().volume_fraction(0.45), 80);
         let [whole, resumed] = interrupted::<Bulk>(&suspension);
         assert_eq!(whole, resumed, "{contact:?}");
+        // The strain is a part of the state.
+        let stressed = |params: &Params| Params {
+            shear_rate: 0.0,
+            shear_stress: Some(1.0),
+            ..params.clone()
+        };
+        let [whole, resumed] = interrupted::<Bulk>(&stressed(&suspension));
+        assert_eq!(whole, resumed, "{contact:?}, stress");
+        assert!(whole.travelled[0] != 0.0);
         // With a far field in full matrices, iterated, and in a suspension.
         let full = |params: Params| Params {
             hydrodynamics: Hydrodynamics::StokesianDynamics,

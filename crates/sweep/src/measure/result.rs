@@ -7,6 +7,7 @@ use crate::data::Value;
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};
 use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 impl<'p> RunData<'p> {
@@ -31,6 +32,7 @@ impl<'p> RunData<'p> {
             order: [Vec::new(), Vec::new()],
             displacements: [Slope::default(); 2],
             means: vec![Mean::default(); columns(Level::Runs).count()],
+            free_viscosity: None,
             viscosity: None,
             viscosity_stresslet: None,
             steadiness: None,
@@ -53,8 +55,9 @@ impl<'p> RunData<'p> {
         if step < self.discard_step {
             return;
         }
-        self.viscosities.push(sample.viscosity);
-        self.stresslet_viscosities.push(sample.viscosity_stresslet);
+        let [whole, of_stresslets] = self.viscosities_of(sample);
+        self.viscosities.push(whole);
+        self.stresslet_viscosities.push(of_stresslets);
         self.contacts += u64::from(sample.contacts);
         self.activated += u64::from(sample.activated);
         self.sticking += u64::from(sample.sticking);
@@ -76,10 +79,30 @@ impl<'p> RunData<'p> {
         }
     }
 
+    /// The viscosities of a sample, or where the rate is free the rate in σ/μ and what of the
+    /// stress is no contact stress, in σ.
+    fn viscosities_of(&self, sample: &Sample) -> [f64; 2] {
+        match self.params.shear_stress {
+            Some(stress) if self.params.has_free_rate() => {
+                let rate = sample.shear_rate / (6.0 * PI * stress);
+                [rate, rate + sample.stress.shear.hydrodynamic]
+            }
+            _ => [sample.viscosity, sample.viscosity_stresslet],
+        }
+    }
+
     /// The mean in time of a number over the samples that have it.
+    ///
+    /// Where the rate is free stresses of samples are in σ, and those of the run in μ times its mean
+    /// rate, as all stresses are.
     pub(super) fn mean(&self, name: &str) -> Option<f64> {
         let mean = self.means.get(place_of(name)?)?;
-        ratio(mean.sum, mean.number as f64)
+        let unit = match (self.free_viscosity, Number::named(name)?.unit) {
+            (Some(viscosity), "mu rate") if name == "dissipation" => viscosity * viscosity,
+            (Some(viscosity), "mu rate") => viscosity,
+            _ => 1.0,
+        };
+        ratio(mean.sum, mean.number as f64).map(|mean| mean * unit)
     }
 
     /// The numbers of its result, in the order of [`NUMBERS`].

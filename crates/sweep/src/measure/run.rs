@@ -2,7 +2,7 @@
 
 use super::doubt::Doubt;
 use super::steady::rise;
-use super::{Distribution, Steadiness, ratio};
+use super::{Distribution, Steadiness, mean, ratio};
 use crate::model::case::State;
 use sd_core::Params;
 use sd_core::simulation::Counters;
@@ -36,6 +36,8 @@ pub(crate) struct RunData<'p> {
     pub(super) displacements: [Slope; 2],
     /// Means in time of the numbers of results.
     pub(super) means: Vec<Mean>,
+    /// Viscosity of the mean rate, where the rate is free.
+    pub(super) free_viscosity: Option<f64>,
     pub(super) viscosity: Option<Distribution>,
     pub(super) viscosity_stresslet: Option<Distribution>,
     pub(super) steadiness: Option<Steadiness>,
@@ -93,9 +95,33 @@ impl Slope {
 impl RunData<'_> {
     /// Computes what needs all samples.
     pub(crate) fn finish(&mut self) {
+        if self.params.has_free_rate() {
+            self.finish_free();
+        }
         self.steadiness = Steadiness::of(&self.viscosities);
         self.viscosity = Distribution::of(self.viscosities.clone());
         self.viscosity_stresslet = Distribution::of(self.stresslet_viscosities.clone());
+    }
+
+    /// Has viscosities follow from the rates of samples, which vary with the noise about their mean
+    /// ṙ:
+    ///
+    /// ```text
+    /// η = σ/(μ ṙ),   η_k = η (2 − rate_k/ṙ)
+    /// ```
+    /// So the mean of all η_k is η, and those of long parts are their viscosities but for squares of
+    /// the deviations.
+    fn finish_free(&mut self) {
+        let rate = mean(&self.viscosities).unwrap_or(f64::NAN);
+        let viscosity = if rate > 0.0 { rate.recip() } else { f64::NAN };
+        self.free_viscosity = Some(viscosity);
+        for rate in &mut self.viscosities {
+            *rate = viscosity * (2.0 - *rate * viscosity);
+        }
+        for stress in &mut self.stresslet_viscosities {
+            *stress *= viscosity;
+        }
+        self.approach *= viscosity;
     }
 
     /// Number of samples.
@@ -164,7 +190,9 @@ impl RunData<'_> {
     /// The diffusivity along y or z, in a²·rate: half the slope of the mean square displacement
     /// since the start of the run, over the averaged samples.
     pub(super) fn diffusivity(&self, axis: usize) -> Option<f64> {
-        self.displacements[axis].value().map(|slope| 0.5 * slope)
+        let unit = self.free_viscosity.unwrap_or(1.0);
+        let slope = self.displacements[axis].value();
+        slope.map(|slope| 0.5 * slope * unit)
     }
 
     /// Change of layering or of bond orientation from the first half of the averaged samples to the
@@ -311,6 +339,36 @@ mod tests {
             "pressure_22",
             n("pressure") + (n("n1") - n("n2")) / 3.0,
         );
+    }
+
+    #[test]
+    fn free_rates_have_the_viscosity_of_their_mean() {
+        let params = Params {
+            volume_fraction: Some(0.5),
+            shear_rate: 0.0,
+            shear_stress: Some(2.0),
+            peclet: 10.0,
+            ..params()
+        };
+        // One of them against the stress; mean rate and stresses of the spheres add up to it.
+        let all = [(-0.1, 0.7), (0.2, 0.9), (0.5, 0.8)].map(|(rate, shear)| {
+            let mut sample = sample(0.0);
+            sample.viscosity = f64::NAN;
+            sample.shear_rate = 6.0 * std::f64::consts::PI * 2.0 * rate;
+            sample.stress = sd_core::StressComponents::default();
+            sample.stress.shear.hydrodynamic = 0.75 * shear;
+            sample.stress.shear.normal_contact = 0.25 * shear;
+            sample.stress.particle_pressure.normal_contact = 0.4;
+            sample
+        });
+        let samples: Vec<_> = (0..).zip(all).collect();
+        let run = RunData::of(&params, &samples, 0);
+        close(&run, "viscosity", 5.0);
+        close(&run, "viscosity_stresslet", 4.0);
+        close(&run, "shear_hydrodynamic", 3.0);
+        close(&run, "shear_normal_contact", 1.0);
+        close(&run, "particle_pressure", 2.0);
+        assert!(run.number("viscosity_variance").unwrap() > 0.0);
     }
 
     #[test]

@@ -118,6 +118,9 @@ pub(crate) fn step_cost(params: &Params) -> f64 {
     };
     // Solves per stage until it carries the imposed stress.
     let solves = |most: f64| {
+        if params.has_free_rate() {
+            return 3.5;
+        }
         let searches = params.shear_stress.is_some() && params.has_friction();
         if searches { most } else { 1.0 }
     };

@@ -149,11 +149,10 @@ impl FarResistance {
             .solve_upper_vector(x, 3 * self.far_field.spheres());
     }
 
-    /// `x ← L⁻ᵀ (I − W Wᵀ) x`, the forces and torques alone.
+    /// `x ← L⁻ᵀ (I − W Wᵀ) x`, all modes.
     pub fn take_root(&self, x: &mut [f64]) {
         self.project(x);
-        self.cholesky
-            .solve_upper_vector(x, 3 * self.far_field.spheres());
+        self.cholesky.solve_upper_vector(x, 0);
     }
 
     /// `x ← (I − W Wᵀ) L⁻¹ x`.

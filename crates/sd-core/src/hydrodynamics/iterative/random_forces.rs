@@ -31,10 +31,11 @@ impl<S: Fluid> IterativeFarField<S> {
     /// q = √M₀⁻¹ (√M₀⁻¹ M √M₀⁻¹)^(−1/2) z      in a layer among those without a net force
     /// ```
     ///
-    /// `normal`: independent numbers of mean 0 and variance 1.
+    /// `normal`: independent numbers of mean 0 and variance 1; `flow`: rates of strain of a flow
+    /// whose rate is free.
     ///
     /// # Returns
-    /// Products with M.
+    /// The random force on that rate, and the number of products with M.
     ///
     /// # Errors
     /// [`Error::NotConverged`].
@@ -42,8 +43,9 @@ impl<S: Fluid> IterativeFarField<S> {
         &mut self,
         scale: f64,
         mut normal: impl FnMut() -> f64,
+        flow: Option<&S::Strain>,
         forces: &mut [f64],
-    ) -> Result<u32, Error> {
+    ) -> Result<(f64, u32), Error> {
         let unknowns = S::ALL_MODES * self.drag.len();
         let free = self.free.get_or_insert_with(|| {
             Box::new(FreeMotion {
@@ -80,12 +82,19 @@ impl<S: Fluid> IterativeFarField<S> {
             });
         }
         let modes = S::all_modes(vector).iter().zip(S::all_modes(roots));
+        let mut of_flow = 0.0;
         for (force, (x, roots)) in S::by_sphere_mut(forces).iter_mut().zip(modes) {
             for k in 0..S::MODES {
                 force[k] += scale * roots[k] * x[k];
             }
+            if let Some(strain) = flow {
+                for k in 0..S::STRAINS {
+                    let k_all = S::MODES + k;
+                    of_flow -= scale * strain[k] * roots[k_all] * x[k_all];
+                }
+            }
         }
-        Ok(found.products)
+        Ok((of_flow, found.products))
     }
 
     /// Discards the motion under random forces alone of the stage before.
@@ -150,7 +159,9 @@ fn remove_net_force<S: Fluid>(roots: &[f64], x: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::Snapshot;
-    use crate::hydrodynamics::resistance::tests::{difference_of_covariance, random_columns};
+    use crate::hydrodynamics::resistance::tests::{
+        difference_of_covariance, free_shear, random_columns,
+    };
     use crate::model::{Hydrodynamics, Params};
     use crate::space::cell::Cell;
     use crate::{Bulk, Layer, NearFields, RunSpace, Space as _};
@@ -167,10 +178,16 @@ mod tests {
         let mut far = IterativeFarField::<S>::new(&cell, radii, 1e-6).unwrap();
         far.update(&cell, &centres).unwrap();
         let mut products = 0;
-        let columns = random_columns(S::MODES * radii.len(), |mut number, forces| {
-            near.add_random_forces(1.0, &mut number, forces);
-            let draw = far.add_random_forces(1.0, number, forces);
-            products = products.max(draw.unwrap());
+        let flow = free_shear::<S>();
+        let strains = flow.strains();
+        let columns = random_columns(S::MODES * radii.len() + 1, |mut number, forces| {
+            let (last, forces) = forces.split_last_mut().unwrap();
+            let strain = Some(strains.at(0));
+            let drawn = near.add_random_forces(1.0, &mut number, strain, forces);
+            let of_far = far.add_random_forces(1.0, &mut number, strain, forces);
+            let (force, draw) = of_far.unwrap();
+            *last = drawn.force + force + drawn.rest.max(0.0).sqrt() * number();
+            products = products.max(draw);
         });
         assert!(products < 60, "{products}");
         let mut dense = Resistance::<S>::new(full, &cell, radii, &tables).unwrap();
@@ -236,7 +253,9 @@ mod tests {
                     number += 1.0;
                     1.5 * f64::sin(1.9 * number + 0.03 * number * number)
                 };
-                products = far.add_random_forces(1.0, normal, &mut forces).unwrap();
+                (_, products) = far
+                    .add_random_forces(1.0, normal, None, &mut forces)
+                    .unwrap();
             }
             let draw = clock.elapsed().as_secs_f64() / 4.0;
             println!(

@@ -94,6 +94,6 @@ pub trait FarMatrix<S: Fluid>: Sized {
     /// The forces and torques of `R_far x` alone.
     fn apply_for_forces(&self, x: &mut [f64]);
 
-    /// `x ← B x` with `B Bᵀ = R_far`, for the forces and torques alone.
+    /// `x ← B x` with `B Bᵀ = R_far`, all modes of all spheres, strains first.
     fn take_root(&self, x: &mut [f64]);
 }

@@ -10,11 +10,25 @@
 //! ```
 //! Full matrices have a factor of M; for the iterated far field see
 //! [`crate::hydrodynamics::iterative::IterativeFarField::add_random_forces`].
+//!
+//! Where the rate of the flow is free, it is one more velocity, and has a random force of its own,
+//! the work per strain of random stresslets. L then has one more row, of which all columns but the
+//! last belong to the forces; the last ones of all terms together are one more random number.
 
-use super::fluid::{FarMatrix as _, Fluid, NearTerm as _};
+use super::fluid::{FarMatrix as _, Fluid, NearTerm as _, modes_in_strain};
 use super::isolated::isolated;
 use super::{Form, Resistance};
 use crate::space::Space;
+
+/// The random force on the rate of a flow, in mu·a³·rate.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RandomStress {
+    /// What belongs to random forces.
+    pub(crate) force: f64,
+    /// Variance of the rest, over that of a unit resistance: the resistance of the spheres to the
+    /// flow that is no part of the other.
+    pub(crate) rest: f64,
+}
 
 /// Pivot, over the diagonal entry that it is left of, that is zero but for rounding: rigid motions
 /// of a pair are not resisted.
@@ -24,13 +38,16 @@ impl<S: Fluid> Resistance<S> {
     /// Adds random forces and torques on all spheres, `[3N]`, whose covariance is `scale`² `R_FU`,
     /// without what an iterated far field contributes.
     ///
-    /// `normal`: independent numbers of mean 0 and variance 1.
+    /// `normal`: independent numbers of mean 0 and variance 1; `flow`: rates of strain of a flow
+    /// whose rate is free.
     pub(crate) fn add_random_forces(
         &mut self,
         scale: f64,
         mut normal: impl FnMut() -> f64,
+        flow: Option<&S::Strain>,
         forces: &mut [f64],
-    ) {
+    ) -> RandomStress {
+        let mut stress = RandomStress::default();
         let far = match &mut self.form {
             Form::Dense(dense) => dense.far(),
             Form::Pairwise(_) => None,
@@ -40,6 +57,15 @@ impl<S: Fluid> Resistance<S> {
             vector.clear();
             vector.resize_with(strains + forces.len(), &mut normal);
             far.take_root(vector);
+            for (strain, x) in flow
+                .iter()
+                .cycle()
+                .zip(vector[..strains].chunks(S::STRAINS))
+            {
+                for (k, x) in x.iter().enumerate() {
+                    stress.force -= scale * strain[k] * x;
+                }
+            }
             for (force, x) in forces.iter_mut().zip(&vector[strains..]) {
                 *force += scale * x;
             }
@@ -49,6 +75,9 @@ impl<S: Fluid> Resistance<S> {
                 let drag = isolated::<S>(radius);
                 for k in 0..S::MODES {
                     force[k] += scale * drag[k].sqrt() * normal();
+                }
+                if let Some(strain) = flow {
+                    stress.rest += drag[S::MODES] * S::strain_dot(strain, strain);
                 }
             }
         }
@@ -63,16 +92,54 @@ impl<S: Fluid> Resistance<S> {
                 term.add(&far.scaled(-1.0));
             }
             let root = root_of::<S>(&term.blocks(&pair.normal));
-            for column in &root[..2 * S::MODES] {
+            let row = flow.map(|strain| {
+                let (row, rest) = row_of_flow::<S>(&term, &pair.normal, strain, &root);
+                stress.rest += rest;
+                row
+            });
+            for (at, column) in root[..2 * S::MODES].iter().enumerate() {
                 // A mode that is not resisted has no force, but the same numbers follow.
                 let z = scale * normal();
+                if let Some(row) = &row {
+                    stress.force += z * row[at];
+                }
                 for (row, entry) in column.iter().enumerate().take(2 * S::MODES) {
                     let sphere = if row < S::MODES { pair.i } else { pair.j };
                     forces[sphere][row % S::MODES] += z * entry;
                 }
             }
         }
+        stress
     }
+}
+
+/// The row of L for the rate of a flow, without its last column, and the square of that.
+fn row_of_flow<S: Fluid>(
+    term: &S::Term,
+    normal: &S::Vector,
+    strain: &S::Strain,
+    root: &[[f64; PAIR_MODES]; PAIR_MODES],
+) -> ([f64; PAIR_MODES], f64) {
+    let still = modes_in_strain::<S>(&S::each(0.0), strain);
+    let forces = term.apply(normal, &[still, still]);
+    let mut row = [0.0; PAIR_MODES];
+    let mut rest = 0.0;
+    for (sphere, forces) in forces.iter().enumerate() {
+        row[sphere * S::MODES..][..S::MODES].copy_from_slice(&forces.as_ref()[..S::MODES]);
+        for k in S::MODES..S::ALL_MODES {
+            rest += forces[k] * still[k];
+        }
+    }
+    for k in 0..2 * S::MODES {
+        for other in 0..k {
+            row[k] -= root[other][k] * row[other];
+        }
+        let pivot = root[k][k];
+        // A mode that is not resisted does no work.
+        row[k] = if pivot > 0.0 { row[k] / pivot } else { 0.0 };
+        rest -= row[k] * row[k];
+    }
+    (row, rest)
 }
 
 /// Most velocities of a pair.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::contact::Contact;
 use crate::space::modes::Vec2;
-use crate::space::{Bulk, IncidentFlow, VelocityGradient};
+use crate::space::{Bulk, IncidentFlow, Space, VelocityGradient};
 use std::f64::consts::PI;
 
 /// Four spheres, each near another, in a cell.
@@ -135,7 +135,13 @@ pub(crate) fn random_columns(
     }
 }
 
-/// The largest difference between B Bᵀ and R, over the largest entry of R.
+/// The shear whose rate is one of the velocities that [`difference_of_covariance`] is of.
+pub(crate) fn free_shear<S: Space>() -> IncidentFlow<S> {
+    VelocityGradient::<S>::simple_shear(1.0).into()
+}
+
+/// The largest difference between B Bᵀ and R, over the largest entry of R, the last row being that
+/// of the rate of [`free_shear`].
 pub(crate) fn difference_of_covariance<S: Fluid>(
     columns: &[Vec<f64>],
     resistance: &Resistance<S>,
@@ -143,11 +149,20 @@ pub(crate) fn difference_of_covariance<S: Fluid>(
     let size = S::MODES * resistance.radii().len();
     let (mut work, mut expected, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-    for k in 0..size {
+    let flow = free_shear::<S>();
+    for k in 0..=size {
         let mut unit = vec![0.0; size];
-        unit[k] = 1.0;
-        let at_rest = Strains::none();
-        resistance.apply(&unit, at_rest, &mut work, &mut expected, &mut stresslets);
+        let strains = if k < size {
+            unit[k] = 1.0;
+            Strains::none()
+        } else {
+            flow.strains()
+        };
+        resistance.apply(&unit, strains, &mut work, &mut expected, &mut stresslets);
+        let works = stresslets
+            .iter()
+            .map(|stresslet| S::strain_dot(stresslet, flow.strains().at(0)));
+        expected.push(works.sum());
         for (row, expected) in expected.iter().enumerate() {
             let found: f64 = columns.iter().map(|column| column[row] * column[k]).sum();
             worst = worst.max((found - expected).abs());
@@ -160,8 +175,13 @@ pub(crate) fn difference_of_covariance<S: Fluid>(
 /// That difference for the forces of [`Resistance::add_random_forces`].
 fn covariance_error<S: Fluid>(resistance: &mut Resistance<S>) -> f64 {
     let size = S::MODES * resistance.radii().len();
-    let columns = random_columns(size, |number, forces| {
-        resistance.add_random_forces(1.0, number, forces);
+    let flow = free_shear::<S>();
+    let strains = flow.strains();
+    let columns = random_columns(size + 1, |number, forces| {
+        let (last, forces) = forces.split_last_mut().unwrap();
+        let strain = Some(strains.at(0));
+        let drawn = resistance.add_random_forces(1.0, &mut *number, strain, forces);
+        *last = drawn.force + drawn.rest.max(0.0).sqrt() * number();
     });
     difference_of_covariance(&columns, resistance)
 }

@@ -146,7 +146,7 @@ pub(super) static PECLET: Quantity = Quantity {
     unit: "1",
     meaning: "Péclet number Pe; inf is no Brownian motion",
     range: Range::from_to(0.0, f64::INFINITY),
-    note: "6 pi mu a^3 rate/kT, above 0; inf is no Brownian motion",
+    note: "6 pi mu a^3 rate/kT, under a stress 6 pi a^3 sigma/kT, above 0; inf is no Brownian motion",
 };
 
 /// F_crit a/kT.
@@ -155,5 +155,5 @@ pub(super) static THERMAL_LOAD: Quantity = Quantity {
     unit: "kT/a",
     meaning: "critical load in thermal units; in place of the Péclet number",
     range: Range::from_below(0.0, f64::INFINITY),
-    note: "F_crit a/kT, from which Pe = shear_rate thermal_load; 0 is no Brownian motion",
+    note: "F_crit a/kT, from which Pe = shear_rate thermal_load, under a stress 6 pi shear_stress thermal_load; 0 is no Brownian motion",
 };

@@ -10,6 +10,14 @@
 //! at both stages. Their difference is taken, as those of the first have mean zero: its variance
 //! stays finite as Δt → 0.
 //!
+//! Under an imposed stress σ the strain γ is one more coordinate, and the random stress σ_B one more
+//! random force, with the covariance of the resistance R of all of them:
+//!
+//! ```text
+//! ⟨(F, V σ_B) (F, V σ_B)⟩ = 2 kT R/Δt;   η(x, rate) rate = σ + σ_B at each stage
+//! ```
+//! So γ diffuses by kT/(η V), and its drift follows from the second stage like that of positions.
+//!
 //! Rigid contacts reflect: see `contact_solver::candidates`.
 
 use super::Sample;
@@ -35,6 +43,8 @@ pub(super) struct Brownian {
     drawn: Option<u64>,
     /// Start and length of the step.
     step: [f64; 2],
+    /// Random stress on a flow whose rate is free, in mu·rate.
+    pub(super) stress: f64,
     /// Sums of the stresslets under random forces alone, at the first stage of the step and at its
     /// second.
     stresses: [[f64; 6]; 2],
@@ -51,6 +61,7 @@ impl Brownian {
             thermal_energy: 0.0,
             drawn: None,
             step: [0.0; 2],
+            stress: 0.0,
             stresses: [[0.0; 6]; 2],
             awaits_second: false,
             ahead: 1.0,
@@ -62,7 +73,8 @@ impl Brownian {
     }
 
     /// Draws the forces of a step from its start to start + length, at positions just assembled;
-    /// nothing if they were drawn.
+    /// nothing if they were drawn. `free`: rates of strain of a flow whose rate is free, and the
+    /// volume.
     ///
     /// # Errors
     /// [`Error::NotConverged`].
@@ -71,6 +83,7 @@ impl Brownian {
         number: u64,
         span: [f64; 2],
         thermal_energy: f64,
+        free: Option<(S::Strain, f64)>,
         solver: &mut StageSolver<S>,
     ) -> Result<(), Error> {
         if self.drawn == Some(number) {
@@ -87,7 +100,14 @@ impl Brownian {
             spare: None,
         };
         let scale = (2.0 * self.thermal_energy / span[1]).sqrt();
-        solver.draw_random_forces(scale, || normals.next())
+        let flow = free.as_ref().map(|(strain, _)| strain);
+        let drawn = solver.draw_random_forces(scale, || normals.next(), flow)?;
+        if let Some((_, volume)) = free {
+            // The fluid itself resists the flow by mu in the whole volume.
+            let rest = (drawn.rest + volume).max(0.0).sqrt();
+            self.stress = (drawn.force + scale * rest * normals.next()) / volume;
+        }
+        Ok(())
     }
 
     /// Records the stress of the motion under random forces alone at a solved stage.

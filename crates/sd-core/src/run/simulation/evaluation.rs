@@ -47,6 +47,7 @@ impl<S: Starts> Simulation<S> {
         let quality = match &self.shear_control {
             ShearControl::Rate => self.solve(stage, &cell, centres, SolvePass::First)?,
             ShearControl::Stress { .. } => self.solve_at_stress(stage, &cell, centres)?,
+            ShearControl::Thermal { .. } => self.solve_at_thermal_stress(stage, &cell, centres)?,
         };
         self.count(quality);
         if self.params.macroscopic_friction.is_some() {
@@ -86,6 +87,9 @@ impl<S: Starts> Simulation<S> {
         mut pass: SolvePass,
     ) -> Result<Quality, Error> {
         self.solver.contacts.pressure = self.imposed_pressure();
+        let (primary, shear) = (self.primary_flow(), self.first_shear());
+        let volume = || S::volume(self.content(), self.solver.resistance.radii());
+        let free = self.shear_control.is_thermal().then(volume);
         let (flow, solver, laws) = (self.background.into(), &mut self.solver, &self.laws);
         if laws.act_without_contact() {
             // They are a part of the forces, and a repulsion of the matrix.
@@ -101,11 +105,13 @@ impl<S: Starts> Simulation<S> {
             self.forces.update(hydrodynamics, &instant)?;
             solver.assemble(cell, centres)?;
             let energy = self.params.thermal_energy();
+            let free = free.map(|volume| (primary.strain(), volume));
             if let (Some(brownian), Some(energy), 0) = (&mut self.brownian, energy, stage.number) {
                 brownian.draw(
                     self.steps,
                     [stage.time, self.params.time_step],
                     energy,
+                    free,
                     solver,
                 )?;
             }
@@ -117,6 +123,7 @@ impl<S: Starts> Simulation<S> {
                     time: stage.span,
                     kind: stage.kind,
                     first: &self.first,
+                    shear,
                     dilation: self.dilations.first(),
                     dilates: self.params.pressure,
                 };

@@ -184,7 +184,7 @@ impl<S: Starts> Simulation<S> {
                 let spin = S::rotation(&S::by_sphere(&self.first)[sphere]);
                 S::turned(
                     orientation,
-                    &((spin + self.background.angular_velocity()) * ahead),
+                    &((spin + self.background.angular_velocity() * self.first_shear()) * ahead),
                 )
             } else {
                 *orientation

@@ -11,6 +11,7 @@ use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::{IncidentFlow, VelocityGradient};
 use crate::stress::{ContactCounts, Stress};
+use std::f64::consts::PI;
 
 /// What a step records.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +56,7 @@ impl<S: Starts> Simulation<S> {
     }
 
     /// The flow that viscosities refer to.
-    fn primary_flow(&self) -> VelocityGradient<S> {
+    pub(super) fn primary_flow(&self) -> VelocityGradient<S> {
         VelocityGradient::of_type(self.params.flow, self.params.direction)
     }
 
@@ -64,7 +65,7 @@ impl<S: Starts> Simulation<S> {
         let (content, primary) = (self.content(), self.primary_flow());
         let flow = self.background.into();
         let mut stress = self.stress.stress(&self.solver, &flow, &primary, content);
-        if self.params.at_rest {
+        if self.params.at_rest || self.shear_control.is_thermal() {
             (stress.viscosity, stress.viscosity_stresslet) = (f64::NAN, f64::NAN);
         }
         stress
@@ -134,6 +135,12 @@ impl<S: Starts> Simulation<S> {
             let volume = S::volume(content, self.solver.resistance.radii());
             let strain = self.primary_flow().rate_of_strain();
             brownian.finish(&mut sample, [spheres, volume], strain, S::DIMENSIONS);
+        }
+        if let Some(stress) = self.shear_control.thermal_stress() {
+            let side = self.extent.side * self.params.direction;
+            let travelled = self.extent.travelled[0] - self.before.extent.travelled[0];
+            let rate = travelled / (side * self.params.time_step);
+            sample.shear_rate = 6.0 * PI * stress * rate;
         }
         let arrest = self.arrest_viscosity();
         let counters = &mut self.counters;

@@ -4,16 +4,22 @@
 //! does every force given in units of F_crit. Under an imposed stress F_crit is determined at every
 //! stage, see [`crate::run::balance`]; strain remains the independent variable, and a step takes
 //! the time strain/rate.
+//!
+//! Under a stress imposed on Brownian spheres the rate of an instant may have either sign, so that
+//! time is the independent variable. Its unit is mu/σ, the forces are in units of σ, and the rate of
+//! a stage is that at which the spheres bear the imposed stress and the random one, see
+//! [`super::brownian`].
 
 use super::{SchemeMemory, Simulation, background};
 use crate::contact::laws::{ForceLaw, Laws};
 use crate::contact::{Quality, SolvePass, Status};
 use crate::error::Error;
-use crate::model::{ContactScheme, FrictionOnset, Params, Surface};
+use crate::model::{ContactScheme, FrictionOnset, Hydrodynamics, Params, Surface};
 use crate::run::balance::{Balance, Next};
 use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::cell::Cell;
+use std::cmp::Ordering;
 use std::f64::consts::PI;
 
 /// Initial viscosity of the search for the first load of a run.
@@ -23,6 +29,11 @@ const FIRST_VISCOSITY: f64 = 10.0;
 const MAX_DECISIONS: u32 = 6;
 /// Number of solves of a stage after which it counts as unconverged.
 const MAX_SOLVES: u32 = 60;
+/// Largest excess of the stress of Brownian spheres, over the sum of its parts: what is left is far
+/// below the noise.
+const EXCESS: f64 = 1e-6;
+/// The least derivative of the stress with respect to the rate, that of the fluid alone.
+const LEAST_SLOPE: f64 = 1.0;
 
 /// Control of the shear.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +49,49 @@ pub(super) enum ShearControl {
         /// Whether a stage was solved.
         begun: bool,
     },
+    /// By its stress, of Brownian spheres.
+    Thermal {
+        /// σ*.
+        stress: f64,
+        /// Rate at the stage last solved, in σ/mu.
+        rate: f64,
+        /// Derivative of the stress with respect to it there, in mu.
+        slope: f64,
+    },
+}
+
+/// The search for the rate at which a stage bears a stress that rises with it.
+#[derive(Debug, Default)]
+struct RateSearch {
+    /// Rate and excess of the stress below zero, above zero, and of the last trial.
+    low: Option<f64>,
+    high: Option<f64>,
+    last: Option<[f64; 2]>,
+}
+
+impl RateSearch {
+    /// The next rate after the excess of the stress at one. `slope`: the derivative, if that of the
+    /// trials is none; set to it otherwise.
+    fn after(&mut self, rate: f64, excess: f64, slope: &mut f64) -> f64 {
+        if let Some([before, excess_before]) = self.last {
+            let found = (excess - excess_before) / (rate - before);
+            if found.is_finite() && found >= LEAST_SLOPE {
+                *slope = found;
+            }
+        }
+        self.last = Some([rate, excess]);
+        let end = if excess < 0.0 {
+            &mut self.low
+        } else {
+            &mut self.high
+        };
+        *end = Some(rate);
+        let next = rate - excess / *slope;
+        match (self.low, self.high) {
+            (Some(low), Some(high)) if !(next > low && next < high) => 0.5 * (low + high),
+            _ => next,
+        }
+    }
 }
 
 impl ShearControl {
@@ -46,6 +100,11 @@ impl ShearControl {
     pub(super) fn new(params: &Params, load: Option<f64>) -> Self {
         match params.shear_stress {
             None => Self::Rate,
+            Some(stress) if params.has_free_rate() => Self::Thermal {
+                stress,
+                rate: FIRST_VISCOSITY.recip(),
+                slope: FIRST_VISCOSITY,
+            },
             Some(stress) => Self::Stress {
                 stress,
                 load: load.unwrap_or(FIRST_VISCOSITY / stress),
@@ -69,7 +128,36 @@ impl ShearControl {
         match *self {
             Self::Rate => params.shear_rate,
             Self::Stress { load, .. } => 6.0 * PI / load,
+            Self::Thermal { stress, rate, .. } => 6.0 * PI * stress * rate,
         }
+    }
+
+    /// σ* of Brownian spheres.
+    pub(super) fn thermal_stress(&self) -> Option<f64> {
+        match *self {
+            Self::Thermal { stress, .. } => Some(stress),
+            _ => None,
+        }
+    }
+
+    /// Discards the rate of the stage solved last, so that a run that is resumed here has the same
+    /// bits.
+    pub(super) fn begin_step(&mut self, params: &Params) {
+        if self.is_thermal() {
+            *self = Self::new(params, None);
+        }
+    }
+
+    /// The rate of shear of Brownian spheres under an imposed stress.
+    pub(super) fn thermal_rate(&self) -> Option<f64> {
+        match *self {
+            Self::Thermal { rate, .. } => Some(rate),
+            _ => None,
+        }
+    }
+
+    pub(super) fn is_thermal(&self) -> bool {
+        self.thermal_stress().is_some()
     }
 
     /// The contact laws at that critical load.
@@ -88,6 +176,10 @@ impl ShearControl {
             Self::Rate => params.surface(),
             Self::Stress { load, .. } => Surface {
                 critical_load: load,
+                ..params.surface()
+            },
+            Self::Thermal { stress, .. } => Surface {
+                critical_load: stress.recip(),
                 ..params.surface()
             },
         }
@@ -204,6 +296,73 @@ impl<S: Starts> Simulation<S> {
                 pass = SolvePass::FixedActivation;
                 balance = Balance::new(stress, self.settings.stress_tolerance);
             }
+        }
+        unreachable!("solves are limited")
+    }
+
+    /// Solves a stage of Brownian spheres at the rate at which they bear the imposed stress and the
+    /// random one.
+    pub(super) fn solve_at_thermal_stress(
+        &mut self,
+        stage: Stage,
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+    ) -> Result<Quality, Error> {
+        let ShearControl::Thermal {
+            stress,
+            mut rate,
+            mut slope,
+        } = self.shear_control
+        else {
+            unreachable!("only where the stress is imposed on Brownian spheres");
+        };
+        let mut search = RateSearch::default();
+        let mut pass = SolvePass::First;
+        for count in 1.. {
+            self.shear_control = ShearControl::Thermal {
+                stress,
+                rate,
+                slope,
+            };
+            self.background = self.primary_flow().scaled(rate);
+            if pass != SolvePass::First && !self.laws.act_without_contact() {
+                let flow = self.background.into();
+                self.solver.change_flow(&flow, self.forces.values());
+            }
+            let mut quality = self.solve(stage, cell, centres, pass)?;
+            let components = self.stress_of_stage().components;
+            let random = self.brownian.as_ref().map_or(0.0, |noise| noise.stress);
+            let excess = rate + components.shear.total() - 1.0 - random;
+            let size = 1.0 + random.abs() + rate.abs() + components.shear.hydrodynamic.abs();
+            let tolerance = size
+                * match self.params.hydrodynamics {
+                    Hydrodynamics::StokesianDynamics => self.settings.far_field_residual,
+                    Hydrodynamics::BallMelrose | Hydrodynamics::Lubrication(_) => EXCESS,
+                };
+            let next = search.after(rate, excess, &mut slope);
+            let ends = count >= MAX_SOLVES;
+            if excess.abs() <= tolerance || ends {
+                if ends {
+                    quality.residual = quality.residual.max(excess.abs() / slope);
+                }
+                self.shear_control = ShearControl::Thermal {
+                    stress,
+                    rate,
+                    slope,
+                };
+                self.shears.record(rate);
+                return Ok(quality);
+            }
+            // Not zero, which would leave the rate of the first stage no ratio to it.
+            rate = if next == 0.0 { f64::EPSILON } else { next };
+            pass = match count.cmp(&MAX_DECISIONS) {
+                Ordering::Less => SolvePass::Repeat,
+                Ordering::Equal => {
+                    search = RateSearch::default();
+                    SolvePass::FixedActivation
+                }
+                Ordering::Greater => SolvePass::FixedActivation,
+            };
         }
         unreachable!("solves are limited")
     }

@@ -39,7 +39,7 @@ pub struct Snapshot<S: Space = Layer> {
     #[serde(default = "one")]
     pub height: f64,
     /// Distances along x and z by which the images above have travelled, in a, where the height
-    /// changes.
+    /// changes or the rate of shear is free.
     #[serde(default)]
     pub travelled: [f64; 2],
     /// Viscosity of the last stage, from which the next pressure follows where the ratio of stress
@@ -264,6 +264,10 @@ impl<S: Space> Snapshot<S> {
                 return Cell::periodic(sides, along)?.with_cross_offset(cross);
             }
             let before = params.given_layer().map_or(0.0, |layer| layer.offset);
+            if params.has_free_rate() {
+                let [along, _] = self.travelled;
+                return Cell::equal_sides(self.side, before + along);
+            }
             let offset = before + params.net_strain(self.steps) * self.side;
             let cross = params.cross_strain(self.steps) * self.side;
             return Cell::equal_sides(self.side, offset)?.with_cross_offset(cross);
@@ -377,7 +381,8 @@ impl<S: Starts> Snapshot<S> {
             .iter()
             .all(|x| x.as_ref().iter().all(|x| x.is_finite()))
             && self.far_field.iter().all(|x| x.is_finite())
-            && self.orientations.iter().all(S::is_orientation);
+            && self.orientations.iter().all(S::is_orientation)
+            && self.travelled.iter().all(|x| x.is_finite());
         if !finite {
             return refuse("not all numbers are finite");
         }
@@ -397,7 +402,6 @@ impl<S: Starts> Snapshot<S> {
             && [self.side, self.height]
                 .iter()
                 .all(|x| *x > 0.0 && x.is_finite())
-            && self.travelled.iter().all(|x| x.is_finite())
             && self.viscosity.is_none_or(|x| x > 0.0 && x.is_finite());
         if own != radii || !is_free && self.side.to_bits() != side.to_bits() {
             return refuse("radii or cell inconsistent with the parameters");

@@ -115,6 +115,7 @@ impl<S: Starts> Simulation<S> {
     pub(in crate::run) fn advance(&mut self) -> Result<Sample, Error> {
         self.impose(self.steps);
         self.enter_segment()?;
+        self.shear_control.begin_step(&self.params);
         let (time, dt) = (self.time(), self.params.time_step);
         let mut record = StepRecord::at(time);
         let mut stepper = std::mem::take(&mut self.stepper);

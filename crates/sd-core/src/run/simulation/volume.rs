@@ -15,6 +15,8 @@
 //! Where the ratio of stress and pressure is imposed, the pressure of a step is that of the stress
 //! at the last stage of the step before. So the mean of the pressure is exactly in that ratio to
 //! the mean of the stress, and a step costs no more than under a given pressure.
+//!
+//! Under a stress imposed on Brownian spheres the rate of shear of the stages adds up likewise.
 
 use super::Simulation;
 use crate::contact::ImposedPressure;
@@ -36,7 +38,7 @@ pub(crate) struct Extent {
     /// Height along the gradient over the side.
     pub(crate) height: f64,
     /// Distances along x and z by which the images above have travelled at the time `since`, not
-    /// wrapped, where the height changes.
+    /// wrapped, where the height changes or the rate of shear is free.
     pub(crate) travelled: [f64; 2],
     pub(crate) since: f64,
     /// Viscosity of the last stage of the step before, where the ratio of stress and pressure is
@@ -61,14 +63,15 @@ const RISE: f64 = 0.2;
 /// [`JAM_STRAIN`](super::JAM_STRAIN) ends as arrested.
 pub const ARREST_NUMBER: f64 = 1e-4;
 
-/// The dilation in the stages of a step, or of a part of one.
+/// A rate that the stages of a step determine, or of a part of one: of dilation or of shear.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Dilations {
+pub(super) struct StageRates {
     /// Time at its start.
     start: f64,
-    /// Rates of dilation.
+    /// The rates.
     rates: [f64; 4],
-    /// Growth of the cell's sides since the start, less 1, at the stages that were solved.
+    /// What they have gained since the start, at the stages that were solved: growth of the cell's
+    /// sides, less 1, or strain.
     gains: [f64; 4],
     stages: usize,
     /// That at the present stage.
@@ -106,7 +109,27 @@ impl Growth {
     }
 }
 
-impl Dilations {
+impl StageRates {
+    /// Begins a stage, to which the rate of the stage before, divided by `dimensions`, has led.
+    fn begin(&mut self, stage: &Stage, dimensions: f64) {
+        if stage.number == 0 {
+            *self = Self {
+                start: stage.time,
+                ..Self::default()
+            };
+        } else {
+            let last = self.rates[self.stages - 1];
+            self.gain = last * (stage.time - self.start) / dimensions;
+        }
+    }
+
+    /// Records the rate of the stage.
+    pub(super) fn record(&mut self, rate: f64) {
+        self.rates[self.stages % 4] = rate;
+        self.gains[self.stages % 4] = self.gain;
+        self.stages += 1;
+    }
+
     /// Growth of the cell's sides since the start of the step, at the stage solved last.
     pub(super) fn growth(&self) -> f64 {
         1.0 + self.gain
@@ -165,21 +188,15 @@ impl<S: Starts> Simulation<S> {
 
     /// Begins a stage: returns the growth of the cell since the start of the step, if it can grow.
     pub(super) fn begin_dilation(&mut self, stage: &Stage) -> Option<f64> {
+        if self.shear_control.is_thermal() {
+            self.shears.begin(stage, 1.0);
+        }
         if !self.params.imposes_pressure() {
             return None;
         }
         let dimensions = self.dilating();
-        let dilations = &mut self.dilations;
-        if stage.number == 0 {
-            *dilations = Dilations {
-                start: stage.time,
-                ..Dilations::default()
-            };
-        } else {
-            let last = dilations.rates[dilations.stages - 1];
-            dilations.gain = last * (stage.time - dilations.start) / dimensions;
-        }
-        Some(dilations.growth())
+        self.dilations.begin(stage, dimensions);
+        Some(self.dilations.growth())
     }
 
     /// The pressure that is imposed on the present stage, if one is.
@@ -202,11 +219,8 @@ impl<S: Starts> Simulation<S> {
             return;
         }
         let (kind, dimensions) = (self.params.pressure, self.dilating());
-        let dilations = &mut self.dilations;
-        dilations.rates[dilations.stages % 4] = self.solver.contacts.dilation;
-        dilations.gains[dilations.stages % 4] = dilations.gain;
-        dilations.stages += 1;
-        let shrunk = dilations.growth().recip();
+        self.dilations.record(self.solver.contacts.dilation);
+        let shrunk = self.dilations.growth().recip();
         let carried = self.solver.contacts.dilation / dimensions;
         let grows = |k: usize| kind == PressureKind::Isotropic || k == 1;
         let spheres = S::by_sphere_mut(velocities).iter_mut();
@@ -222,10 +236,15 @@ impl<S: Starts> Simulation<S> {
     /// Grows cell and positions by the step, or the part of one, that was made.
     pub(super) fn end_growth(&mut self, rule: Growth, dt: f64, centres: &mut [S::Vector]) {
         let dilations = std::mem::take(&mut self.dilations);
+        let shears = std::mem::take(&mut self.shears);
+        if self.shear_control.is_thermal() {
+            let strain = rule.mean(shears.rates, shears.stages) * dt;
+            self.extent.travelled[0] += self.params.direction * strain * self.extent.side;
+        }
         if !self.params.imposes_pressure() {
             return;
         }
-        let Dilations {
+        let StageRates {
             start,
             rates,
             gains,
@@ -282,6 +301,11 @@ impl<S: Starts> Simulation<S> {
             return self.travelled_from(self.extent.since, strain, lifted);
         }
         let side = self.extent.side;
+        if self.shear_control.is_thermal() {
+            let [along, cross] = self.extent.travelled;
+            let gained = self.params.direction * self.shears.gain * side;
+            return [self.offset + along + gained, cross];
+        }
         let net = self.imposed.net_strain(strain, self.params.time_step);
         let travelled = net * side;
         [
@@ -290,10 +314,26 @@ impl<S: Starts> Simulation<S> {
         ]
     }
 
+    /// Rate of the flow at the first stage of the step over that at the present one.
+    pub(super) fn first_shear(&self) -> f64 {
+        match self.shear_control.thermal_rate() {
+            Some(rate) if self.shears.stages > 0 => self.shears.rates[0] / rate,
+            _ => 1.0,
+        }
+    }
+
+    /// Net strain of the shear, where its rate is free.
+    pub(super) fn free_strain(&self) -> Option<f64> {
+        let side = self.extent.side * self.params.direction;
+        let is_free = self.shear_control.is_thermal();
+        is_free.then(|| self.extent.travelled[0] / side)
+    }
+
     /// Restores the size of the cell before a step or a part of one that is not made.
     pub(super) fn restore_extent(&mut self, extent: Extent) {
         self.extent = extent;
-        self.dilations = Dilations::default();
+        self.dilations = StageRates::default();
+        self.shears = StageRates::default();
     }
 
     /// Side of the square or cubic cell, or of one with the content of the cell, in a.

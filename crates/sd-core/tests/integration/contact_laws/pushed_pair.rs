@@ -106,6 +106,7 @@ fn pushed_in_turn(
                     time: span,
                     kind,
                     first: &first,
+                    shear: 1.0,
                     dilation: 0.0,
                     dilates: PressureKind::Isotropic,
                 };
