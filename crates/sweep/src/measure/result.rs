@@ -32,6 +32,7 @@ impl<'p> RunData<'p> {
             order: [Vec::new(), Vec::new()],
             displacements: [Slope::default(); 2],
             means: vec![Mean::default(); columns(Level::Runs).count()],
+            last: None,
             free_viscosity: None,
             viscosity: None,
             viscosity_stresslet: None,
@@ -52,10 +53,11 @@ impl<'p> RunData<'p> {
     /// Adds a sample.
     pub(crate) fn add(&mut self, step: u64, sample: &Sample) {
         self.final_fraction = sample.fraction;
+        let before = self.last.replace((step, sample.strain));
         if step < self.discard_step {
             return;
         }
-        let [whole, of_stresslets] = self.viscosities_of(sample);
+        let [whole, of_stresslets] = self.viscosities_of(step, sample, before);
         self.viscosities.push(whole);
         self.stresslet_viscosities.push(of_stresslets);
         self.contacts += u64::from(sample.contacts);
@@ -63,9 +65,14 @@ impl<'p> RunData<'p> {
         self.sticking += u64::from(sample.sticking);
         self.approach += -sample.normal_velocity * f64::from(sample.contacts);
         if let Some(structure) = &sample.structure {
+            let time = if self.params.has_free_rate() {
+                self.strain(step)
+            } else {
+                sample.strain
+            };
             let [along_y, along_z] = &mut self.displacements;
-            along_y.add(sample.strain, structure.displacement_yy);
-            along_z.add(sample.strain, structure.displacement_zz);
+            along_y.add(time, structure.displacement_yy);
+            along_z.add(time, structure.displacement_zz);
             let [layering, bonds] = &mut self.order;
             layering.push(structure.layering);
             // One of them is of layers, and the other of suspensions.
@@ -79,16 +86,21 @@ impl<'p> RunData<'p> {
         }
     }
 
-    /// The viscosities of a sample, or where the rate is free the rate in σ/μ and what of the
-    /// stress is no contact stress, in σ.
-    fn viscosities_of(&self, sample: &Sample) -> [f64; 2] {
-        match self.params.shear_stress {
-            Some(stress) if self.params.has_free_rate() => {
-                let rate = sample.shear_rate / (6.0 * PI * stress);
-                [rate, rate + sample.stress.shear.hydrodynamic]
-            }
-            _ => [sample.viscosity, sample.viscosity_stresslet],
-        }
+    /// The viscosities of a sample, or where the rate is free the rate since the sample before, in
+    /// σ/μ, and with it the stress of the stresslets, in σ.
+    fn viscosities_of(&self, step: u64, sample: &Sample, before: Option<(u64, f64)>) -> [f64; 2] {
+        let Some(stress) = self
+            .params
+            .shear_stress
+            .filter(|_| self.params.has_free_rate())
+        else {
+            return [sample.viscosity, sample.viscosity_stresslet];
+        };
+        let rate = match before {
+            Some((first, strain)) => (sample.strain - strain) / self.strain(step - first),
+            None => sample.shear_rate / (6.0 * PI * stress),
+        };
+        [rate, rate + sample.stress.shear.hydrodynamic]
     }
 
     /// The mean in time of a number over the samples that have it.

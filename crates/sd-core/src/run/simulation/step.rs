@@ -117,7 +117,7 @@ impl<S: Starts> Simulation<S> {
         self.enter_segment()?;
         self.shear_control.begin_step(&self.params);
         let (time, dt) = (self.time(), self.params.time_step);
-        let mut record = StepRecord::at(time);
+        let mut record = StepRecord::at(self.free_strain().unwrap_or(time));
         let mut stepper = std::mem::take(&mut self.stepper);
         let mut state = std::mem::take(&mut self.state);
         let result = match &mut stepper {
