@@ -105,8 +105,8 @@ impl<'p> RunData<'p> {
 
     /// The mean in time of a number over the samples that have it.
     ///
-    /// Where the rate is free stresses of samples are in σ, and those of the run in μ times its mean
-    /// rate, as all stresses are.
+    /// Where the rate is free stresses of samples are in σ, and those of the run in μ times its
+    /// mean rate, as all stresses are.
     pub(super) fn mean(&self, name: &str) -> Option<f64> {
         let mean = self.means.get(place_of(name)?)?;
         let unit = match (self.free_viscosity, Number::named(name)?.unit) {

@@ -111,8 +111,8 @@ impl RunData<'_> {
     /// ```text
     /// η = σ/(μ ṙ),   η_k = η (2 − rate_k/ṙ)
     /// ```
-    /// So the mean of all η_k is η, and those of long parts are their viscosities but for squares of
-    /// the deviations.
+    /// So the mean of all η_k is η, and those of long parts are their viscosities but for squares
+    /// of the deviations.
     fn finish_free(&mut self) {
         let rate = mean(&self.viscosities).unwrap_or(f64::NAN);
         let viscosity = if rate > 0.0 { rate.recip() } else { f64::NAN };

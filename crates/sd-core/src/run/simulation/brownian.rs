@@ -10,8 +10,8 @@
 //! at both stages. Their difference is taken, as those of the first have mean zero: its variance
 //! stays finite as Δt → 0.
 //!
-//! Under an imposed stress σ the strain γ is one more coordinate, and the random stress σ_B one more
-//! random force, with the covariance of the resistance R of all of them:
+//! Under an imposed stress σ the strain γ is one more coordinate, and the random stress σ_B one
+//! more random force, with the covariance of the resistance R of all of them:
 //!
 //! ```text
 //! ⟨(F, V σ_B) (F, V σ_B)⟩ = 2 kT R/Δt;   η(x, rate) rate = σ + σ_B at each stage

@@ -6,8 +6,8 @@
 //! the time strain/rate.
 //!
 //! Under a stress imposed on Brownian spheres the rate of an instant may have either sign, so that
-//! time is the independent variable. Its unit is mu/σ, the forces are in units of σ, and the rate of
-//! a stage is that at which the spheres bear the imposed stress and the random one, see
+//! time is the independent variable. Its unit is mu/σ, the forces are in units of σ, and the rate
+//! of a stage is that at which the spheres bear the imposed stress and the random one, see
 //! [`super::brownian`].
 
 use super::{SchemeMemory, Simulation, background};
