@@ -14,7 +14,7 @@ use crate::hydrodynamics::far_field::far_operator::FarOperator;
 use crate::hydrodynamics::far_field::pressure::far_pressure_moment;
 use crate::hydrodynamics::iterative::IterativeFarField;
 use crate::hydrodynamics::iterative::fixed_point::{FixedPointMap, Progress};
-use crate::hydrodynamics::resistance::{Fluid, RandomStress, Resistance};
+use crate::hydrodynamics::resistance::{Fluid, PressureWork, RandomStress, Resistance};
 use crate::procedure::{ContactList, ProcedureInput, ProcedureSolver};
 use crate::space::cell::Cell;
 use crate::space::pair::Neighbours;
@@ -213,16 +213,24 @@ impl<S: Fluid> StageSolver<S> {
     /// ```
     /// since a pressure field whose mean over the cell is zero has the mean −Π over the fluid times
     /// 1 − φ; m, the virial of the near forces, is the mean over the cell of a pair's own field.
-    pub(crate) fn hydrodynamic_pressure(&self, strains: Strains<'_, S>) -> f64 {
+    pub(crate) fn hydrodynamic_pressure(
+        &self,
+        strains: Strains<'_, S>,
+        work: &mut PressureWork<S>,
+    ) -> f64 {
         let (resistance, velocities) = (&self.resistance, &self.velocities);
         let [mut moment, of_forces] = resistance.pressure_moments(velocities, strains);
-        let far = match &self.far {
-            Some(far) => Some(far.force_modes(velocities, strains)),
-            None => resistance.far_modes(velocities, strains),
+        let has_far_field = match &self.far {
+            Some(far) => {
+                far.force_modes(velocities, strains, work);
+                true
+            }
+            None => resistance.far_modes(velocities, strains, work),
         };
         let radii = resistance.radii();
-        if let Some(modes) = far {
-            moment += far_pressure_moment(&self.cell, &self.centres, radii, &modes);
+        if has_far_field {
+            let (modes, sources) = (S::all_modes(&work.modes), &mut work.sources);
+            moment += far_pressure_moment(&self.cell, &self.centres, radii, modes, sources);
         }
         if let (3, Some(volume)) = (S::DIMENSIONS, self.cell.content()) {
             let spheres: f64 = radii.iter().map(|a| 4.0 / 3.0 * PI * a.powi(3)).sum();

@@ -24,7 +24,7 @@
 //! motion.
 
 use crate::contact::{Contact, ContactState};
-use crate::hydrodynamics::resistance::Fluid;
+use crate::hydrodynamics::resistance::{Fluid, PressureWork};
 use crate::space::{IncidentFlow, Layer, Space, VelocityGradient};
 use crate::stage::StageSolver;
 use serde::{Deserialize, Serialize};
@@ -122,7 +122,7 @@ pub struct Stress {
 
 /// Workspace for stresslets and their forces.
 #[derive(Default, Debug)]
-pub struct StressWork<S: Space = Layer> {
+pub struct StressWork<S: Fluid = Layer> {
     /// Stresslet components of each sphere.
     pub stresslets: Vec<S::Strain>,
     /// Hydrodynamic counterforces `R_FU v − R_FE e`.
@@ -130,6 +130,7 @@ pub struct StressWork<S: Space = Layer> {
     far: Vec<f64>,
     /// Stresslets of the motion under random forces.
     random: Vec<S::Strain>,
+    pub(crate) pressure: PressureWork<S>,
 }
 
 impl<S: Fluid> StressWork<S> {

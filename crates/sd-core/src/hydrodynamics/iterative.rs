@@ -27,7 +27,9 @@ mod uniform;
 
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::FarOperator;
-use crate::hydrodynamics::resistance::{Fluid, Resistance, isolated, modes_in_strain};
+use crate::hydrodynamics::resistance::{
+    Fluid, PressureWork, Resistance, isolated, modes_in_strain,
+};
 use crate::space::cell::Cell;
 use crate::space::{FixedArray as _, Layer, Strains};
 use local::LocalResistance;
@@ -139,23 +141,25 @@ impl<S: Fluid> IterativeFarField<S> {
         Self::add_delta(&self.delta, forces, stresslets);
     }
 
-    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, at the
-    /// velocities of the last solve.
+    /// Sets the forces, torques and stresslets that the spheres exert on the fluid in the far
+    /// field, at the velocities of the last solve.
     pub(crate) fn force_modes(
         &self,
         velocities: &[f64],
         strains: Strains<'_, S>,
-    ) -> Vec<S::PerAnyMode<f64>> {
-        let motion = S::by_sphere(velocities).iter().enumerate();
-        let motion: Vec<_> = motion
-            .map(|(sphere, v)| modes_in_strain::<S>(v, strains.at(sphere)))
-            .collect();
-        let mut modes = vec![0.0; self.delta.len()];
-        self.local.apply(S::PerAnyMode::flat(&motion), &mut modes);
-        for (mode, delta) in modes.iter_mut().zip(&self.delta) {
+        work: &mut PressureWork<S>,
+    ) {
+        work.motion.clear();
+        for (sphere, v) in S::by_sphere(velocities).iter().enumerate() {
+            let motion = modes_in_strain::<S>(v, strains.at(sphere));
+            work.motion.extend_from_slice(motion.as_ref());
+        }
+        work.modes.clear();
+        work.modes.resize(work.motion.len(), 0.0);
+        self.local.apply(&work.motion, &mut work.modes);
+        for (mode, delta) in work.modes.iter_mut().zip(&self.delta) {
             *mode += delta;
         }
-        S::all_modes(&modes).to_vec()
     }
 
     fn add_delta(delta: &[f64], forces: &mut [f64], stresslets: &mut [S::Strain]) {

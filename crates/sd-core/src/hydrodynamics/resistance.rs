@@ -35,6 +35,7 @@ mod reach;
 mod tables;
 
 use crate::error::Error;
+use crate::hydrodynamics::far_field::pressure::Source;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::linalg::cholesky::dense::DenseCholesky;
@@ -64,6 +65,33 @@ enum Form<S: Fluid> {
     Dense(Box<DenseResistance<S>>),
     /// Ball-Melrose or lubrication, pair by pair.
     Pairwise(Box<PairwiseResistance<S>>),
+}
+
+/// Workspace of the pressure of the far field.
+#[derive(Debug)]
+pub(crate) struct PressureWork<S: Fluid> {
+    /// Forces, torques and stresslets that the spheres exert on the fluid, all modes sphere by
+    /// sphere.
+    pub(crate) modes: Vec<f64>,
+    pub(crate) sources: Vec<Source<S>>,
+    /// Motion `(v, −e)` of each sphere.
+    pub(crate) motion: Vec<f64>,
+    far: Vec<f64>,
+    forces: Vec<f64>,
+    stresslets: Vec<S::Strain>,
+}
+
+impl<S: Fluid> Default for PressureWork<S> {
+    fn default() -> Self {
+        Self {
+            modes: Vec::new(),
+            sources: Vec::new(),
+            motion: Vec::new(),
+            far: Vec::new(),
+            forces: Vec::new(),
+            stresslets: Vec::new(),
+        }
+    }
 }
 
 /// Grand resistance at one set of positions, with its workspace.
@@ -416,16 +444,17 @@ impl<S: Fluid> Resistance<S> {
         pair_terms::add_background_forces(self.neighbours.pairs(), &self.terms, strains, forces);
     }
 
-    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if it
-    /// is in full matrices.
+    /// Sets the forces, torques and stresslets that the spheres exert on the fluid in the far
+    /// field, if it is in full matrices; returns whether.
     pub(crate) fn far_modes(
         &self,
         velocities: &[f64],
         strains: Strains<'_, S>,
-    ) -> Option<Vec<S::PerAnyMode<f64>>> {
+        work: &mut PressureWork<S>,
+    ) -> bool {
         match &self.form {
-            Form::Dense(dense) => dense.far_modes(velocities, strains),
-            Form::Pairwise(_) => None,
+            Form::Dense(dense) => dense.far_modes(velocities, strains, work),
+            Form::Pairwise(_) => false,
         }
     }
 

@@ -327,10 +327,11 @@ pub(super) fn solve_with<S: Fluid>(
         work.update(&stage, background);
         None
     };
+    let pressure_moment = stage.hydrodynamic_pressure(background.strains(), &mut work.pressure);
     Ok(SolvedConfiguration {
         disturbances: S::by_sphere(stage.velocities()).to_vec(),
         stresslets: work.stresslets,
-        pressure_moment: stage.hydrodynamic_pressure(background.strains()),
+        pressure_moment,
         stress,
         contacts,
         repulsive: stage.distant.repulsive.clone(),

@@ -19,7 +19,8 @@ use std::f64::consts::PI;
 const RANGE: f64 = 3.6;
 
 /// Force and stresslet of a sphere.
-struct Source<S: Space> {
+#[derive(Debug)]
+pub(crate) struct Source<S: Space> {
     force: S::Vector,
     /// xx, yy, zz, xy, xz, yz.
     stresslet: [f64; 6],
@@ -58,19 +59,22 @@ impl<S: Space> Source<S> {
 /// `Σ 4π a³ p'` over all spheres, p' the pressure that the others make at the centre, in
 /// mu·a³·rate.
 ///
-/// `modes`: forces, torques and stresslets that the spheres exert on the fluid.
+/// `modes`: forces, torques and stresslets that the spheres exert on the fluid; `sources`: scratch.
 pub(crate) fn far_pressure_moment<S: FarSpace>(
     cell: &Cell<S>,
     centres: &[S::Vector],
     radii: &[f64],
     modes: &[S::PerAnyMode<f64>],
+    sources: &mut Vec<Source<S>>,
 ) -> f64 {
+    sources.clear();
+    sources.extend(modes.iter().map(Source::new));
     let lattice = cell.lattice();
     let alpha = lattice.map(|lattice| {
         let power = 0.5 / S::DIMENSIONS as f64;
         PI.sqrt() * (centres.len() as f64 / lattice.content().powi(2)).powf(power)
     });
-    moment_with_splitting(lattice.zip(alpha), centres, radii, modes)
+    moment_with_splitting(lattice.zip(alpha), centres, radii, sources)
 }
 
 /// As [`far_pressure_moment`] with a given splitting parameter in a lattice.
@@ -78,18 +82,17 @@ fn moment_with_splitting<S: FarSpace>(
     periodic: Option<(&Lattice<S>, f64)>,
     centres: &[S::Vector],
     radii: &[f64],
-    modes: &[S::PerAnyMode<f64>],
+    sources: &[Source<S>],
 ) -> f64 {
-    let sources: Vec<_> = modes.iter().map(Source::<S>::new).collect();
-    let weights: Vec<_> = radii.iter().map(|a| a.powi(3)).collect();
+    let weight = |sphere: usize| radii[sphere].powi(3);
     let Some((lattice, alpha)) = periodic else {
         let mut sum = 0.0;
         for (i, j) in (0..centres.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let x = centres[i] - centres[j];
             let r = S::norm_squared(&x).sqrt();
             let derivatives = [-r.powi(-3), 3.0 * r.powi(-5)];
-            sum += weights[i] * sources[j].pressure(&x, derivatives)
-                + weights[j] * sources[i].pressure(&-x, derivatives);
+            sum += weight(i) * sources[j].pressure(&x, derivatives)
+                + weight(j) * sources[i].pressure(&-x, derivatives);
         }
         return sum;
     };
@@ -101,14 +104,14 @@ fn moment_with_splitting<S: FarSpace>(
                     continue;
                 }
                 let derivatives = short_ranged(S::norm_squared(&x), alpha);
-                sum += weights[i] * sources[j].pressure(&x, derivatives);
+                sum += weight(i) * sources[j].pressure(&x, derivatives);
                 if i != j {
-                    sum += weights[j] * sources[i].pressure(&-x, derivatives);
+                    sum += weight(j) * sources[i].pressure(&-x, derivatives);
                 }
             }
         }
     }
-    sum + long_ranged_moment(lattice, alpha, centres, &sources, &weights)
+    sum + long_ranged_moment(lattice, alpha, centres, sources, radii)
 }
 
 /// `[φ'/r, (φ'' − φ'/r)/r²]` of erfc(αr)/r at r².
@@ -128,7 +131,7 @@ fn long_ranged_moment<S: FarSpace>(
     alpha: f64,
     centres: &[S::Vector],
     sources: &[Source<S>],
-    weights: &[f64],
+    radii: &[f64],
 ) -> f64 {
     let is_layer = S::DIMENSIONS < 3;
     let across = |k: f64| {
@@ -140,7 +143,8 @@ fn long_ranged_moment<S: FarSpace>(
         }
     };
     let zz: f64 = sources.iter().map(|source| source.stresslet[2]).sum();
-    let mut sum = weights.iter().sum::<f64>() * zz * across(0.0);
+    let weights = radii.iter().map(|a| a.powi(3));
+    let mut sum = weights.clone().sum::<f64>() * zz * across(0.0);
     let largest = 2.0 * RANGE * alpha;
     #[expect(
         clippy::cast_possible_truncation,
@@ -171,7 +175,7 @@ fn long_ranged_moment<S: FarSpace>(
                 let across = across(length);
                 // Σ w e^(ik·x) and Σ p^ e^(−ik·x).
                 let (mut w, mut p) = ([0.0; 2], [0.0; 2]);
-                for ((x, source), weight) in centres.iter().zip(sources).zip(weights) {
+                for ((x, source), weight) in centres.iter().zip(sources).zip(weights.clone()) {
                     let (sin, cos) = libm::sincos(S::dot(&k, x));
                     let even = across * source.stresslet[2] - whole * source.along(&k);
                     let odd = whole * S::dot(&source.force, &k);
@@ -213,6 +217,19 @@ mod tests {
         all
     }
 
+    fn sources<S: Space>(modes: &[S::PerAnyMode<f64>]) -> Vec<Source<S>> {
+        modes.iter().map(Source::new).collect()
+    }
+
+    fn whole_moment<S: FarSpace>(
+        cell: &Cell<S>,
+        centres: &[S::Vector],
+        radii: &[f64],
+        modes: &[S::PerAnyMode<f64>],
+    ) -> f64 {
+        far_pressure_moment(cell, centres, radii, modes, &mut Vec::new())
+    }
+
     const RADII: [f64; 4] = [1.0, 0.7, 1.2, 0.9];
 
     fn layer() -> (Cell<Layer>, Vec<Vector2<f64>>) {
@@ -236,14 +253,16 @@ mod tests {
     fn the_sum_does_not_depend_on_its_splitting() {
         let (cell, centres) = layer();
         let (lattice, forces) = (cell.lattice().unwrap(), modes::<Layer>(4));
-        let sums = [0.3, 0.5, 0.8]
-            .map(|alpha| moment_with_splitting(Some((lattice, alpha)), &centres, &RADII, &forces));
+        let sums = [0.3, 0.5, 0.8].map(|alpha| {
+            moment_with_splitting(Some((lattice, alpha)), &centres, &RADII, &sources(&forces))
+        });
         assert!((sums[0] - sums[1]).abs() < 3e-6, "{sums:?}");
         assert!((sums[2] - sums[1]).abs() < 3e-6, "{sums:?}");
         let (cell, centres) = suspension();
         let (lattice, forces) = (cell.lattice().unwrap(), modes::<Bulk>(4));
-        let sums = [0.3, 0.5, 0.8]
-            .map(|alpha| moment_with_splitting(Some((lattice, alpha)), &centres, &RADII, &forces));
+        let sums = [0.3, 0.5, 0.8].map(|alpha| {
+            moment_with_splitting(Some((lattice, alpha)), &centres, &RADII, &sources(&forces))
+        });
         assert!((sums[0] - sums[1]).abs() < 3e-6, "{sums:?}");
         assert!((sums[2] - sums[1]).abs() < 3e-6, "{sums:?}");
     }
@@ -262,7 +281,7 @@ mod tests {
             }
         }
         let volume = lattice.content();
-        let whole = far_pressure_moment(&cell, &centres, &RADII, &forces);
+        let whole = whole_moment(&cell, &centres, &RADII, &forces);
         // A sphere more that only feels the pressure.
         forces.push([0.0; 11]);
         centres.push(Vector3::zeros());
@@ -284,7 +303,7 @@ mod tests {
             count += 1;
             if share > 0.0 {
                 centres[4] = x;
-                let moment = far_pressure_moment(&cell, &centres, &only, &forces);
+                let moment = whole_moment(&cell, &centres, &only, &forces);
                 sum += share * moment / (4.0 * PI);
             }
         }
@@ -305,10 +324,10 @@ mod tests {
         }
         let centres = [Vector3::zeros(), x];
         let spheres = radii.map(|a| 4.0 / 3.0 * PI * f64::powi(a, 3));
-        let alone = far_pressure_moment(&Cell::<Bulk>::Unbounded, &centres, &radii, &modes);
+        let alone = whole_moment(&Cell::<Bulk>::Unbounded, &centres, &radii, &modes);
         for side in [20.0, 40.0] {
             let cell = Cell::<Bulk>::equal_sides(side, 0.0).unwrap();
-            let found = far_pressure_moment(&cell, &centres, &radii, &modes);
+            let found = whole_moment(&cell, &centres, &radii, &modes);
             let fraction = (spheres[0] + spheres[1]) / side.powi(3);
             let expected = alone - fraction * push.dot(&x);
             // Images add the fifth power of the distance over the side.
@@ -325,11 +344,11 @@ mod tests {
     fn in_a_layer_it_is_the_sum_over_all_images() {
         let (cell, centres) = layer();
         let (lattice, forces) = (cell.lattice().unwrap(), modes::<Layer>(4));
-        let found = far_pressure_moment(&cell, &centres, &RADII, &forces);
+        let found = whole_moment(&cell, &centres, &RADII, &forces);
         // Sums over circles of images, whose remainders fall off as 1/R.
         let direct = |reach: f64| {
             let mut sum = 0.0;
-            let sources: Vec<_> = forces.iter().map(Source::<Layer>::new).collect();
+            let sources = sources::<Layer>(&forces);
             for (i, centre) in centres.iter().enumerate() {
                 for (j, source) in sources.iter().enumerate() {
                     for x in images(centre - centres[j], lattice, reach) {

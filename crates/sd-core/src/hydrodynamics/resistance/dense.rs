@@ -1,6 +1,7 @@
 //! `R_FU` as a full matrix with its factor; under Stokesian Dynamics, with the far field of all
 //! spheres in it.
 
+use super::PressureWork;
 use super::fluid::{FarMatrix, Fluid, modes_in_strain};
 use super::isolated::isolated;
 use super::pair_terms;
@@ -98,19 +99,29 @@ impl<S: Fluid> DenseResistance<S> {
         forces.copy_from_slice(&self.vector[first..]);
     }
 
-    /// Forces, torques and stresslets that the spheres exert on the fluid in the far field, if
-    /// there is one.
+    /// Sets the forces, torques and stresslets that the spheres exert on the fluid in the far
+    /// field, if there is one; returns whether.
     pub(super) fn far_modes(
         &self,
         velocities: &[f64],
         strains: Strains<'_, S>,
-    ) -> Option<Vec<S::PerAnyMode<f64>>> {
-        self.far.as_ref()?;
-        let (mut work, mut forces, mut stresslets) = (Vec::new(), Vec::new(), Vec::new());
-        self.apply(velocities, strains, &mut work, &mut forces, &mut stresslets);
-        let spheres = S::by_sphere(&forces).iter().zip(&stresslets);
+        work: &mut PressureWork<S>,
+    ) -> bool {
+        if self.far.is_none() {
+            return false;
+        }
+        let (forces, stresslets) = (&mut work.forces, &mut work.stresslets);
+        forces.clear();
+        stresslets.clear();
+        self.apply(velocities, strains, &mut work.far, forces, stresslets);
+        let spheres = S::by_sphere(forces).iter().zip(stresslets);
+        work.modes.clear();
         // As modes `(v, −e)`, here of the force and the stresslet.
-        Some(spheres.map(|(f, s)| modes_in_strain::<S>(f, s)).collect())
+        for (f, s) in spheres {
+            let modes = modes_in_strain::<S>(f, s);
+            work.modes.extend_from_slice(modes.as_ref());
+        }
+        true
     }
 
     /// Appends the far field's counterforces and stresslets to empty vectors; `work` is scratch.

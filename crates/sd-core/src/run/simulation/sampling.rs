@@ -101,7 +101,8 @@ impl<S: Starts> Simulation<S> {
         }
         let pressure = self.brownian.is_none().then(|| {
             let flow = IncidentFlow::from(self.background);
-            self.solver.hydrodynamic_pressure(flow.strains()) / stress.volume
+            let work = &mut self.stress.pressure;
+            self.solver.hydrodynamic_pressure(flow.strains(), work) / stress.volume
         });
         let counts = ContactCounts::of(&self.solver.contacts.list);
         record.sample = Some(Sample {
