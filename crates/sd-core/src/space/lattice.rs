@@ -26,6 +26,24 @@ use std::f64::consts::PI;
 /// dependent.
 const INDEPENDENCE: f64 = 1e-9;
 
+/// Numbers of lattice vectors to the neighbouring cells, one of each opposite pair; the first four
+/// are those in a layer.
+const NEIGHBOURS: [[i32; 3]; 13] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [1, 1, 0],
+    [1, -1, 0],
+    [0, 0, 1],
+    [1, 0, 1],
+    [-1, 0, 1],
+    [0, 1, 1],
+    [0, -1, 1],
+    [1, 1, 1],
+    [1, -1, 1],
+    [-1, 1, 1],
+    [-1, -1, 1],
+];
+
 /// The vectors of a periodic lattice, right-handed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice<S: Space = Layer> {
@@ -48,6 +66,8 @@ pub struct Lattice<S: Space = Layer> {
     reach: f64,
     /// Whether it is a sheared cell, whose nearest images are those within half the sides.
     is_sheared_cell: bool,
+    /// The reduced vectors summed by [`NEIGHBOURS`], and their squares; none in a sheared cell.
+    neighbours: [(S::Vector, f64); NEIGHBOURS.len()],
 }
 
 impl<S: Space> Lattice<S> {
@@ -122,6 +142,7 @@ impl<S: Space> Lattice<S> {
             tilt: 0.0,
             reach: f64::INFINITY,
             is_sheared_cell: true,
+            neighbours: [(S::Vector::default(), f64::INFINITY); NEIGHBOURS.len()],
         };
         for k in 0..S::DIMENSIONS {
             cell.lengths[k] = sides[k];
@@ -167,6 +188,10 @@ impl<S: Space> Lattice<S> {
             tilt: S::dot(&c, &frame[0]),
             reach: 0.5 * shortest.fold(f64::INFINITY, f64::min),
             is_sheared_cell: false,
+            neighbours: NEIGHBOURS.map(|numbers| {
+                let vector = combination::<S>(&vectors, numbers);
+                (vector, S::norm_squared(&vector))
+            }),
         }
     }
 
@@ -329,21 +354,33 @@ impl<S: Space> Lattice<S> {
     /// The nearest image, by steps to closer ones, counted in the vectors given. Of a reduced
     /// basis, the vectors to the faces of the Voronoi cell have the coefficients −1, 0, 1.
     fn descend(&self, (mut vector, mut image): (S::Vector, S::Image)) -> (S::Vector, S::Image) {
-        while S::norm_squared(&vector) >= self.reach * self.reach {
-            let mut best = (S::norm_squared(&vector), [0; 3]);
-            for step in neighbouring_cells::<S>() {
-                let square = S::norm_squared(&(vector + combination::<S>(&self.vectors, step)));
-                // A margin, so that rounding cannot lead around a circle.
-                if square < best.0 * (1.0 - 1e-14) {
-                    best = (square, step);
+        let count = if S::DIMENSIONS < 3 {
+            4
+        } else {
+            NEIGHBOURS.len()
+        };
+        let mut square = S::norm_squared(&vector);
+        while square >= self.reach * self.reach {
+            // |v ± x|² = v² + x² ± 2 v·x, the less of both.
+            let (mut least, mut best) = (square, None);
+            for (k, (neighbour, length)) in self.neighbours[..count].iter().enumerate() {
+                let along = 2.0 * S::dot(&vector, neighbour);
+                let closer = square + length - along.abs();
+                if closer < least {
+                    least = closer;
+                    best = Some((k, if along > 0.0 { -1 } else { 1 }));
                 }
             }
-            if best.1 == [0; 3] {
+            let Some((k, sign)) = best else { break };
+            let closer = vector + self.neighbours[k].0 * f64::from(sign);
+            // A margin, so that rounding cannot lead around a circle.
+            let new = S::norm_squared(&closer);
+            if new >= square * (1.0 - 1e-14) {
                 break;
             }
-            vector += combination::<S>(&self.vectors, best.1);
-            for k in 0..S::DIMENSIONS {
-                image[k] += best.1[k];
+            (vector, square) = (closer, new);
+            for j in 0..S::DIMENSIONS {
+                image[j] += sign * NEIGHBOURS[k][j];
             }
         }
         let mut given = S::Image::default();
