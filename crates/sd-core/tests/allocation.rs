@@ -46,8 +46,12 @@ fn suspension(hydrodynamics: Hydrodynamics, contact: ContactScheme) -> Params {
 
 /// Checks the steps of a layer after the first ones: few have more contacts than any before.
 fn check_dense(hydrodynamics: Hydrodynamics, contact: ContactScheme) {
-    let params = layer(hydrodynamics, contact);
-    let mut simulation = Simulation::<Layer>::new(&params, 3, &NearFields::default()).unwrap();
+    check_layer(&layer(hydrodynamics, contact), 100);
+}
+
+/// Likewise with these parameters, under which there are more than so many contacts.
+fn check_layer(params: &Params, least: u32) {
+    let mut simulation = Simulation::<Layer>::new(params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < 90 {
         simulation.step().unwrap();
     }
@@ -60,11 +64,38 @@ fn check_dense(hydrodynamics: Hydrodynamics, contact: ContactScheme) {
             allocating.push((simulation.steps(), info.count_total));
         }
     }
-    assert!(contacts > 100, "{contacts} contacts are no test");
-    assert!(
-        allocating.len() <= 20,
-        "{hydrodynamics:?}, {contact:?}: {allocating:?}"
-    );
+    assert!(contacts > least, "{contacts} contacts are no test");
+    assert!(allocating.len() <= 20, "{params:?}: {allocating:?}");
+}
+
+/// Brownian spheres at a rate, and under a stress.
+fn brownian(params: &Params) -> [Params; 2] {
+    let at_rate = Params {
+        peclet: 100.0,
+        ..params.clone()
+    };
+    let under_stress = Params {
+        shear_rate: 0.0,
+        shear_stress: Some(5.0),
+        ..at_rate.clone()
+    };
+    [at_rate, under_stress]
+}
+
+#[test]
+fn steps_of_brownian_spheres_allocate_nothing() {
+    // Their contacts are collisions, of one step each, and fewer.
+    for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
+        for params in brownian(&layer(hydrodynamics, ContactScheme::Rigid)) {
+            check_layer(&params, 20);
+        }
+    }
+    for params in brownian(&suspension(
+        Hydrodynamics::BallMelrose,
+        ContactScheme::Rigid,
+    )) {
+        check_pairwise::<Bulk>(&params, 50);
+    }
 }
 
 /// Laws other than the paper's.
@@ -135,7 +166,7 @@ fn other_laws_allocate_nothing() {
 
 /// Checks the steps of a run whose resistance is stored pair by pair. A step allocates only where
 /// it makes a new pattern of near pairs, or has more pairs or contacts than any before.
-fn check_pairwise<S: RunSpace>(params: &Params) {
+fn check_pairwise<S: RunSpace>(params: &Params, least: u32) {
     let mut simulation = Simulation::<S>::new(params, 3, &NearFields::default()).unwrap();
     while simulation.steps() < 60 {
         simulation.step().unwrap();
@@ -151,7 +182,7 @@ fn check_pairwise<S: RunSpace>(params: &Params) {
             kept.push(info.count_total);
         }
     }
-    assert!(contacts > 100, "{contacts} contacts are no test");
+    assert!(contacts > least, "{contacts} contacts are no test");
     let allocating = kept.iter().filter(|&&count| count > 0).count();
     assert!(
         kept.len() >= 15 && 3 * allocating <= kept.len(),
@@ -164,10 +195,10 @@ fn check_pairwise<S: RunSpace>(params: &Params) {
 fn steps_that_keep_their_pattern_allocate_nothing() {
     let mut large = layer(Hydrodynamics::BallMelrose, ContactScheme::Rigid);
     large.spheres = 130;
-    check_pairwise::<Layer>(&large);
+    check_pairwise::<Layer>(&large, 100);
     let coulomb = ContactScheme::Laws(other_laws()[0]);
     for hydrodynamics in [Hydrodynamics::BallMelrose, Hydrodynamics::StokesianDynamics] {
-        check_pairwise::<Bulk>(&suspension(hydrodynamics, coulomb));
+        check_pairwise::<Bulk>(&suspension(hydrodynamics, coulomb), 100);
     }
 }
 
@@ -176,7 +207,7 @@ fn steps_of_suspensions_that_keep_their_pattern_allocate_nothing_under_every_law
     let laws = other_laws().into_iter().map(ContactScheme::Laws);
     for contact in laws.chain([ContactScheme::Rigid]) {
         let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
-        check_pairwise::<Bulk>(&suspension(lubrication, contact));
+        check_pairwise::<Bulk>(&suspension(lubrication, contact), 100);
     }
 }
 

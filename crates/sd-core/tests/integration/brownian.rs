@@ -6,7 +6,7 @@ use sd_core::cell::Cell;
 use sd_core::instant::{Configuration, InstantContacts, solve};
 use sd_core::law::repulsion::ExponentialRepulsion;
 use sd_core::law::van_der_waals::VanDerWaals;
-use sd_core::model::{ColloidUnit, Segment, StartFrom};
+use sd_core::model::{ColloidUnit, FlowType, Segment, StartFrom};
 use sd_core::modes::Vec2;
 use sd_core::{
     Bulk, ContactLaws, ContactScheme, Hydrodynamics, Layer, LeadingOrder, NearFields, NormalLaw,
@@ -263,6 +263,31 @@ fn the_stress_of_a_rate_leaves_that_rate() {
     assert!(allowed < 0.3, "{viscosity} {error}, {rate} {of_rate}");
     let found = rate * viscosity;
     assert!((found - 1.0).abs() < allowed, "{found} {allowed}");
+}
+
+#[test]
+fn a_stress_on_brownian_spheres_has_limits() {
+    let stressed = || under_stress(80, 10.0).volume_fraction(0.3).roughness(0.1);
+    let refused = |builder: sd_core::model::ParamsBuilder, key: &str| {
+        let error = builder.build().unwrap_err().to_string();
+        assert!(error.contains(key), "{error}");
+    };
+    stressed().build().unwrap();
+    refused(stressed().flow(FlowType::PlanarExtension), "is of shear");
+    let segment = |start, stress| Segment {
+        start,
+        shear_stress: Some(stress),
+        ..Segment::default()
+    };
+    let segments = vec![segment(0.0, 1.0), segment(1.0, 2.0)];
+    refused(stressed().segments(segments), "random times");
+    refused(stressed().time_step(0.02), "roughness Pe/80");
+    refused(stressed().peclet(0.0), "leaves no flow");
+    refused(stressed().thermal_load(2.0), "beside `peclet`");
+    // The critical load follows from the stress.
+    let loaded = stressed().peclet(f64::INFINITY).thermal_load(2.0);
+    let energy = loaded.time_step(0.001).build().unwrap().thermal_energy();
+    assert!((energy.unwrap() - 0.5).abs() < 1e-12);
 }
 
 #[test]
