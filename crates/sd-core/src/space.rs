@@ -318,6 +318,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// xx, yy, zz, xy, xz and yz of `m n n`.
     fn moment_along(normal: &Self::Vector, m: f64) -> [f64; 6];
 
+    /// x·T·x of a tensor as [`Space::full_tensor`] gives it.
+    fn tensor_along(tensor: &[f64; 6], x: &Self::Vector) -> f64 {
+        let products = tensor.iter().zip(Self::moment_along(x, 1.0)).enumerate();
+        let terms = products.map(|(k, (t, xx))| if k < 3 { t * xx } else { 2.0 * t * xx });
+        terms.sum()
+    }
+
     /// xx, yy, zz, xy, xz and yz of `m (t n + n t)/2`.
     fn moment_across(normal: &Self::Vector, tangent: &Self::Tangent, m: f64) -> [f64; 6];
 

@@ -473,15 +473,10 @@ impl<S: Fluid> Resistance<S> {
         let mut sums = [0.0; 2];
         for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
             let (n, gap) = (&pair.normal, pair.gap.max(self.lubrication_gap));
-            let projection = S::moment_along(n, 1.0);
             let motion = [pair.i, pair.j].map(|sphere| {
                 let along = S::dot(&S::translation(&velocities[sphere]), n);
                 let strain = S::full_tensor(strains.at(sphere));
-                let products = strain.iter().zip(projection).enumerate();
-                let stretch: f64 = products
-                    .map(|(k, (e, nn))| if k < 3 { e * nn } else { 2.0 * e * nn })
-                    .sum();
-                [along, -stretch]
+                [along, -S::tensor_along(&strain, n)]
             });
             let entries = self.pressures.evaluate([pair.i, pair.j], &self.radii, gap);
             for row in entries.chunks_exact(4) {

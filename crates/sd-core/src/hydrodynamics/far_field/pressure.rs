@@ -41,18 +41,9 @@ impl<S: Space> Source<S> {
         }
     }
 
-    /// x·S·x.
-    fn along(&self, x: &S::Vector) -> f64 {
-        let products = self.stresslet.iter().zip(S::moment_along(x, 1.0));
-        let terms = products
-            .enumerate()
-            .map(|(k, (s, xx))| if k < 3 { s * xx } else { 2.0 * s * xx });
-        terms.sum()
-    }
-
     /// 4π times the pressure at x, from the derivatives `[φ'/r, (φ'' − φ'/r)/r²]`.
     fn pressure(&self, x: &S::Vector, [first, second]: [f64; 2]) -> f64 {
-        second * self.along(x) - first * S::dot(&self.force, x)
+        second * S::tensor_along(&self.stresslet, x) - first * S::dot(&self.force, x)
     }
 }
 
@@ -177,7 +168,8 @@ fn long_ranged_moment<S: FarSpace>(
                 let (mut w, mut p) = ([0.0; 2], [0.0; 2]);
                 for ((x, source), weight) in centres.iter().zip(sources).zip(weights.clone()) {
                     let (sin, cos) = libm::sincos(S::dot(&k, x));
-                    let even = across * source.stresslet[2] - whole * source.along(&k);
+                    let even = across * source.stresslet[2]
+                        - whole * S::tensor_along(&source.stresslet, &k);
                     let odd = whole * S::dot(&source.force, &k);
                     w[0] += weight * cos;
                     w[1] += weight * sin;
