@@ -19,7 +19,7 @@ import sys
 
 import pandas as pd
 
-from . import campaigns, figures, held, jamming, reports, tables, thickening, values
+from . import campaigns, figures, held, jamming, limits, reports, tables, thickening, values
 from .place import RESULTS, ROOT, Wrong
 
 
@@ -30,6 +30,8 @@ def derived():
             yield RESULTS / design.effects, thickening.effects(design, design.read())
     if (RESULTS / jamming.PLATEAUS).exists():
         yield RESULTS / jamming.FITS, jamming.read()
+    if (RESULTS / limits.RUNS).exists():
+        yield RESULTS / limits.LIMITS, limits.read()
     if held.there():
         for name, table in held.read().items():
             yield RESULTS / name, table

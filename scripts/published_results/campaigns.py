@@ -91,7 +91,7 @@ CAMPAIGNS = {
     ],
 }
 # Campaigns of which single runs are published too.
-OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening")]
+OF_EVERY_RUN = [name for name in CAMPAIGNS if name.startswith("cause-of-thickening") or name == "mu-of-j"]
 # Fits of the model of Wyart and Cates, by suffix: the chosen points of a campaign. Parameters are
 # in NAME-fit.json, residuals in NAME-fit.csv.
 FITS = {

@@ -4,7 +4,7 @@
 //! keeps which of them a run broke, and tables, figures and the page count such runs.
 
 use crate::measure::{RunData, mean, ratio};
-use sd_core::{ContactScheme, Params};
+use sd_core::{ContactScheme, NormalLaw, Params};
 
 /// Maximum fraction of unconverged contact problems. Good runs near jamming have 1 to 2.5 %.
 const UNCONVERGED: f64 = 0.05;
@@ -13,7 +13,8 @@ const UNCONVERGED: f64 = 0.05;
 const RESIDUAL: f64 = 0.1;
 /// Smallest gap under rigid contacts, over the roughness height: rough surfaces then overlap by
 /// three quarters of it. No step lets a gap fall below 0.95 of it, so that smaller gaps come from a
-/// given start or from results of an earlier version of the physics.
+/// given start or from results of an earlier version of the physics; but beside a repulsion pairs
+/// that close within a step overlap in proportion to it, much with hydrodynamic friction.
 const HELD: f64 = 0.25;
 /// Maximum contribution of one sample to the mean viscosity: without it the mean would fall by
 /// half.
@@ -66,7 +67,7 @@ impl Doubt {
             ),
             Self::Residual => format!("a contact problem ended with a residual above {RESIDUAL}"),
             Self::Overlap => format!(
-                "a gap fell below {HELD} of the roughness height under rigid contacts"
+                "a gap fell below {HELD} of the roughness height under rigid contacts; a shorter time step holds it"
             ),
             Self::BelowOne => "the mean viscosity is below 1, the stresslet viscosity below 0, or a viscosity was negative \
                  although the contacts store no energy"
@@ -132,7 +133,7 @@ pub(crate) fn is_rigid(params: &Params) -> bool {
     match &params.contact {
         ContactScheme::Rigid => true,
         ContactScheme::Procedure => false,
-        ContactScheme::Laws(laws) => !laws.is_soft(),
+        ContactScheme::Laws(laws) => laws.normal == NormalLaw::Rigid,
     }
 }
 
@@ -151,7 +152,7 @@ fn can_release_energy(params: &Params) -> bool {
 mod tests {
     use super::*;
     use crate::test_support::{counters, params, sample};
-    use sd_core::Sample;
+    use sd_core::{ContactLaws, Sample};
     use sd_core::simulation::Counters;
 
     fn samples() -> Vec<Sample> {
@@ -197,6 +198,24 @@ mod tests {
         );
         assert_eq!(with(|c| c.worst_residual = 0.2), [Doubt::Residual]);
         assert_eq!(with(|c| c.minimum_gap = 0.002), [Doubt::Overlap]);
+        // A repulsion between the surfaces does not make contacts soft.
+        let laws = ContactLaws {
+            repulsion: 1.0,
+            repulsion_length: 0.02,
+            ..ContactLaws::PAPER
+        };
+        let repelled = Params {
+            contact: ContactScheme::Laws(laws),
+            ..params()
+        };
+        let overlapping = Counters {
+            minimum_gap: -0.002,
+            ..counters()
+        };
+        assert_eq!(
+            doubts(&repelled, &overlapping, &samples()),
+            [Doubt::Overlap]
+        );
         let changed = |change: fn(&mut Vec<Sample>)| {
             let mut changed = samples();
             change(&mut changed);

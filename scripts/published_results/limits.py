@@ -1,0 +1,56 @@
+"""Fraction and friction coefficient of suspensions under an imposed pressure for J → 0.
+
+To the runs with J up to 0.01, of each friction coefficient,
+
+    1/φ = (1 + K √J)/φ_J,  μ = μ_c + b √J
+
+are fitted by least squares, the first of which has the form of Boyer et al. with other constants.
+Intervals are of 95 %, of Student's distribution.
+"""
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from .place import RESULTS
+
+RUNS, LIMITS = "mu-of-j-runs.csv", "mu-of-j-limits.csv"
+# Largest imposed J of the fits.
+SMALL = 0.01
+
+
+def line(x, y):
+    """Intercept and slope of a straight line, each with half its interval of 95 %."""
+    matrix = np.column_stack([np.ones_like(x), x])
+    found, (squares,), *_ = np.linalg.lstsq(matrix, y, rcond=None)
+    freedom = len(x) - 2
+    covariance = np.linalg.inv(matrix.T @ matrix) * squares / freedom
+    half = student.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+    return list(zip(found, half))
+
+
+def limits(runs):
+    """A row for each friction coefficient."""
+    counts = (runs["state"] == "done") & runs["doubts"].isna() & (runs["spheres"] == 200)
+    runs = runs[counts & (runs["imposed_viscous_number"] <= SMALL)]
+    for friction, group in runs.groupby("friction"):
+        if group["imposed_viscous_number"].nunique() < 2 or len(group) < 4:
+            continue
+        root = np.sqrt(group["viscous_number"].to_numpy())
+        (inverse, of_inverse), (slope, _) = line(root, 1 / group["fraction"].to_numpy())
+        (mu, of_mu), (rise, of_rise) = line(root, group["macroscopic_friction"].to_numpy())
+        yield {
+            "friction": friction,
+            "seeds": len(group),
+            "phi_j": 1 / inverse,
+            "phi_j_ci95": of_inverse / inverse**2,
+            "slope_of_fraction": slope / inverse,
+            "mu_c": mu,
+            "mu_c_ci95": of_mu,
+            "slope_of_friction": rise,
+            "slope_of_friction_ci95": of_rise,
+        }
+
+
+def read(folder=RESULTS):
+    return pd.DataFrame(limits(pd.read_csv(folder / RUNS, low_memory=False)))
