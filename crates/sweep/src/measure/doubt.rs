@@ -152,8 +152,8 @@ fn can_release_energy(params: &Params) -> bool {
 mod tests {
     use super::*;
     use crate::test_support::{counters, params, sample};
-    use sd_core::{ContactLaws, Sample};
     use sd_core::simulation::Counters;
+    use sd_core::{ContactLaws, Sample};
 
     fn samples() -> Vec<Sample> {
         (0..50).map(|n| sample(f64::from(n) * 0.02)).collect()
