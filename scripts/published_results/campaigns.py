@@ -2,7 +2,7 @@
 
 import shutil
 
-from . import lattices
+from . import lattices, windows
 from .place import RESULTS, sweep
 
 
@@ -85,7 +85,8 @@ CAMPAIGNS = {
     ],
     "discontinuous": list(_of_rigid_thickening()),
     "hydrodynamic-friction": [figure("--along", "shear_stress")],
-    "ordering": [figure("--kind", "trace")],
+    # Its figure is made with the tables.
+    "ordering": [],
     "suspension-controls": [
         figure("--along", "stiffness", "--quantity", "n1_over_stress", "--where", "spheres=200", "--where", "volume_fraction=0.54")
     ],
@@ -143,6 +144,8 @@ def make(name):
     sweep("report", campaign, "--quiet", "--csv", RESULTS / f"{name}.csv")
     if name in OF_EVERY_RUN:
         sweep("report", campaign, "--quiet", "--runs", RESULTS / f"{name}-runs.csv")
+    if name in windows.WINDOWS:
+        windows.make(name)
     for suffix, options in CAMPAIGNS[name]:
         sweep("report", campaign, "--quiet", "--figure", RESULTS / f"{name}{suffix}.svg", *options)
     for suffix, wanted in FITS.get(name, {}).items():

@@ -268,7 +268,32 @@ def held_against_experiment():
     _write(HELD, [held.STATES], panels, draw, "", "", share=False, wide=2, share_x=False)
 
 
+def order():
+    """Viscosity and layering of rigid layers while they are sheared, of one size and of two."""
+    points = pd.read_csv(RESULTS / ORDER)
+    points = points[(points["hydrodynamics"] == "ball-melrose") & (points["contact"] == "rigid") & (points["spheres"] == 98)]
+    points["middle"] = [sum(map(float, strains.split(" to "))) / 2 for strains in points["strains"]]
+
+    def draw(ax, panel):
+        size_ratio, y = panel
+        groups = points[points["size_ratio"] == size_ratio].groupby(["area_fraction", "shear_rate"])
+        for (((c, rate), group), colour, marker) in zip(groups, COLOURS, MARKERS):
+            style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 1, "elinewidth": 0.8, "capsize": 2}
+            rate = "∞" if math.isinf(rate) else f"{rate:g}"
+            ax.errorbar(group["middle"], group[y], group[f"{y}_ci95"], label=f"c = {c:g}, Γ = {rate}", **style)
+        if y == "viscosity":
+            ax.set_yscale("log")
+            ax.yaxis.set_major_formatter(LogFormatter())
+            ax.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+
+    quantities = {"η": "viscosity", "layering": "layering"}
+    sizes = {"equal spheres": 1.0, "1 : 1.4": 1.4}
+    panels = {f"{quantity}, {size}": (ratio, y) for quantity, y in quantities.items() for size, ratio in sizes.items()}
+    _write("ordering.svg", [ORDER], panels, draw, "strain", "", share="row", wide=2)
+
+
 HELD = "held-against-experiment.svg"
+ORDER = "ordering-windows.csv"
 FIGURES = {
     HELD: (held_against_experiment, [held.STATES]),
     "cause-of-thickening.svg": (thickening_of_layers, [LAYERS.effects]),
@@ -278,6 +303,7 @@ FIGURES = {
     "suspension-plateaus.svg": (plateaus, [jamming.PLATEAUS, jamming.FITS]),
     "flow-curve-network.svg": (network_of_flow_curve, ["flow-curve.csv"]),
     "figure-14-network.svg": (network_of_figure_14, ["figure-14.csv"]),
+    "ordering.svg": (order, [ORDER]),
 }
 
 

@@ -62,7 +62,7 @@ impl Doubt {
     pub fn meaning(self) -> String {
         match self {
             Self::Unconverged => format!(
-                "more than {} % of the contact problems did not converge",
+                "more than {} % of the contact problems did not converge; near jamming shorter time steps make them easier",
                 100.0 * UNCONVERGED
             ),
             Self::Residual => format!("a contact problem ended with a residual above {RESIDUAL}"),
