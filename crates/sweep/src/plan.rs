@@ -16,6 +16,7 @@ use crate::model::axes::{AXES, Axis, Identity, identity};
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, step_cost};
 use crate::model::protocol::PlannedSegment;
+use crate::runner::threads_per_case;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
 use crate::text::format::count;
 use sd_core::model::Keywords as _;
@@ -23,6 +24,7 @@ use sd_core::{Method, Params, memory_bytes};
 use serde::{Serialize, Serializer};
 use serde_json::json;
 use std::collections::{HashMap, HashSet};
+use std::num::NonZeroUsize;
 
 /// Bytes of the program, the cache of its store and a report; measured.
 const PROGRAM_BYTES: f64 = 13.0e6;
@@ -49,10 +51,12 @@ pub struct Plan {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) segments: Vec<String>,
     pub(crate) workers: usize,
+    /// Threads that `sweep run` gives each run. Times are those of one.
+    pub(crate) threads_per_run: usize,
     /// Kinds of runs that are still to be computed, the cheapest step first.
     pub(crate) kinds: Vec<RunKind>,
     pub(crate) computing_time_s: f64,
-    /// Estimated wall time with that many workers.
+    /// Estimated wall time with that many workers of one thread each.
     pub(crate) elapsed_s: f64,
     pub(crate) disk_bytes: f64,
     pub(crate) memory_bytes: f64,
@@ -221,6 +225,7 @@ pub fn plan(
         .iter()
         .map(|point| point.all * of_run(&point.case.params));
     let segments = campaign.protocol.segments.iter();
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     Ok(Plan {
         campaign: campaign.name.clone(),
         cases: count(points.iter().map(|point| point.all).sum()),
@@ -230,6 +235,7 @@ pub fn plan(
         axes: axes(campaign),
         segments: segments.map(PlannedSegment::words).collect(),
         workers,
+        threads_per_run: threads_per_case(cores, workers, campaign.cases.len()),
         computing_time_s,
         elapsed_s: (computing_time_s / workers as f64).max(longest),
         disk_bytes: disk_bytes.sum(),

@@ -3,6 +3,7 @@
 use super::Output;
 use crate::error::Error;
 use crate::model::campaign::Campaign;
+use crate::runner::threads_per_case;
 use crate::store::{Store, StoreSource};
 use crate::text::format::counted;
 use std::io::Write as _;
@@ -157,7 +158,7 @@ fn share(
     let Some(wanted) = per_run.map(NonZeroUsize::get) else {
         let asked = workers.map_or(cores, NonZeroUsize::get);
         let workers = asked.min(cases);
-        let per_run = (asked.min(cores) / workers).max(1);
+        let per_run = threads_per_case(cores, asked, cases);
         return (workers, workers * per_run, None);
     };
     let per_run = wanted.min(cores);

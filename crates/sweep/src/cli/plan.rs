@@ -138,6 +138,13 @@ fn text(plan: &Plan, width: Option<u16>) -> Result<String, std::fmt::Error> {
         bytes(plan.disk_bytes),
         bytes(plan.memory_bytes)
     )?;
+    if plan.threads_per_run > 1 && plan.computing_time_s > 0.0 {
+        writeln!(
+            out,
+            "wall time is that of one thread per run; `sweep run` gives each {}, which shortens large runs by less than that",
+            plan.threads_per_run
+        )?;
+    }
     Ok(out)
 }
 

@@ -197,6 +197,29 @@ fn jobs_is_another_name_of_workers() {
 }
 
 #[test]
+fn a_plan_says_that_its_times_are_those_of_one_thread_where_runs_have_more() {
+    let directory = tempfile::tempdir().unwrap();
+    let one = CAMPAIGN
+        .replace("[0.1, inf]", "inf")
+        .replace("seeds = 2", "seeds = 1");
+    std::fs::write(directory.path().join("one.toml"), one).unwrap();
+    std::fs::write(directory.path().join("four.toml"), CAMPAIGN).unwrap();
+    let cores = std::thread::available_parallelism().unwrap().get();
+    for (file, expected) in [("one.toml", cores.min(4)), ("four.toml", 1)] {
+        let plan = |more: &[&str]| {
+            let mut command = sweep(directory.path());
+            let output = command.args(["plan", file, "--workers", "4"]).args(more);
+            output.output().unwrap().stdout
+        };
+        let json: serde_json::Value = serde_json::from_slice(&plan(&["--json"])).unwrap();
+        assert_eq!(json["threads_per_run"], expected);
+        let text = words(&plan(&[]));
+        let says = text.contains("wall time is that of one thread per run");
+        assert_eq!(says, expected > 1, "{text}");
+    }
+}
+
+#[test]
 fn unwritable_output_ends_with_3_and_a_closed_pipe_with_the_code_of_the_runs() {
     let directory = tempfile::tempdir().unwrap();
     let at = directory.path();
