@@ -17,7 +17,7 @@ use sd_core::instant::{self, Configuration, InstantContacts, SolvedConfiguration
 use sd_core::model::Keywords;
 use sd_core::two_sphere::{scalars, twist};
 use sd_core::{
-    Bulk, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, StressComponents,
+    Bulk, Hydrodynamics, Layer, LeadingOrder, Method, NearFields, Params, StressComponents,
     VelocityGradient,
 };
 use serde::de::IgnoredAny;
@@ -237,13 +237,18 @@ pub fn configuration<S: Written>(
             |list| list.into_iter().map(S::spin_of).collect(),
         ),
     };
-    let most = instant::method(&configuration, &contact).most_spheres(hydrodynamics);
+    let method = instant::method(&configuration, &contact);
+    let most = method.most_spheres(hydrodynamics);
     if n > most {
         let word = hydrodynamics.word();
-        let message = format!(
-            "{n} spheres, at most {most} under {word} in unbounded fluid or with listed contacts or the paper's procedure"
+        let which = match method {
+            Method::Dense => " in unbounded fluid or with listed contacts or the paper's procedure",
+            Method::Pairwise | Method::Iterated => "",
+        };
+        return refuse(
+            "centres",
+            &format!("{n} spheres, at most {most} under {word}{which}"),
         );
-        return refuse("centres", &message);
     }
     Ok((configuration, contact))
 }

@@ -94,17 +94,27 @@ pub struct Start<S: Space = Layer> {
 /// # Ok::<(), sd_core::Error>(())
 /// ```
 pub fn check(params: &Params) -> Result<(), Error> {
-    let most = Method::of(params).most_spheres(params.hydrodynamics);
+    let method = Method::of(params);
+    let most = method.most_spheres(params.hydrodynamics);
     if params.spheres > most {
+        let word = params.hydrodynamics.word();
+        let (problem, because) = match method {
+            Method::Dense => (
+                format!(
+                    "is out of range under {word} with the paper's procedure, which takes full matrices"
+                ),
+                "contact",
+            ),
+            Method::Pairwise | Method::Iterated => {
+                (format!("is out of range under {word}"), "hydrodynamics")
+            }
+        };
         return Err(Refusal {
             key: "spheres",
             value: params.spheres.to_string(),
-            problem: format!(
-                "is out of range under {} with the paper's procedure, which takes full matrices",
-                params.hydrodynamics.word()
-            ),
-            allowed: format!("at most {most} there, which take a gigabyte"),
-            because: Some("contact"),
+            problem,
+            allowed: format!("at most {most} there"),
+            because: Some(because),
         }
         .into());
     }
@@ -543,6 +553,13 @@ mod tests {
         assert!(check(&many(2_000, ContactScheme::Procedure)).is_ok());
         let refused = check(&many(2_001, ContactScheme::Procedure)).unwrap_err();
         assert!(refused.to_string().contains("procedure"), "{refused}");
+        let refused = check(&many(10_001, ContactScheme::Rigid)).unwrap_err();
+        assert!(refused.to_string().contains("at most 10000"), "{refused}");
+        let near = Params {
+            hydrodynamics: Hydrodynamics::BallMelrose,
+            ..many(Params::MAX_SPHERES, ContactScheme::Rigid)
+        };
+        assert!(check(&near).is_ok());
     }
 
     #[test]

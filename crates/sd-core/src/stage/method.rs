@@ -38,12 +38,13 @@ pub enum Method {
 }
 
 impl Method {
-    /// Maximum number of spheres with this method: dense far-field matrices take a gigabyte for
-    /// 2000 spheres.
+    /// Maximum number of spheres with this method: those that were tried, and of dense matrices
+    /// those that take a gigabyte under Stokesian Dynamics, and several else.
     pub const fn most_spheres(self, hydrodynamics: Hydrodynamics) -> usize {
         match (self, hydrodynamics) {
             (Self::Dense, Hydrodynamics::StokesianDynamics) => 2_000,
-            _ => Params::MAX_SPHERES,
+            (Self::Dense | Self::Iterated, _) => 10_000,
+            (Self::Pairwise, _) => Params::MAX_SPHERES,
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::law::{Quantity, Range};
 
 /// Most spheres of a layer or configuration.
-pub(crate) const MAX_SPHERES: usize = 10_000;
+pub(crate) const MAX_SPHERES: usize = 50_000;
 
 /// N.
 pub(super) static SPHERES: Quantity = Quantity {
