@@ -4,7 +4,7 @@
 //! ```text
 //! cargo bench -p sd-core --bench runs -- whole [N...]                 five strains under every law
 //! cargo bench -p sd-core --bench runs -- dense                        three strains where friction nearly jams a layer
-//! cargo bench -p sd-core --bench runs -- sequence [suspension] [full] [LAW] [threads=T] N...
+//! cargo bench -p sd-core --bench runs -- sequence [suspension] [full | lubrication] [LAW] [threads=T] [lead-in=STRAIN] N...
 //!                                                                     right-hand sides one after the other
 //! ```
 //!
@@ -20,8 +20,8 @@ mod clock;
 use clock::Moment;
 use sd_core::model::{ContactLaws, TangentialLaw};
 use sd_core::{
-    Bulk, ContactScheme, Flow, Hydrodynamics, Layer, NearFields, Params, RunSpace, Simulation,
-    Threads,
+    Bulk, ContactScheme, Flow, Hydrodynamics, Layer, LeadingOrder, NearFields, Params, RunSpace,
+    Simulation, Threads,
 };
 use std::time::Instant;
 
@@ -38,8 +38,8 @@ const SAMPLE_EVERY: f64 = 0.02;
 const LIMIT: f64 = 120.0;
 /// Time step of the timed runs.
 const TIME_STEP: f64 = 0.01;
-/// Strain under Ball-Melrose hydrodynamics before right-hand sides are timed, in steps of so many
-/// times the time step.
+/// Strain before right-hand sides are timed, unless said otherwise, in steps of so many times the
+/// time step; under Ball-Melrose hydrodynamics in place of full Stokesian Dynamics.
 const LEAD_IN: (f64, u32) = (0.8, 2);
 /// Computing time and number of steps that are timed at least.
 const LONG_ENOUGH: (f64, u32) = (4.0, 3);
@@ -247,16 +247,24 @@ fn sequence<S: RunSpace>(
     params: &Params,
     hydrodynamics: Hydrodynamics,
     contacts: &str,
-    threads: usize,
+    (threads, strain): (usize, f64),
 ) {
     let tables = NearFields::default();
-    let (strain, factor) = LEAD_IN;
+    let factor = LEAD_IN.1;
+    let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
     let time_step = f64::from(factor) * TIME_STEP;
     let coarse = Params {
         time_step,
+        hydrodynamics: if full {
+            Hydrodynamics::BallMelrose
+        } else {
+            hydrodynamics
+        },
         ..params.clone()
     };
+    let begun = Moment::now();
     let mut before = Simulation::<S>::new(&coarse, 1, &tables).expect("valid parameters");
+    let start = begun.seconds();
     while before.strain() < strain - 0.5 * time_step {
         before.step().expect("a step that succeeds");
     }
@@ -270,7 +278,7 @@ fn sequence<S: RunSpace>(
     };
     let mut run = Simulation::from_snapshot(&timed, there, &tables).expect("a valid snapshot");
     run.step().expect("a step that succeeds");
-    let (stages, start, begun) = (run.counters().stages, Moment::now(), Instant::now());
+    let (stages, cpu, begun) = (run.counters().stages, Moment::now(), Instant::now());
     let mut steps = 0;
     while steps < LONG_ENOUGH.1 || begun.elapsed().as_secs_f64() < LONG_ENOUGH.0 {
         run.step().expect("a step that succeeds");
@@ -279,16 +287,19 @@ fn sequence<S: RunSpace>(
     let seconds = if threads > 1 {
         begun.elapsed().as_secs_f64()
     } else {
-        start.seconds()
+        cpu.seconds()
     };
     let each = 1e3 * seconds / (run.counters().stages - stages) as f64;
-    let full = hydrodynamics == Hydrodynamics::StokesianDynamics;
     let peer = TOWNSEND
         .iter()
         .find(|(n, _)| full && *n == params.spheres && params.volume_fraction.is_none());
     println!(
-        "| {} | {contacts} | {} | {steps} | {each:.2} | {} | {} |",
-        if full { "full" } else { "Ball-Melrose" },
+        "| {} | {contacts} | {} | {start:.1} s | {steps} | {each:.2} | {} | {} |",
+        match hydrodynamics {
+            Hydrodynamics::StokesianDynamics => "full",
+            Hydrodynamics::BallMelrose => "Ball-Melrose",
+            Hydrodynamics::Lubrication(_) => "lubrication",
+        },
         params.spheres,
         most_memory().map_or_else(String::new, |memory| format!("{memory:.0} MB")),
         peer.map_or_else(String::new, |(_, time)| format!("{time} s"))
@@ -312,11 +323,15 @@ fn main() {
         let law = law.unwrap_or(LAWS[0]);
         let hydrodynamics = if has("full") {
             Hydrodynamics::StokesianDynamics
+        } else if has("lubrication") {
+            Hydrodynamics::Lubrication(LeadingOrder::DEFAULT)
         } else {
             Hydrodynamics::BallMelrose
         };
-        let given = given.iter().find_map(|a| a.strip_prefix("threads="));
-        let threads = given.map_or(1, |count| count.parse().expect("a number of threads"));
+        let named = |name: &str| given.iter().find_map(|a| a.strip_prefix(name));
+        let threads = named("threads=").map_or(1, |n| n.parse().expect("a number of threads"));
+        let strain = named("lead-in=").map_or(LEAD_IN.0, |x| x.parse().expect("a strain"));
+        let how = (threads, strain);
         let pool = Threads::new(threads).expect("threads");
         let run = |work: &(dyn Fn() + Sync)| pool.run(work);
         for spheres in spheres {
@@ -327,9 +342,9 @@ fn main() {
                     volume_fraction: Some(0.45),
                     ..layer
                 };
-                run(&|| sequence::<Bulk>(&suspension, hydrodynamics, &law.words(), threads));
+                run(&|| sequence::<Bulk>(&suspension, hydrodynamics, &law.words(), how));
             } else {
-                run(&|| sequence::<Layer>(&layer, hydrodynamics, &law.words(), threads));
+                run(&|| sequence::<Layer>(&layer, hydrodynamics, &law.words(), how));
             }
         }
     } else {

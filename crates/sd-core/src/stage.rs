@@ -219,7 +219,7 @@ impl<S: Fluid> StageSolver<S> {
         work: &mut PressureWork<S>,
     ) -> f64 {
         let (resistance, velocities) = (&self.resistance, &self.velocities);
-        let [mut moment, of_forces] = resistance.pressure_moments(velocities, strains);
+        let [mut moment, of_forces] = resistance.pressure_moments(velocities, strains, work);
         let has_far_field = match &self.far {
             Some(far) => {
                 far.force_modes(velocities, strains, work);

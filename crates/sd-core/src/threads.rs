@@ -7,13 +7,25 @@
 
 use crate::error::Error;
 use std::cell::Cell;
+use std::num::NonZeroUsize;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Most parts of a list that needs no workspace.
 const MOST_PARTS: usize = 64;
+/// Number of times that a thread without work looks for it without a pause, some 0.2 ms.
+const EAGER_LOOKS: u32 = 400;
+/// Pause between later ones.
+const PAUSE: Duration = Duration::from_micros(100);
 
 thread_local! {
     /// Number of threads that compute together with this one, itself included.
     static TOGETHER: Cell<usize> = const { Cell::new(1) };
+    /// Number of threads that stay awake with this one: no more than there are other cores.
+    static AWAKE: Cell<usize> = const { Cell::new(0) };
+    /// Number of divided works, each within the one before, of which this thread computes a part.
+    static DEPTH: Cell<u32> = const { Cell::new(0) };
     /// Whether even the smallest work is divided.
     static DIVIDES_ALL: Cell<bool> = const { Cell::new(false) };
 }
@@ -46,11 +58,13 @@ impl Threads {
         if count <= 1 {
             return Ok(Self { pool: None });
         }
+        let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .thread_name(|number| format!("run {number}"))
             .start_handler(move |_| {
                 TOGETHER.set(count);
+                AWAKE.set(count.min(cores) - 1);
                 DIVIDES_ALL.set(divides_all);
             })
             .build();
@@ -93,10 +107,52 @@ pub(crate) fn together() -> usize {
 /// Calls both functions, at the same time where there are threads.
 pub(crate) fn both(first: impl FnOnce() + Send, second: impl FnOnce() + Send) {
     if together() > 1 {
+        let depth = DEPTH.get();
+        DEPTH.set(depth + 1);
         rayon::join(first, second);
+        DEPTH.set(depth);
     } else {
         first();
         second();
+    }
+}
+
+/// Computes a function during which the other threads wait for its divided works without falling
+/// asleep: to wake one takes as long as many of these works.
+pub(crate) fn keep_awake<R>(work: impl FnOnce() -> R) -> R {
+    struct End<'a>(&'a AtomicBool);
+    impl Drop for End<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Release);
+        }
+    }
+    let others = AWAKE.get();
+    if others == 0 || DEPTH.get() > 0 {
+        return work();
+    }
+    let ended = AtomicBool::new(false);
+    rayon::in_place_scope(|scope| {
+        for _ in 0..others {
+            scope.spawn(|_| look_for_work(&ended));
+        }
+        let _end = End(&ended);
+        work()
+    })
+}
+
+/// Computes parts of works until all are ended. A thread that waits for another part of a work,
+/// and finds this in place of it, returns to that.
+fn look_for_work(ended: &AtomicBool) {
+    let mut looks = 0;
+    while DEPTH.get() == 0 && !ended.load(Ordering::Acquire) {
+        if rayon::yield_now() == Some(rayon::Yield::Executed) {
+            looks = 0;
+        } else if looks < EAGER_LOOKS {
+            looks += 1;
+            std::thread::yield_now();
+        } else {
+            std::thread::sleep(PAUSE);
+        }
     }
 }
 
@@ -130,6 +186,39 @@ pub(crate) fn divide_with<T: Send, W: Send>(
     divide_from(0, (list, length), workspaces, compute);
 }
 
+/// Lists what `find` finds in each part of so many units, in order; `others` is workspace.
+pub(crate) fn gather<T: Copy + Send>(
+    units: usize,
+    least: usize,
+    (list, others): (&mut Vec<T>, &mut Vec<Vec<T>>),
+    find: &(impl Fn(Range<usize>, &mut Vec<T>) + Sync),
+) {
+    list.clear();
+    let parts = parts(units, least).min(MOST_PARTS);
+    if parts == 1 {
+        return find(0..units, list);
+    }
+    others.resize_with(others.len().max(parts - 1), Vec::new);
+    let others = &mut others[..parts - 1];
+    let begin = |part: usize| units * part / parts;
+    both(
+        || find(0..begin(1), list),
+        || {
+            let mut none = [(); MOST_PARTS];
+            let none = &mut none[..parts - 1];
+            divide_with((others, 1), none, &|first, others, (): &mut ()| {
+                for (part, other) in (first + 1..).zip(others) {
+                    other.clear();
+                    find(begin(part)..begin(part + 1), other);
+                }
+            });
+        },
+    );
+    for other in others {
+        list.extend_from_slice(other);
+    }
+}
+
 fn divide_from<T: Send, W: Send>(
     first: usize,
     (list, length): (&mut [T], usize),
@@ -152,6 +241,7 @@ fn divide_from<T: Send, W: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::panic::AssertUnwindSafe;
 
     #[test]
     fn a_list_is_divided_without_gaps_and_small_ones_are_not() {
@@ -177,5 +267,50 @@ mod tests {
             });
         }
         assert_eq!(together(), 1);
+    }
+
+    #[test]
+    fn parts_are_gathered_in_order() {
+        for count in [1, 2, 3, 16] {
+            Threads::new(count).unwrap().run(|| {
+                for units in [0, 1, 9, 1000] {
+                    let (mut list, mut others) = (vec![7], Vec::new());
+                    for _ in 0..2 {
+                        gather(units, 10, (&mut list, &mut others), &|range, list| {
+                            list.extend(range.filter(|unit| unit % 3 == 0));
+                        });
+                        let expected: Vec<_> = (0..units).step_by(3).collect();
+                        assert_eq!(list, expected);
+                    }
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn works_within_works_end_with_threads_kept_awake() {
+        for count in [1, 2, 3, 16] {
+            let threads = threads_for_small_work(count).unwrap();
+            let sum = |list: &mut [u64]| {
+                divide(list, 1, &|first, part| {
+                    for (k, entry) in part.iter_mut().enumerate() {
+                        let mut inner = [1; 20];
+                        divide(&mut inner, 1, &|_, part| part.fill(2));
+                        *entry = (first + k) as u64 + inner.iter().sum::<u64>();
+                    }
+                });
+                list.iter().sum::<u64>()
+            };
+            let total = threads.run(|| {
+                (0..200)
+                    .map(|_| keep_awake(|| keep_awake(|| sum(&mut [0; 50]))))
+                    .sum::<u64>()
+            });
+            assert_eq!(total, 200 * (50 * 40 + 49 * 25));
+            let panics = AssertUnwindSafe(|| threads.run(|| keep_awake(|| panic!("no"))));
+            let panics = std::panic::catch_unwind(panics);
+            assert!(panics.is_err());
+            assert_eq!(threads.run(|| keep_awake(|| sum(&mut [0; 2]))), 81);
+        }
     }
 }

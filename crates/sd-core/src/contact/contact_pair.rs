@@ -63,28 +63,41 @@ pub struct Contact<S: Space = Layer> {
 impl<S: Space> Contact<S> {
     /// A pair without forces.
     pub fn new(pair: Neighbours<S>, radii: &[f64], flow: &IncidentFlow<S>) -> Self {
-        let levers = [
-            radii[pair.i] + 0.5 * pair.gap,
-            radii[pair.j] + 0.5 * pair.gap,
-        ];
-        // Velocity difference of the linear flow over the separation.
+        let mut contact = Self::approaching(pair, radii, flow);
         let linear = flow.linear();
         let difference = linear.velocity(&(pair.normal * pair.distance));
         let directions = S::tangents(&pair.normal);
+        let [lever_i, lever_j] = contact.levers;
         let mut slip = S::each_tangent(0.0);
         for k in 0..S::TANGENTS {
             let turning = S::spin_dot(
                 &S::axis(&pair.normal, &directions[k]),
                 &linear.angular_velocity(),
             );
-            slip[k] = S::dot(&directions[k], &difference) - (levers[0] + levers[1]) * turning;
+            slip[k] = S::dot(&directions[k], &difference) - (lever_i + lever_j) * turning;
         }
+        contact.background_slip = S::tangent(&directions, &slip);
+        if let Some(departures) = flow.departures() {
+            contact.background_slip += contact.read(&contact.slip_rows(), departures);
+            contact.background_spin = contact.read(&contact.rotation_rows(), departures);
+        }
+        contact
+    }
+
+    /// A pair without forces, of whose motion only the approach is known.
+    pub(crate) fn approaching(pair: Neighbours<S>, radii: &[f64], flow: &IncidentFlow<S>) -> Self {
+        let levers = [
+            radii[pair.i] + 0.5 * pair.gap,
+            radii[pair.j] + 0.5 * pair.gap,
+        ];
+        // Velocity difference of the linear flow over the separation.
+        let difference = flow.linear().velocity(&(pair.normal * pair.distance));
         let mut contact = Self {
             pair,
             levers,
             slip_resistance: 0.0,
             background_approach: S::dot(&pair.normal, &difference),
-            background_slip: S::tangent(&directions, &slip),
+            background_slip: S::Tangent::default(),
             background_spin: S::Tangent::default(),
             normal_force: 0.0,
             tangential_force: S::Tangent::default(),
@@ -99,8 +112,6 @@ impl<S: Space> Contact<S> {
         };
         if let Some(departures) = flow.departures() {
             contact.background_approach += contact.normal_row().read(departures);
-            contact.background_slip += contact.read(&contact.slip_rows(), departures);
-            contact.background_spin = contact.read(&contact.rotation_rows(), departures);
         }
         contact
     }

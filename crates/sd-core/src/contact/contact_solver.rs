@@ -80,6 +80,8 @@ pub struct ContactSolver<S: Fluid = Layer> {
     problem: Problem<S>,
     solver: ProblemSolver<S>,
     held_loads: Vec<f64>,
+    /// Whether each pair in range, if it is no candidate, closes in the solution.
+    closing: Vec<bool>,
     backend: Backend<S>,
     /// The imposed pressure; `None` where the volume is imposed.
     pub(crate) pressure: Option<ImposedPressure>,
@@ -99,6 +101,7 @@ impl<S: Fluid> ContactSolver<S> {
             problem: Problem::default(),
             solver: ProblemSolver::default(),
             held_loads: Vec::new(),
+            closing: Vec::new(),
             pressure: None,
             distant_work: [0.0; 2],
             dilation: 0.0,

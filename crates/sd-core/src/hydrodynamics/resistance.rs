@@ -44,6 +44,7 @@ use crate::space::cell::{Cell, LUBRICATION_RANGE};
 use crate::space::neighbours::NeighbourList;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{Layer, Strains};
+use crate::threads;
 use dense::DenseResistance;
 use far_pairs::FarPairs;
 pub(crate) use fluid::Fluid;
@@ -57,7 +58,7 @@ pub(crate) use pairwise::{Motion, side_by_side_mut};
 pub(crate) use random_forces::RandomStress;
 pub use tables::NearFields;
 pub(crate) use tables::NearTerms;
-use tables::{PressureTerms, Twists};
+use tables::{LEAST_PAIRS, PressureTerms, Twists};
 
 /// Storage of `R_FU`.
 enum Form<S: Fluid> {
@@ -79,6 +80,8 @@ pub(crate) struct PressureWork<S: Fluid> {
     far: Vec<f64>,
     forces: Vec<f64>,
     stresslets: Vec<S::Strain>,
+    /// Of each pair, see [`Resistance::pressure_moments`].
+    moments: Vec<[f64; 9]>,
 }
 
 impl<S: Fluid> Default for PressureWork<S> {
@@ -90,6 +93,7 @@ impl<S: Fluid> Default for PressureWork<S> {
             far: Vec::new(),
             forces: Vec::new(),
             stresslets: Vec::new(),
+            moments: Vec::new(),
         }
     }
 }
@@ -277,16 +281,6 @@ impl<S: Fluid> Resistance<S> {
         self.friction = friction;
     }
 
-    /// K_h of spheres of these radii, in mu·a, at a gap that is at least the lubrication gap. Under
-    /// lubrication it is finite at contact, as its functions are.
-    fn slip_friction(&self, radii: [f64; 2], gap: f64) -> f64 {
-        if self.gap_shift == 0.0 {
-            return self.friction.resistance(gap);
-        }
-        let shift = 0.5 * self.gap_shift * (radii[0] + radii[1]);
-        self.friction.resistance(gap.max(0.0) + shift)
-    }
-
     /// Assembles and factors at new positions. The cell's area or volume must be that of
     /// [`Resistance::new`].
     ///
@@ -309,18 +303,20 @@ impl<S: Fluid> Resistance<S> {
         let mut terms = std::mem::take(&mut self.terms);
         let (radii, pairs) = (&self.radii, self.neighbours.pairs());
         let (least, rubs) = (self.lubrication_gap, self.friction.coefficient > 0.0);
-        let gaps = pairs.iter().map(|pair| ([pair.i, pair.j], pair.gap));
-        let twists = self.twists.as_ref();
+        let gap_of = |pair: &Neighbours<S>| ([pair.i, pair.j], pair.gap);
+        let (twists, friction, shift) = (self.twists.as_ref(), self.friction, self.gap_shift);
         let finish = |mut term: PairTerm, [i, j]: [usize; 2], gap| {
             if rubs {
                 let radii = [radii[i], radii[j]];
                 let levers = radii.map(|radius| radius + 0.5 * gap);
-                term.resist_slip(self.slip_friction(radii, gap), levers);
+                term.resist_slip(slip_friction(friction, shift, radii, gap), levers);
             }
             let twist = twists.map_or([0.0; 3], |twists| twists.evaluate([i, j], radii, gap));
             S::term(&term, twist)
         };
-        self.near.evaluate(radii, gaps, least, finish, &mut terms);
+        let pairs_and_gaps = (pairs, gap_of);
+        self.near
+            .evaluate(radii, pairs_and_gaps, least, finish, &mut terms);
         self.terms = terms;
         let terms = &mut self.terms;
         if let Some(far_pairs) = &mut self.far_pairs {
@@ -328,7 +324,15 @@ impl<S: Fluid> Resistance<S> {
         }
         match &mut self.form {
             Form::Dense(dense) => dense.assemble(cell, centres, pairs, terms),
-            Form::Pairwise(pairwise) => pairwise.assemble(pairs, terms, radii),
+            Form::Pairwise(pairwise) => {
+                // Across the gradient, along which images do not move.
+                pairwise.assemble((pairs, terms), radii, |sphere| match cell {
+                    Cell::Periodic(lattice) => {
+                        lattice.coordinates(&centres[sphere])[1].rem_euclid(1.0)
+                    }
+                    Cell::Unbounded => centres[sphere][1],
+                })
+            }
         }
     }
 
@@ -431,7 +435,8 @@ impl<S: Fluid> Resistance<S> {
     pub fn slip_resistance(&self, pair: &Neighbours<S>) -> f64 {
         let gap = pair.gap.max(self.lubrication_gap);
         let pair = [pair.i, pair.j];
-        let friction = self.slip_friction(pair.map(|sphere| self.radii[sphere]), gap);
+        let radii = pair.map(|sphere| self.radii[sphere]);
+        let friction = slip_friction(self.friction, self.gap_shift, radii, gap);
         self.near.slip_resistance(pair, &self.radii, gap) + friction
     }
 
@@ -461,7 +466,12 @@ impl<S: Fluid> Resistance<S> {
     /// Sum over all spheres of the pressure moments of near pairs for disturbances `velocities`, in
     /// mu·a³·rate: minus the trace of the first moment of the traction. Second, that of the forces
     /// of these pairs, as if they acted at the centres.
-    pub(crate) fn pressure_moments(&self, velocities: &[f64], strains: Strains<'_, S>) -> [f64; 2] {
+    pub(crate) fn pressure_moments(
+        &self,
+        velocities: &[f64],
+        strains: Strains<'_, S>,
+        work: &mut PressureWork<S>,
+    ) -> [f64; 2] {
         let velocities = S::by_sphere(velocities);
         let virial = |pair: &Neighbours<S>, term: &S::Term| {
             let modes = [pair.i, pair.j]
@@ -470,21 +480,35 @@ impl<S: Fluid> Resistance<S> {
             let push = (0..S::DIMENSIONS).map(|k| pair.normal[k] * (of_i[k] - of_j[k]));
             0.5 * pair.distance * push.sum::<f64>()
         };
-        let mut sums = [0.0; 2];
-        for (pair, term) in self.neighbours.pairs().iter().zip(&self.terms) {
-            let (n, gap) = (&pair.normal, pair.gap.max(self.lubrication_gap));
-            let motion = [pair.i, pair.j].map(|sphere| {
-                let along = S::dot(&S::translation(&velocities[sphere]), n);
-                let strain = S::full_tensor(strains.at(sphere));
-                [along, -S::tensor_along(&strain, n)]
-            });
-            let entries = self.pressures.evaluate([pair.i, pair.j], &self.radii, gap);
-            for row in entries.chunks_exact(4) {
-                for (entry, mode) in row.iter().zip(motion.as_flattened()) {
-                    sums[0] += entry * mode;
+        let (pairs, terms) = (self.neighbours.pairs(), &self.terms);
+        let (pressures, radii, least) = (&self.pressures, &self.radii, self.lubrication_gap);
+        let moments = &mut work.moments;
+        moments.resize(pairs.len(), [0.0; 9]);
+        threads::divide(moments, LEAST_PAIRS, &|first, moments| {
+            let pairs = pairs[first..].iter().zip(&terms[first..]);
+            for (moments, (pair, term)) in moments.iter_mut().zip(pairs) {
+                let (n, gap) = (&pair.normal, pair.gap.max(least));
+                let motion = [pair.i, pair.j].map(|sphere| {
+                    let along = S::dot(&S::translation(&velocities[sphere]), n);
+                    let strain = S::full_tensor(strains.at(sphere));
+                    [along, -S::tensor_along(&strain, n)]
+                });
+                let (own, of_forces) = moments.split_at_mut(8);
+                own.copy_from_slice(&pressures.evaluate([pair.i, pair.j], radii, gap));
+                for row in own.chunks_exact_mut(4) {
+                    for (entry, mode) in row.iter_mut().zip(motion.as_flattened()) {
+                        *entry *= mode;
+                    }
                 }
+                of_forces[0] = virial(pair, term);
             }
-            sums[1] += virial(pair, term);
+        });
+        let mut sums = [0.0; 2];
+        for [own @ .., of_forces] in moments {
+            for moment in own {
+                sums[0] += *moment;
+            }
+            sums[1] += *of_forces;
         }
         for (pair, term) in self.far_pairs() {
             sums[1] -= virial(pair, term);
@@ -515,6 +539,17 @@ impl<S: Fluid> Resistance<S> {
         let (pairs, terms) = (self.neighbours.pairs(), &self.terms);
         pair_terms::add_counterforces(pairs, terms, velocities, strains, forces, stresslets);
     }
+}
+
+/// K_h of spheres of these radii, in mu·a, at a gap that is at least the lubrication gap. Under
+/// lubrication, which adds `shift` over the mean radius to gaps, it is finite at contact, as its
+/// functions are.
+fn slip_friction(friction: HydrodynamicFriction, shift: f64, radii: [f64; 2], gap: f64) -> f64 {
+    if shift == 0.0 {
+        return friction.resistance(gap);
+    }
+    let shift = 0.5 * shift * (radii[0] + radii[1]);
+    friction.resistance(gap.max(0.0) + shift)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::hydrodynamics::resistance::NearFields;
 use crate::model::{Params, SolverSettings};
 use crate::space::{Bulk, Layer};
+use crate::threads;
 
 /// The spaces, for code that is generic in them: [`Layer`] and [`Bulk`]. No other type can be one.
 pub trait RunSpace: Starts {
@@ -140,8 +141,10 @@ impl<S: RunSpace> Simulation<S> {
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
-        self.save();
-        S::advance(self).map_err(|source| self.restore(source))
+        threads::keep_awake(|| {
+            self.save();
+            S::advance(self).map_err(|source| self.restore(source))
+        })
     }
 
     /// Makes one step, and returns the frame of its sample too. The run itself is not affected.

@@ -7,10 +7,14 @@ use super::verlet::VerletList;
 use super::{Layer, Space};
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
+use crate::threads;
 
 /// Bins are wider than the range by this factor's distance from 1, so that rounding of coordinates
 /// hides no pair.
 const ROUNDING: f64 = 1.0 - 1e-12;
+/// Fewest pairs that a thread looks through, and fewest spheres whose neighbours it searches.
+const LEAST_PAIRS: usize = 2000;
+const LEAST_SPHERES: usize = 100;
 
 /// All pairs within range, ordered by (i, j): found by a cell list, O(N).
 #[derive(Debug)]
@@ -22,8 +26,8 @@ pub struct NeighbourList<S: Space = Layer> {
     starts: Vec<usize>,
     /// Bin of each sphere: column, row, plane.
     bins: Vec<[usize; 3]>,
-    /// Neighbours of the current sphere.
-    found: Vec<Neighbours<S>>,
+    /// Pairs found by the other threads.
+    others: Vec<Vec<Neighbours<S>>>,
     /// Verlet list of pairs that may come within range.
     kept: VerletList<S>,
     /// The overlap of two surfaces, in a, from which on [`NeighbourList::update`] refuses them.
@@ -48,7 +52,7 @@ impl<S: Space> NeighbourList<S> {
             sorted: Vec::with_capacity(spheres),
             starts: Vec::new(),
             bins: Vec::with_capacity(spheres),
-            found: Vec::with_capacity(S::RESERVED_NEIGHBOURS),
+            others: Vec::new(),
             kept: VerletList::new(spheres, pairs),
             deepest: 0.0,
         }
@@ -162,16 +166,18 @@ impl<S: Space> NeighbourList<S> {
             self.find(cell, centres, radii, longer);
             self.kept.keep(&self.pairs, cell, centres, radii, range);
         }
-        let (kept, pairs) = (&self.kept, &mut self.pairs);
-        pairs.clear();
-        vectorised(
-            #[inline(always)]
-            || {
-                for &pair in kept.pairs() {
-                    pairs.extend(Neighbours::within(range, cell, centres, radii, pair));
-                }
-            },
-        );
+        let kept = self.kept.pairs();
+        let lists = (&mut self.pairs, &mut self.others);
+        threads::gather(kept.len(), LEAST_PAIRS, lists, &|part, pairs| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for &pair in &kept[part] {
+                        pairs.extend(Neighbours::within(range, cell, centres, radii, pair));
+                    }
+                },
+            );
+        });
         true
     }
 
@@ -183,17 +189,6 @@ impl<S: Space> NeighbourList<S> {
         radii: &[f64],
         range: f64,
     ) {
-        // Vectorised code rounds by one instruction where other code calls a function.
-        vectorised(
-            #[inline(always)]
-            || self.find_inline(cell, centres, radii, range),
-        );
-    }
-
-    /// [`NeighbourList::find`] for the caller's instruction set.
-    #[inline(always)]
-    fn find_inline(&mut self, cell: &Cell<S>, centres: &[S::Vector], radii: &[f64], range: f64) {
-        self.pairs.clear();
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let mut counts = [1; 3];
         if let Cell::Periodic(lattice) = cell {
@@ -212,34 +207,38 @@ impl<S: Space> NeighbourList<S> {
                 *count = bins;
             }
         }
-        self.fill_bins(cell, centres, counts);
-        for i in 0..centres.len() {
-            self.found.clear();
-            let [column, row, plane] = self.bins[i];
-            for other_plane in around(plane, counts[2]) {
-                for other_row in around(row, counts[1]) {
-                    for other_column in around(column, counts[0]) {
-                        let bin = number([other_column, other_row, other_plane], counts);
-                        for &j in &self.sorted[self.starts[bin]..self.starts[bin + 1]] {
-                            if j > i {
-                                self.found.extend(Neighbours::within(
-                                    range,
-                                    cell,
-                                    centres,
-                                    radii,
-                                    [i, j],
-                                ));
+        // Vectorised code rounds by one instruction where other code calls a function.
+        vectorised(
+            #[inline(always)]
+            || self.fill_bins(cell, centres, counts),
+        );
+        let (bins, sorted, starts) = (&self.bins, &self.sorted, &self.starts);
+        let lists = (&mut self.pairs, &mut self.others);
+        threads::gather(centres.len(), LEAST_SPHERES, lists, &|spheres, pairs| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for i in spheres {
+                        let first = pairs.len();
+                        for bin in bins_around(bins[i], counts) {
+                            for &j in &sorted[starts[bin]..starts[bin + 1]] {
+                                if j > i {
+                                    let both = [i, j];
+                                    let found =
+                                        Neighbours::within(range, cell, centres, radii, both);
+                                    pairs.extend(found);
+                                }
                             }
                         }
+                        pairs[first..].sort_unstable_by_key(|pair| pair.j);
                     }
-                }
-            }
-            self.found.sort_unstable_by_key(|pair| pair.j);
-            self.pairs.extend_from_slice(&self.found);
-        }
+                },
+            );
+        });
     }
 
     /// Sorts the spheres into bins, by counting.
+    #[inline(always)]
     fn fill_bins(&mut self, cell: &Cell<S>, centres: &[S::Vector], counts: [usize; 3]) {
         self.bins.clear();
         self.starts.clear();
@@ -279,6 +278,19 @@ impl<S: Space> NeighbourList<S> {
             *last = centres.len();
         }
     }
+}
+
+/// Numbers of the bins around one, itself included.
+#[inline(always)]
+fn bins_around(
+    [column, row, plane]: [usize; 3],
+    counts: [usize; 3],
+) -> impl Iterator<Item = usize> {
+    around(plane, counts[2]).flat_map(move |plane| {
+        around(row, counts[1]).flat_map(move |row| {
+            around(column, counts[0]).map(move |column| number([column, row, plane], counts))
+        })
+    })
 }
 
 /// Number of a bin.

@@ -363,7 +363,7 @@ fn motion_without_contacts_and_products_are_those_of_the_factored_layer() {
         .apply(v, Strains::none(), &mut work, &mut forces, &mut stresslets);
     let mut product = vec![0.0; 300];
     let pairwise = pairwise.resistance.pairwise().unwrap();
-    pairwise.apply(v, &mut product);
+    pairwise.apply(v, &mut product, &mut Vec::new());
     for (a, b) in product.iter().zip(&forces) {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }

@@ -5,11 +5,15 @@ use super::super::laws::Overlap;
 use super::super::memory::WarmStart;
 use super::{ContactSolver, StageInput};
 use crate::hydrodynamics::resistance::Fluid;
+use crate::space::pair::Neighbours;
+use crate::threads;
 
 /// Approach velocity, in a·rate: a pair that would touch within the stage at this velocity is an
 /// initial candidate. With 1 instead of 3, more pairs close only in the solution, and layers of
 /// 1000 spheres require 14 % more linear systems.
 const EXPECTED_APPROACH: f64 = 3.0;
+/// Fewest pairs of which a thread finds those that close.
+const LEAST_PAIRS: usize = 1000;
 
 impl<S: Fluid> ContactSolver<S> {
     /// Selects the initial candidates: pairs that had forces in the preceding stage, and close
@@ -31,10 +35,12 @@ impl<S: Fluid> ContactSolver<S> {
             while known.next_if(|&&(i, j, ..)| (i, j) < pair.key()).is_some() {}
             let forces = known.next_if(|&&(i, j, ..)| (i, j) == pair.key());
             let is_close = || {
-                pair.gap < range || {
-                    let approach = random_approach(input, &Contact::new(*pair, radii, input.flow));
-                    approach < 0.0 && pair.gap + approach * input.span.time < range
-                }
+                pair.gap < range
+                    || !input.random_motion.is_empty() && {
+                        let contact = Contact::approaching(*pair, radii, input.flow);
+                        let approach = random_approach(input, &contact);
+                        approach < 0.0 && pair.gap + approach * input.span.time < range
+                    }
             };
             if forces.is_some() || is_close() {
                 let mut contact = Contact::new(*pair, radii, input.flow);
@@ -60,11 +66,32 @@ impl<S: Fluid> ContactSolver<S> {
         if !input.laws.normal.law.touches() {
             return false;
         }
-        let radii = input.resistance.radii();
+        let (radii, pairs) = (input.resistance.radii(), input.resistance.neighbours());
         let before = self.list.len();
-        let mut known = 0;
+        let mut closing = std::mem::take(&mut self.closing);
+        closing.resize(pairs.len(), false);
+        let (list, kind, dilation) = (&self.list, self.dilates(), self.dilation);
+        let flow = input.flow;
+        let closes = |pair: &Neighbours<S>| {
+            let contact = Contact::approaching(*pair, radii, flow);
+            let (overlap, normal) = (overlap_of(input, &contact), &input.laws.normal);
+            let approach = contact.approach(velocities) + contact.opening(kind) * dilation;
+            approach < normal.separation_velocity(&overlap, &input.span)
+        };
         // Both lists are ordered by (i, j).
-        for pair in input.resistance.neighbours() {
+        threads::divide(&mut closing, LEAST_PAIRS, &|first, closing| {
+            let pairs = &pairs[first..first + closing.len()];
+            let before = |first: &Neighbours<S>| {
+                list.partition_point(|contact| contact.pair.key() < first.key())
+            };
+            let mut known = list[pairs.first().map_or(0, before)..].iter().peekable();
+            for (closing, pair) in closing.iter_mut().zip(pairs) {
+                let same = known.next_if(|contact| contact.pair.key() == pair.key());
+                *closing = same.is_none() && closes(pair);
+            }
+        });
+        let mut known = 0;
+        for (pair, &closes) in pairs.iter().zip(&closing) {
             if let Some(contact) = self.list[..before].get(known)
                 && contact.pair.key() == pair.key()
             {
@@ -74,14 +101,11 @@ impl<S: Fluid> ContactSolver<S> {
                 }
                 continue;
             }
-            let contact = Contact::new(*pair, radii, input.flow);
-            let (overlap, normal) = (overlap_of(input, &contact), &input.laws.normal);
-            let opening = contact.opening(self.dilates());
-            let approach = contact.approach(velocities) + opening * self.dilation;
-            if approach < normal.separation_velocity(&overlap, &input.span) {
-                self.list.push(contact);
+            if closes {
+                self.list.push(Contact::new(*pair, radii, flow));
             }
         }
+        self.closing = closing;
         let closes = self.list.len() > before;
         if closes {
             self.list.sort_unstable_by_key(|contact| contact.pair.key());

@@ -122,7 +122,8 @@ impl<S: Fluid> SparseSystem<S> {
             both.multiply(linear.resistance, &self.velocities, &self.frictionless);
             both.read(r_v, r_n);
         } else {
-            linear.resistance.apply(&self.velocities, r_v);
+            let work = &mut self.both.work_of_one;
+            linear.resistance.apply(&self.velocities, r_v, work);
         }
         for (r, applied) in [&mut *r_v, &mut *r_n].into_iter().zip(&self.applied) {
             for (r, f) in r.iter_mut().zip(applied) {

@@ -1,10 +1,13 @@
 //! `R_FU` of Ball-Melrose hydrodynamics pair by pair: products with it in O(N), and its near part
 //! for a sparse factor.
+//!
+//! In a product each of several threads computes the spheres of a slab, so that few pairs are read
+//! by two. Every sphere adds its pairs in their order, whoever computes it.
 
 use super::fluid::{Fluid, NearTerm as _};
 use super::isolated::isolated;
 use super::near_matrix::{NearMatrix, NearPattern};
-use super::owned::{divide_spheres, for_pairs_of, list_starts, part_of};
+use super::owned::{divide_spheres, for_pairs_of, list_starts};
 use super::reach::Reach;
 use crate::error::Error;
 use crate::linalg::simd::vectorised;
@@ -24,6 +27,7 @@ pub struct PairwiseResistance<S: Fluid = Layer> {
     couplings: Vec<([u32; 2], S::Block)>,
     /// Where the pairs (i, j) of each sphere i start, then their number.
     starts: Vec<usize>,
+    slabs: Slabs,
     /// Number in the pattern of each pair that is in it.
     numbers: Vec<Option<usize>>,
     /// Pairs of the pattern, ordered.
@@ -48,6 +52,7 @@ impl<S: Fluid> PairwiseResistance<S> {
             own: Vec::with_capacity(spheres),
             couplings: Vec::new(),
             starts: Vec::with_capacity(spheres + 1),
+            slabs: Slabs::default(),
             numbers: Vec::new(),
             pattern_pairs: pattern_pairs.to_vec(),
             pattern: NearPattern::new(spheres, pattern_pairs)?,
@@ -69,14 +74,18 @@ impl<S: Fluid> PairwiseResistance<S> {
 
     /// Sets the pair terms, and makes a new pattern if a near pair is not in the old one.
     ///
+    /// `place`: coordinate of a sphere across slabs.
+    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(super) fn assemble(
         &mut self,
-        pairs: &[Neighbours<S>],
-        terms: &[S::Term],
+        (pairs, terms): (&[Neighbours<S>], &[S::Term]),
         radii: &[f64],
+        place: impl Fn(usize) -> f64,
     ) -> Result<(), Error> {
+        let slabs = threads::parts(radii.len(), LEAST_SPHERES);
+        self.slabs.divide(slabs, radii.len(), pairs, place);
         list_starts(
             radii.len(),
             pairs.iter().map(|pair| pair.i),
@@ -212,81 +221,99 @@ impl<S: Fluid> PairwiseResistance<S> {
         self.own.len()
     }
 
-    /// `y = R_FU v`, vectors `[3N]`.
-    pub fn apply(&self, v: &[f64], y: &mut [f64]) {
-        self.multiply(side_by_side::<S>(v), side_by_side_mut::<S>(y));
+    /// `y = R_FU v`, vectors `[3N]`; `work` is workspace.
+    pub fn apply(&self, v: &[f64], y: &mut [f64], work: &mut Vec<Motion<S, 1>>) {
+        self.multiply(side_by_side::<S>(v), side_by_side_mut::<S>(y), work);
     }
 
     /// `R_FU v` for L motions together, interleaved by sphere, which reads the blocks once.
-    pub(crate) fn multiply<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
-        threads::divide(y, LEAST_SPHERES, &|first, y| {
-            vectorised(
+    pub(crate) fn multiply<const L: usize>(
+        &self,
+        v: &[Motion<S, L>],
+        y: &mut [Motion<S, L>],
+        work: &mut Vec<Motion<S, L>>,
+    ) {
+        let (slabs, spheres) = (self.slabs.count, y.len());
+        if slabs == 1 {
+            return vectorised(
                 #[inline(always)]
-                || self.multiply_rows(first, v, y),
+                || self.multiply_all(v, y),
             );
+        }
+        // Each slab has a vector of its own.
+        work.resize(slabs * spheres, S::each([0.0; L]));
+        let mut none = [(); Slabs::MOST];
+        let none = &mut none[..slabs];
+        threads::divide_with((&mut *work, spheres), none, &|first, own, (): &mut ()| {
+            for (slab, y) in (first..).zip(own.chunks_exact_mut(spheres)) {
+                vectorised(
+                    #[inline(always)]
+                    || self.multiply_slab(slab, v, y),
+                );
+            }
+        });
+        let work = &*work;
+        threads::divide(y, LEAST_SPHERES, &|first, y| {
+            let of_sphere = (first..).zip(&self.slabs.of_sphere[first..]);
+            for (y, (sphere, &slab)) in y.iter_mut().zip(of_sphere) {
+                *y = work[spheres * usize::from(slab) + sphere];
+            }
         });
     }
 
-    /// The rows of [`PairwiseResistance::multiply`] from those of the sphere `first` on. Each
-    /// sphere adds its pairs in their order, whichever rows are computed together.
+    /// [`PairwiseResistance::multiply`] on one thread.
     #[inline(always)]
-    fn multiply_rows<const L: usize>(
-        &self,
-        first: usize,
-        v: &[Motion<S, L>],
-        y: &mut [Motion<S, L>],
-    ) {
-        let end = first + y.len();
-        for ((y, v), b) in y.iter_mut().zip(&v[first..]).zip(&self.own[first..]) {
+    fn multiply_all<const L: usize>(&self, v: &[Motion<S, L>], y: &mut [Motion<S, L>]) {
+        for ((y, v), b) in y.iter_mut().zip(v).zip(&self.own) {
             for k in 0..S::MODES {
                 y[k] = product::<S, L>(|m| b[S::MODES * m + k], v);
             }
         }
-        let second = |at: usize| self.couplings[at].0[1] as usize;
-        for i in 0..end {
-            let (all, is_own) = (self.starts[i]..self.starts[i + 1], first <= i);
-            let pairs = if is_own {
-                all
-            } else {
-                part_of(all, second, first, end)
-            };
+        for (i, bounds) in self.starts.windows(2).enumerate() {
             // All pairs of a sphere i are consecutive: their contributions are summed before
             // writing.
-            let v_i = v[i];
-            let mut y_i = if is_own { y[i - first] } else { v_i };
-            for ([_, j], b) in &self.couplings[pairs] {
+            let (v_i, mut y_i) = (v[i], y[i]);
+            for ([_, j], b) in &self.couplings[bounds[0]..bounds[1]] {
                 let j = *j as usize;
-                let v_j = v[j];
-                let is_here = j < end;
-                if is_own && is_here {
-                    let y_j = &mut y[j - first];
-                    for k in 0..S::MODES {
-                        let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
-                        let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
-                        for lane in 0..L {
-                            y_j[k][lane] += of_j[lane];
-                            y_i[k][lane] += of_i[lane];
-                        }
-                    }
-                } else if is_here {
-                    let y_j = &mut y[j - first];
-                    for k in 0..S::MODES {
-                        let of_j = product::<S, L>(|m| b[S::MODES * m + k], &v_i);
-                        for lane in 0..L {
-                            y_j[k][lane] += of_j[lane];
-                        }
-                    }
-                } else {
-                    for k in 0..S::MODES {
-                        let of_i = product::<S, L>(|m| b[S::MODES * k + m], &v_j);
-                        for lane in 0..L {
-                            y_i[k][lane] += of_i[lane];
-                        }
+                add_both::<S, L>(b, [&v_i, &v[j]], [&mut y_i, &mut y[j]]);
+            }
+            y[i] = y_i;
+        }
+    }
+
+    /// The spheres of a slab in [`PairwiseResistance::multiply`]; others are left as they are.
+    #[inline(always)]
+    fn multiply_slab<const L: usize>(
+        &self,
+        slab: usize,
+        v: &[Motion<S, L>],
+        y: &mut [Motion<S, L>],
+    ) {
+        let is_here = |sphere: usize| usize::from(self.slabs.of_sphere[sphere]) == slab;
+        for (i, b) in self.own.iter().enumerate().filter(|(i, _)| is_here(*i)) {
+            for k in 0..S::MODES {
+                y[i][k] = product::<S, L>(|m| b[S::MODES * m + k], &v[i]);
+            }
+        }
+        for (i, bounds) in self.starts.windows(2).enumerate() {
+            if is_here(i) {
+                let (v_i, mut y_i) = (v[i], y[i]);
+                for ([_, j], b) in &self.couplings[bounds[0]..bounds[1]] {
+                    let j = *j as usize;
+                    if is_here(j) {
+                        add_both::<S, L>(b, [&v_i, &v[j]], [&mut y_i, &mut y[j]]);
+                    } else {
+                        add_transposed::<S, L>(b, &v[j], &mut y_i);
                     }
                 }
-            }
-            if is_own {
-                y[i - first] = y_i;
+                y[i] = y_i;
+            } else {
+                for &at in self.slabs.across(i) {
+                    let ([_, j], b) = &self.couplings[at as usize];
+                    if is_here(*j as usize) {
+                        add_product::<S, L>(b, &v[i], &mut y[*j as usize]);
+                    }
+                }
             }
         }
     }
@@ -303,6 +330,74 @@ impl<S: Fluid> PairwiseResistance<S> {
                 matrix.add_coupling(pattern, number, block);
             }
         }
+    }
+}
+
+/// Spheres divided by a coordinate, as many in each slab.
+#[derive(Debug)]
+struct Slabs {
+    count: usize,
+    /// Slab of each sphere; empty where there is one.
+    of_sphere: Vec<u16>,
+    /// Pairs of spheres in different slabs, by first sphere, and where those of each start.
+    across: Vec<u32>,
+    starts: Vec<usize>,
+    /// Coordinates and spheres, in order of the coordinates.
+    sorted: Vec<(f64, u32)>,
+}
+
+impl Default for Slabs {
+    fn default() -> Self {
+        Self {
+            count: 1,
+            of_sphere: Vec::new(),
+            across: Vec::new(),
+            starts: Vec::new(),
+            sorted: Vec::new(),
+        }
+    }
+}
+
+impl Slabs {
+    /// Most slabs.
+    const MOST: usize = 64;
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "numbers of spheres and pairs fit 32 bits, and there are few slabs"
+    )]
+    fn divide<S: Space>(
+        &mut self,
+        count: usize,
+        spheres: usize,
+        pairs: &[Neighbours<S>],
+        place: impl Fn(usize) -> f64,
+    ) {
+        self.count = count.min(Self::MOST);
+        if self.count == 1 {
+            return;
+        }
+        self.sorted.clear();
+        let places = (0..spheres).map(|sphere| (place(sphere), sphere as u32));
+        self.sorted.extend(places);
+        self.sorted
+            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.of_sphere.resize(spheres, 0);
+        for (rank, &(_, sphere)) in self.sorted.iter().enumerate() {
+            self.of_sphere[sphere as usize] = (rank * self.count / spheres) as u16;
+        }
+        let is_across = |pair: &Neighbours<S>| self.of_sphere[pair.i] != self.of_sphere[pair.j];
+        let across = || pairs.iter().enumerate().filter(|(_, pair)| is_across(pair));
+        self.across.clear();
+        self.across.extend(across().map(|(at, _)| at as u32));
+        let firsts = across().map(|(_, pair)| pair.i);
+        list_starts(spheres, firsts, &mut self.starts);
+    }
+
+    /// Pairs of a sphere, as the first, with those of other slabs.
+    #[inline(always)]
+    fn across(&self, first: usize) -> &[u32] {
+        &self.across[self.starts[first]..self.starts[first + 1]]
     }
 }
 
@@ -323,6 +418,45 @@ pub(crate) fn side_by_side_mut<S: Space>(x: &mut [f64]) -> &mut [Motion<S, 1>] {
 fn add_block<S: Space>(to: &mut S::Block, block: &S::Block) {
     for (x, entry) in to.as_mut().iter_mut().zip(block.as_ref()) {
         *x += entry;
+    }
+}
+
+/// Adds the coupling of a pair (i, j), rows of j and columns of i, in both directions.
+#[inline(always)]
+fn add_both<S: Space, const L: usize>(
+    b: &S::Block,
+    [v_i, v_j]: [&Motion<S, L>; 2],
+    [y_i, y_j]: [&mut Motion<S, L>; 2],
+) {
+    for k in 0..S::MODES {
+        let of_j = product::<S, L>(|m| b[S::MODES * m + k], v_i);
+        let of_i = product::<S, L>(|m| b[S::MODES * k + m], v_j);
+        for lane in 0..L {
+            y_j[k][lane] += of_j[lane];
+            y_i[k][lane] += of_i[lane];
+        }
+    }
+}
+
+/// Adds a block times the velocities of a sphere.
+#[inline(always)]
+fn add_product<S: Space, const L: usize>(b: &S::Block, v: &Motion<S, L>, y: &mut Motion<S, L>) {
+    for k in 0..S::MODES {
+        let sums = product::<S, L>(|m| b[S::MODES * m + k], v);
+        for lane in 0..L {
+            y[k][lane] += sums[lane];
+        }
+    }
+}
+
+/// Adds the transpose of a block times the velocities of a sphere.
+#[inline(always)]
+fn add_transposed<S: Space, const L: usize>(b: &S::Block, v: &Motion<S, L>, y: &mut Motion<S, L>) {
+    for k in 0..S::MODES {
+        let sums = product::<S, L>(|m| b[S::MODES * k + m], v);
+        for lane in 0..L {
+            y[k][lane] += sums[lane];
+        }
     }
 }
 

@@ -9,11 +9,14 @@ use crate::hydrodynamics::two_sphere::{
 };
 use crate::linalg::simd::vectorised;
 use crate::model::{Hydrodynamics, LeadingOrder};
+use crate::threads;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Maximum number of sizes with one table per pair; with more sizes, one table covers all size
 /// ratios up to the largest.
 const FEW_SIZES: usize = 6;
+/// Fewest pairs whose terms a thread computes.
+pub(super) const LEAST_PAIRS: usize = 500;
 
 /// Near-field tables by size ratio, shared between runs.
 ///
@@ -266,45 +269,60 @@ impl NearTerms {
         Ok(Self::Exact(pairs))
     }
 
-    /// Computes the terms of all pairs, given by their spheres and gaps; below the gap `least` they
-    /// are those at that gap.
+    /// Computes the terms of all pairs, by their spheres and gaps; below the gap `least` they are
+    /// those at that gap.
     ///
     /// `finish`: final operation on the term of spheres at a gap.
-    pub(crate) fn evaluate<T>(
+    pub(crate) fn evaluate<P: Sync, T: Copy + Send>(
         &self,
         radii: &[f64],
-        pairs: impl Iterator<Item = ([usize; 2], f64)>,
+        (pairs, spheres_and_gap): (&[P], impl Fn(&P) -> ([usize; 2], f64) + Sync),
         least: f64,
-        finish: impl Fn(PairTerm, [usize; 2], f64) -> T,
+        finish: impl Fn(PairTerm, [usize; 2], f64) -> T + Sync,
         terms: &mut Vec<T>,
     ) {
-        terms.clear();
-        if let Self::Many(many) = self {
-            terms.extend(pairs.map(|([i, j], gap)| {
-                let gap = gap.max(least);
-                finish(many.term([radii[i], radii[j]], gap), [i, j], gap)
-            }));
-            return;
+        terms.truncate(pairs.len());
+        if let (Some(pair), true) = (pairs.first(), terms.len() < pairs.len()) {
+            // Any term will do: all are replaced.
+            let ([i, j], gap) = spheres_and_gap(pair);
+            let gap = gap.max(least);
+            let any = match self {
+                Self::Exact(tables) => tables.of(i, j).evaluate(radii[i], radii[j], gap),
+                Self::LeadingOrder(leading) => leading.of(i, j).evaluate(gap),
+                Self::Many(many) => many.term([radii[i], radii[j]], gap),
+            };
+            terms.resize(pairs.len(), finish(any, [i, j], gap));
         }
-        vectorised(
-            #[inline(always)]
-            || match self {
-                Self::Exact(tables) => {
-                    for ([i, j], gap) in pairs {
-                        let gap = gap.max(least);
-                        let term = tables.of(i, j).evaluate(radii[i], radii[j], gap);
-                        terms.push(finish(term, [i, j], gap));
-                    }
+        threads::divide(terms, LEAST_PAIRS, &|first, terms| {
+            let pairs = pairs[first..].iter().map(|pair| {
+                let ([i, j], gap) = spheres_and_gap(pair);
+                ([i, j], gap.max(least))
+            });
+            let terms = terms.iter_mut().zip(pairs);
+            if let Self::Many(many) = self {
+                for (term, ([i, j], gap)) in terms {
+                    *term = finish(many.term([radii[i], radii[j]], gap), [i, j], gap);
                 }
-                Self::LeadingOrder(leading) => {
-                    for ([i, j], gap) in pairs {
-                        let gap = gap.max(least);
-                        terms.push(finish(leading.of(i, j).evaluate(gap), [i, j], gap));
+                return;
+            }
+            vectorised(
+                #[inline(always)]
+                || match self {
+                    Self::Exact(tables) => {
+                        for (term, ([i, j], gap)) in terms {
+                            let exact = tables.of(i, j).evaluate(radii[i], radii[j], gap);
+                            *term = finish(exact, [i, j], gap);
+                        }
                     }
-                }
-                Self::Many(_) => {}
-            },
-        );
+                    Self::LeadingOrder(leading) => {
+                        for (term, ([i, j], gap)) in terms {
+                            *term = finish(leading.of(i, j).evaluate(gap), [i, j], gap);
+                        }
+                    }
+                    Self::Many(_) => {}
+                },
+            );
+        });
     }
 
     /// Inverse slip mobility K of spheres i and j, alone in unbounded fluid, in mu·a.

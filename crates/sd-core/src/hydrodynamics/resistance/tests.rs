@@ -34,7 +34,10 @@ fn a_spring_pulls_its_two_spheres_whichever_way_the_resistance_is_held() {
     let mut velocities = forces.clone();
     factored.solver().solve(&mut velocities);
     let mut found = vec![0.0; 12];
-    pairwise.pairwise().unwrap().apply(&velocities, &mut found);
+    pairwise
+        .pairwise()
+        .unwrap()
+        .apply(&velocities, &mut found, &mut Vec::new());
     for (force, found) in forces.iter().zip(&found) {
         assert!((force - found).abs() < 1e-12, "{force} {found}");
     }

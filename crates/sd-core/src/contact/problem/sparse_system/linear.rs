@@ -5,6 +5,7 @@ use super::active::ActiveTerms;
 use crate::contact::problem::statement::{Problem, States};
 use crate::hydrodynamics::resistance::{Fluid, Motion, PairwiseResistance, side_by_side_mut};
 use crate::linalg::dense::add_scaled;
+use crate::threads;
 use std::ops::Range;
 
 /// The data that define the linear system.
@@ -20,7 +21,13 @@ pub(super) struct Linear<'a, S: Fluid> {
 pub(super) struct BothMotions<S: Fluid> {
     velocities: Vec<Motion<S, 2>>,
     forces: Vec<Motion<S, 2>>,
+    /// Workspace of products.
+    work: Vec<Motion<S, 2>>,
+    pub(super) work_of_one: Vec<Motion<S, 1>>,
 }
+
+/// Fewest spheres whose velocities a thread copies.
+const LEAST_SPHERES: usize = 1500;
 
 impl<S: Fluid> BothMotions<S> {
     /// Computes R v and R v_N.
@@ -28,13 +35,17 @@ impl<S: Fluid> BothMotions<S> {
         for both in [&mut self.velocities, &mut self.forces] {
             both.resize(resistance.spheres(), S::each([0.0; 2]));
         }
-        let parts = S::by_sphere(v).iter().zip(S::by_sphere(v_n));
-        for (both, (v, v_n)) in self.velocities.iter_mut().zip(parts) {
-            for k in 0..S::MODES {
-                both[k] = [v[k], v_n[k]];
+        let (v, v_n) = (S::by_sphere(v), S::by_sphere(v_n));
+        threads::divide(&mut self.velocities, LEAST_SPHERES, &|first, both| {
+            let parts = v[first..].iter().zip(&v_n[first..]);
+            for (both, (v, v_n)) in both.iter_mut().zip(parts) {
+                for k in 0..S::MODES {
+                    both[k] = [v[k], v_n[k]];
+                }
             }
-        }
-        resistance.multiply(&self.velocities, &mut self.forces);
+        });
+        let forces = &mut self.forces;
+        resistance.multiply(&self.velocities, forces, &mut self.work);
     }
 
     /// Copies the forces to vectors `[3N]`.
@@ -85,7 +96,7 @@ impl<S: Fluid> Linear<'_, S> {
             self.add_contacts(x, &mut both.forces, y_f, y_t);
             both.read(y_v, y_n);
         } else {
-            self.resistance.apply(v, y_v);
+            self.resistance.apply(v, y_v, &mut both.work_of_one);
             self.add_contacts(x, side_by_side_mut::<S>(y_v), y_f, y_t);
         }
     }

@@ -116,6 +116,8 @@ struct PartWorkspace {
     rows_below: Vec<Lanes>,
     /// Rows below the current single supernode.
     rows: Vec<f32>,
+    /// Their sums in a large one.
+    sums: Vec<[f32; 3]>,
 }
 
 impl Batch {
@@ -597,7 +599,11 @@ impl Part {
                             &mut x.as_flattened_mut()[single.start..single.start + node.width];
                         let updates = &mut updates.as_flattened_mut()[LANES * single.slots..]
                             [..node.below.len()];
-                        single::lower(node, factor, own, updates);
+                        if single::is_large(node) {
+                            single::lower_together(node, factor, own, updates);
+                        } else {
+                            single::lower(node, factor, own, updates);
+                        }
                     }
                 }
             },
@@ -611,7 +617,11 @@ impl Part {
         factor: &[f32],
         values: &[Lanes],
         x: &mut [Lanes],
-        PartWorkspace { rows_below, rows }: &mut PartWorkspace,
+        PartWorkspace {
+            rows_below,
+            rows,
+            sums,
+        }: &mut PartWorkspace,
     ) {
         vectorised(
             #[inline(always)]
@@ -635,7 +645,11 @@ impl Part {
                         let places = self.single_below[single.below.clone()].iter();
                         rows.extend(places.map(|&row| x[row as usize]));
                         let own = &mut x[single.start..single.start + node.width];
-                        single::upper(node, factor, own, rows);
+                        if single::is_large(node) {
+                            single::upper_together(node, factor, (own, rows), sums);
+                        } else {
+                            single::upper(node, factor, own, rows);
+                        }
                     }
                 }
             },
