@@ -30,8 +30,9 @@ def derived():
             yield RESULTS / design.effects, thickening.effects(design, design.read())
     if (RESULTS / jamming.PLATEAUS).exists():
         yield RESULTS / jamming.FITS, jamming.read()
-    if (RESULTS / limits.RUNS).exists():
-        yield RESULTS / limits.LIMITS, limits.read()
+    if limits.there():
+        for name, table in limits.read().items():
+            yield RESULTS / name, table
     if held.there():
         for name, table in held.read().items():
             yield RESULTS / name, table

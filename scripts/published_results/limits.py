@@ -1,4 +1,4 @@
-"""Fraction and friction coefficient of suspensions under an imposed pressure for J → 0.
+"""Suspensions under an imposed pressure: beside the law of Boyer et al., and for J → 0.
 
 To the runs with J up to 0.01, of each friction coefficient,
 
@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from .held import law
 from .place import RESULTS
 
+POINTS, STATES = "mu-of-j.csv", "mu-of-j-states.csv"
 RUNS, LIMITS = "mu-of-j-runs.csv", "mu-of-j-limits.csv"
 # Largest imposed J of the fits.
 SMALL = 0.01
@@ -52,5 +54,26 @@ def limits(runs):
         }
 
 
+def states(points):
+    """A row for each point, with the laws of Boyer et al. at its viscous number."""
+    measured = ["fraction", "macroscopic_friction", "viscous_number"]
+    for _, row in points.dropna(subset=["viscosity"]).iterrows():
+        state = {name: row[name] for name in ["friction", "imposed_viscous_number", "contact", "spheres", "seeds", "not_steady", "ordering"]}
+        for name in measured:
+            state |= {name: row[name], f"{name}_ci95": row[f"{name}_ci95"]}
+        j = row["viscous_number"]
+        state["fraction_boyer"] = law("boyer2011", "volume_fraction", "viscous_number")(j)
+        state["macroscopic_friction_boyer"] = law("boyer2011", "macroscopic_friction", "viscous_number")(j)
+        yield state
+
+
+def there(folder=RESULTS):
+    return (folder / RUNS).exists()
+
+
 def read(folder=RESULTS):
-    return pd.DataFrame(limits(pd.read_csv(folder / RUNS, low_memory=False)))
+    """Both tables, by their files."""
+    return {
+        STATES: pd.DataFrame(states(pd.read_csv(folder / POINTS))),
+        LIMITS: pd.DataFrame(limits(pd.read_csv(folder / RUNS, low_memory=False))),
+    }
