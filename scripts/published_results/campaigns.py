@@ -73,10 +73,8 @@ CAMPAIGNS = {
     "cause-of-thickening-bulk-full": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
-    "mu-of-j": [
-        figure(*("--kind", kind, "--where", "spheres=200", "--panels", "contact", "--reference", "boyer2011"), suffix=f"-{kind}")
-        for kind in ["mu-j", "phi-j"]
-    ],
+    # Its figure is made with the tables.
+    "mu-of-j": [],
     "flows": [figure("--along", "volume_fraction")],
     "brownian-viscosity": [figure("--along", "peclet")],
     "thermal-thickening": [

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 
-from . import held, jamming, lattices
+from . import held, jamming, lattices, limits
 from .place import RESULTS
 from .steady import trend
 from .thickening import LAYERS, SUSPENSIONS
@@ -292,6 +292,35 @@ def order():
     _write("ordering.svg", [ORDER], panels, draw, "strain", "", share="row", wide=2)
 
 
+def imposed_pressure():
+    """Fraction and friction coefficient against the viscous number, with the law of Boyer et al.:
+    rigid contacts as full symbols, springs as open ones."""
+    points = pd.read_csv(RESULTS / limits.STATES)
+    points = points[points["spheres"] == 200]
+
+    def draw(ax, y):
+        for ((friction, group), colour, marker) in zip(points.groupby("friction"), COLOURS[1:], MARKERS):
+            for contact, filled in [("rigid", colour), ("linear-spring", "white")]:
+                shown = group[group["contact"] == contact].sort_values("viscous_number")
+                style = {"color": colour, "marker": marker, "markersize": 4, "markerfacecolor": filled, "elinewidth": 0.8, "capsize": 2}
+                label = f"ν = {friction:g}" if contact == "rigid" else None
+                ax.errorbar(shown["viscous_number"], shown[y], shown[f"{y}_ci95"], linestyle="", label=label, **style)
+                _mark(ax, shown, shown["viscous_number"], shown[y])
+            line = group.sort_values("viscous_number")
+            ax.plot(line["viscous_number"], line[y], color=colour, linewidth=0.6)
+        law = held.law("boyer2011", y.replace("fraction", "volume_fraction"), "viscous_number")
+        at = np.geomspace(points["viscous_number"].min(), 0.2, 100)
+        ax.plot(at, [law(value) for value in at], color=COLOURS[0], linewidth=1, label="Boyer et al. 2011, experiment")
+        ax.set_xscale("log")
+        if y == "macroscopic_friction":
+            ax.set_yscale("log")
+            ax.set_yticks(ticks := [0.1, 0.2, 0.5, 1, 2, 5], [f"{tick:g}" for tick in ticks])
+            ax.yaxis.minorticks_off()
+
+    panels = {"volume fraction φ": "fraction", "friction coefficient μ = σ/P₂₂": "macroscopic_friction"}
+    _write("mu-of-j.svg", [limits.STATES], panels, draw, "viscous number J", "", share=False, wide=2)
+
+
 HELD = "held-against-experiment.svg"
 ORDER = "ordering-windows.csv"
 FIGURES = {
@@ -304,6 +333,7 @@ FIGURES = {
     "flow-curve-network.svg": (network_of_flow_curve, ["flow-curve.csv"]),
     "figure-14-network.svg": (network_of_figure_14, ["figure-14.csv"]),
     "ordering.svg": (order, [ORDER]),
+    "mu-of-j.svg": (imposed_pressure, [limits.STATES]),
 }
 
 
