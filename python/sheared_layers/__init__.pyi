@@ -83,6 +83,7 @@ class Solution:
     n1: float | None
     n2: float | None
     particle_pressure: float | None
+    pressure_hydrodynamic: float | None
     stress: dict[str, dict[str, float]] | None
     computing_time_s: float
     def __init__(self, answer: dict[str, Any], dimensions: int, computing_time_s: float) -> None: ...

@@ -51,6 +51,8 @@ class Solution:
         v'Rv over volume and shear rate.
     n1, n2, particle_pressure : float
         Normal stress differences, particle pressure of contacts and repulsion.
+    pressure_hydrodynamic : float
+        Particle pressure of the fluid, which no other number includes.
     stress : dict of dicts
         The same and the shear stress, by cause, as in `sweep solve --json`.
     computing_time_s : float

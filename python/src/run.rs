@@ -193,19 +193,24 @@ impl Run {
         found.map_err(|error: Error| raise(error))
     }
 
-    fn one_step(&self, py: Python<'_>) -> PyResult<Sample> {
-        let (sample, place, took) = py.detach(|| {
+    /// Makes one step.
+    fn one_step<T: Send>(
+        &self,
+        py: Python<'_>,
+        step: impl Send + FnOnce(&mut Steps) -> Result<T, Error>,
+    ) -> PyResult<T> {
+        let (made, place, took) = py.detach(|| {
             let mut run = self.run();
             let begun = Instant::now();
-            let sample = run.step();
-            (sample, run.place(), begun.elapsed().as_secs_f64())
+            let made = step(&mut run);
+            (made, run.place(), begun.elapsed().as_secs_f64())
         });
         // Written by threads that are attached to the interpreter, one at a time.
         let so_far = self.computing_time_s();
         (self.computing_time_s).store((so_far + took).to_bits(), Ordering::Relaxed);
-        let sample = sample.map_err(raise)?;
+        let made = made.map_err(raise)?;
         self.show(py, &place)?;
-        Ok(sample)
+        Ok(made)
     }
 }
 
@@ -334,8 +339,10 @@ impl Run {
     /// dict
     ///     Measurements: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by
     ///     cause such as `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
+    ///     What this run does not have, such as `pressure_hydrodynamic` under Brownian motion, is
+    ///     nan.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let sample = self.one_step(py)?;
+        let sample = self.one_step(py, Steps::step)?;
         dict_of(py, &sample)
     }
 
@@ -372,9 +379,11 @@ impl Run {
         }
         let mut samples = Vec::new();
         for step in 0..count(steps) {
-            let sample = self.one_step(py)?;
             if step % every == 0 {
+                let sample = self.one_step(py, Steps::step)?;
                 samples.push(dict_of(py, &sample)?);
+            } else {
+                self.one_step(py, Steps::step_unmeasured)?;
             }
             py.check_signals()?;
         }

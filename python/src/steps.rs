@@ -38,6 +38,17 @@ impl Steps {
         }
     }
 
+    /// Does a step that nobody looks at.
+    pub(crate) fn step_unmeasured(&mut self) -> Result<(), Error> {
+        match self.ahead.take() {
+            Some((run, ..)) => {
+                self.run = run;
+                Ok(())
+            }
+            None => self.run.step_unmeasured(),
+        }
+    }
+
     /// Measurements of the next step, and its frame.
     pub(crate) fn look(
         &mut self,

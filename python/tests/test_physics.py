@@ -44,7 +44,8 @@ def test_solve_is_the_command(body):
         "stresslet_xy",
     ]:
         np.testing.assert_array_equal(getattr(here, name), np.array(there[name]), name)
-    for name in ["viscosity", "viscosity_stresslet", "dissipation", "n1", "n2", "particle_pressure", "stress"]:
+    stresses = ["n1", "n2", "particle_pressure", "pressure_hydrodynamic", "stress"]
+    for name in ["viscosity", "viscosity_stresslet", "dissipation", *stresses]:
         assert getattr(here, name) == there[name], name
     contacts = here.contacts
     assert len(contacts) == len(there["contacts"])

@@ -338,6 +338,8 @@ pub struct Answer {
     pub(crate) n1: Option<f64>,
     pub(crate) n2: Option<f64>,
     pub(crate) particle_pressure: Option<f64>,
+    /// Particle pressure of the fluid, which no other number includes.
+    pub(crate) pressure_hydrodynamic: Option<f64>,
     /// Normal stress differences, particle pressure and shear stress, split by cause.
     pub(crate) stress: Option<StressComponents>,
     /// All candidate pairs.
@@ -392,7 +394,8 @@ impl Answer {
             }
         }
         let whole = [self.viscosity, self.viscosity_stresslet, self.dissipation];
-        let stresses = [self.n1, self.n2, self.particle_pressure];
+        let pressures = [self.particle_pressure, self.pressure_hydrodynamic];
+        let stresses = [self.n1, self.n2].into_iter().chain(pressures);
         let numbers: Vec<f64> = whole.into_iter().chain(stresses).flatten().collect();
         if sphere_of(&numbers).is_some() {
             let (quantity, sphere) = ("the stress of the cell with the forces", 0);
@@ -442,6 +445,7 @@ impl Answer {
             n1: stress.map(|s| s.components.n1.total()),
             n2: stress.map(|s| s.components.n2.total()),
             particle_pressure: stress.map(|s| s.components.particle_pressure.total()),
+            pressure_hydrodynamic: stress.map(|s| instant.pressure_moment / s.volume),
             stress: stress.map(|s| s.components),
             contacts: instant
                 .contacts

@@ -141,8 +141,45 @@ impl<S: RunSpace> Simulation<S> {
     /// # Errors
     /// [`Error::Step`] with step, strain and cause. The state is that before the step.
     pub fn step(&mut self) -> Result<Sample, Error> {
+        self.make_step(true)
+    }
+
+    /// One step without its sample, which takes less time: the run continues with the same bits as
+    /// after [`Simulation::step`].
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    ///
+    /// ```
+    /// use sd_core::{Layer, NearFields, Simulation};
+    /// # use sd_core::{Hydrodynamics, Params};
+    /// # let params = Params::builder()
+    /// #     .spheres(40)
+    /// #     .area_fraction(0.6)
+    /// #     .roughness(0.01)
+    /// #     .friction(0.5)
+    /// #     .shear_rate(2.0)
+    /// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+    /// #     .build()?;
+    ///
+    /// let tables = NearFields::default();
+    /// let mut sampled = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// let mut other = Simulation::<Layer>::new(&params, 1, &tables)?;
+    /// for _ in 0..5 {
+    ///     sampled.step()?;
+    ///     other.step_unmeasured()?;
+    /// }
+    /// assert_eq!(sampled.step()?, other.step()?);
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn step_unmeasured(&mut self) -> Result<(), Error> {
+        self.make_step(false).map(|_| ())
+    }
+
+    fn make_step(&mut self, is_measured: bool) -> Result<Sample, Error> {
         threads::keep_awake(|| {
             self.save();
+            self.measure(is_measured);
             S::advance(self).map_err(|source| self.restore(source))
         })
     }

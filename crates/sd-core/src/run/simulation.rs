@@ -106,6 +106,8 @@ pub struct Simulation<S: Starts = Layer> {
     solver: StageSolver<S>,
     stepper: Stepper<S>,
     stress: StressWork<S>,
+    /// Whether the current step is measured.
+    is_measured: bool,
     /// The frame of the current step, if requested.
     frame: Option<Box<Frame<S>>>,
     /// Pairs in contact before the stage, under the procedure.
@@ -236,6 +238,7 @@ impl<S: Starts> Simulation<S> {
             solver,
             stepper,
             stress: StressWork::default(),
+            is_measured: true,
             frame: None,
             contact_list_before: ContactList::default(),
             params,

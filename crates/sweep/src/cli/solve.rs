@@ -114,6 +114,10 @@ fn write_text(instant: &Answer, output: &mut Output<'_>) -> Result<(), Error> {
             "particle pressure of contacts and repulsion",
             instant.particle_pressure,
         ),
+        (
+            "particle pressure of the fluid",
+            instant.pressure_hydrodynamic,
+        ),
     ] {
         if let Some(value) = value {
             writeln!(output.out, "{name} {}", digits(value))?;

@@ -406,15 +406,17 @@ impl Number {
         )
     }
 
-    /// Whether it is observed from a frame, by `sweep`: steps have none, and a sample may lack it.
+    /// Whether it is observed from a frame, by `sweep`: steps have none.
     pub fn is_observed(&self) -> bool {
         matches!(
             self.sample,
-            Some((
-                _,
-                InSample::Network(_) | InSample::Structure(_) | InSample::Free(_)
-            ))
+            Some((_, InSample::Network(_) | InSample::Structure(_)))
         )
+    }
+
+    /// Whether a sample may lack it.
+    pub(crate) fn is_optional(&self) -> bool {
+        self.is_observed() || matches!(self.sample, Some((_, InSample::Free(_))))
     }
 
     /// Type of its values in the tables of the store.
@@ -589,7 +591,7 @@ mod tests {
             real("particle_pressure") + differences
         ));
         let mut unseen = Sample::default();
-        for number in kept().filter(|number| number.is_observed()) {
+        for number in kept().filter(|number| number.is_optional()) {
             number.put(&mut unseen, Value::Number(f64::NAN));
         }
         assert_eq!((unseen.network, unseen.structure), (None, None));

@@ -90,6 +90,14 @@ impl AnySimulation {
         of_either!(self, run => run.step())
     }
 
+    /// Makes a step without its sample.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub fn step_unmeasured(&mut self) -> Result<(), Error> {
+        of_either!(self, run => run.step_unmeasured())
+    }
+
     /// As [`AnySimulation::step`], and returns the frame of the sample too.
     ///
     /// # Errors

@@ -160,7 +160,11 @@ impl Trials {
             let clock = Clock::of_thread();
             // Runs keep the state before every step.
             before.replace(run.snapshot());
-            run.step()?;
+            if run.steps().is_multiple_of(case.sample_stride) {
+                run.step()?;
+            } else {
+                run.step_unmeasured()?;
+            }
             let cpu_s = clock.cpu_s();
             let is_last = run.steps() == case.steps;
             let strain = if is_last { f64::INFINITY } else { run.strain() };

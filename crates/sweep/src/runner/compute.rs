@@ -332,6 +332,7 @@ impl Workers<'_> {
         let has_cross_shear = segments.iter().any(|one| one.cross_shear.is_some());
         let mut kept = Instant::now();
         let mut cost = Duration::ZERO;
+        let mut viscosity = f64::NAN;
         loop {
             if simulation.flow() == Flow::Jammed {
                 return Ok(End::Jammed);
@@ -369,25 +370,26 @@ impl Workers<'_> {
                     if films {
                         record.rows.frames.push((step, frame));
                     }
-                    sample
+                    Some(sample)
                 })
             } else {
-                simulation.step()
+                simulation.step_unmeasured().map(|()| None)
             };
-            let sample = match outcome {
-                Ok(sample) => sample,
+            match outcome {
+                Ok(Some(sample)) if can_be_kept(&sample) => {
+                    viscosity = sample.viscosity;
+                    record.rows.add(step, sample);
+                }
+                Ok(Some(_)) => {
+                    let message = "a measured value is not a number".to_owned();
+                    return Ok(End::Failed(message, None));
+                }
+                Ok(None) => {}
                 Err(error) => return Ok(End::of(error)),
-            };
-            if !can_be_kept(&sample) {
-                let message = "a measured value is not a number".to_owned();
-                return Ok(End::Failed(message, None));
-            }
-            if is_sampled {
-                record.rows.add(step, sample);
             }
             self.options
                 .progress
-                .step(worker, simulation.steps(), sample.viscosity);
+                .step(worker, simulation.steps(), viscosity);
             if record.before.wall_s + clock.wall_s() > limit.seconds {
                 return Ok(End::Failed(limit.message(), None));
             }

@@ -216,7 +216,7 @@ fn difference_of(one: &(u64, Sample), two: &(u64, Sample)) -> Option<String> {
             (one, two) => one == two,
         };
         // One of them may have been computed without observing it.
-        let unseen = Number::named(name).is_some_and(Number::is_observed)
+        let unseen = Number::named(name).is_some_and(Number::is_optional)
             && [&one, &two].iter().any(|value| is_nothing(value));
         (!same && !unseen).then(|| format!("{name} is {}, and {}", shown(&one), shown(&two)))
     })

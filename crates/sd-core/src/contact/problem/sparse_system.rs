@@ -121,7 +121,7 @@ impl<S: Fluid> SparseSystem<S> {
             let both = &mut self.both;
             both.multiply(linear.resistance, &self.velocities, &self.frictionless);
             both.read(r_v, r_n);
-        } else {
+        } else if self.velocities.iter().any(|&v| v != 0.0) {
             let work = &mut self.both.work_of_one;
             linear.resistance.apply(&self.velocities, r_v, work);
         }

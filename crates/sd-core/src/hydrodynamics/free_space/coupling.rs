@@ -293,21 +293,6 @@ impl Coupling {
         }
     }
 
-    /// As [`Coupling::add`], for velocities and forces only.
-    #[inline(always)]
-    pub(crate) fn add_forces(&self, n: &Vector3<f64>, v: &Motion, to: &mut Motion) {
-        let u = Vector3::new(v[0], v[1], v[2]);
-        let w = Vector3::new(v[3], v[4], v[5]);
-        let along = (self.force_velocity[0] - self.force_velocity[1]) * n.dot(&u);
-        let turning = (self.torque_rotation[0] - self.torque_rotation[1]) * n.dot(&w);
-        let force = u * self.force_velocity[1] + n.cross(&w) * self.force_rotation + n * along;
-        let torque = w * self.torque_rotation[1] + n.cross(&u) * self.torque_velocity + n * turning;
-        for k in 0..3 {
-            to[k] += force[k];
-            to[3 + k] += torque[k];
-        }
-    }
-
     /// All numbers, mutable.
     fn numbers_mut(&mut self) -> [&mut [f64]; 9] {
         [
@@ -369,11 +354,22 @@ impl Coupling {
     /// Forces and torques from velocities alone, by columns.
     #[inline(always)]
     pub(crate) fn force_matrix(&self, n: &Vector3<f64>) -> [Motion; 6] {
+        let n = [n.x, n.y, n.z];
+        // n × each axis.
+        let turned = [[0.0, n[2], -n[1]], [-n[2], 0.0, n[0]], [n[1], -n[0], 0.0]];
+        let [force, torque] = [self.force_velocity, self.torque_rotation];
         let mut columns = [[0.0; 6]; 6];
-        for (column, to) in columns.iter_mut().enumerate() {
-            let mut from = [0.0; 6];
-            from[column] = 1.0;
-            self.add_forces(n, &from, to);
+        for k in 0..3 {
+            let pushed = (force[0] - force[1]) * n[k];
+            let twisted = (torque[0] - torque[1]) * n[k];
+            for row in 0..3 {
+                columns[k][row] = n[row] * pushed;
+                columns[k][3 + row] = turned[k][row] * self.torque_velocity;
+                columns[3 + k][row] = turned[k][row] * self.force_rotation;
+                columns[3 + k][3 + row] = n[row] * twisted;
+            }
+            columns[k][k] += force[1];
+            columns[3 + k][3 + k] += torque[1];
         }
         columns
     }

@@ -18,6 +18,7 @@
 use super::fluid::{FarMatrix as _, Fluid, NearTerm as _, modes_in_strain};
 use super::isolated::isolated;
 use super::{Form, Resistance};
+use crate::linalg::simd::vectorised;
 use crate::space::Space;
 
 /// The random force on the rate of a flow, in mu·a³·rate.
@@ -84,29 +85,46 @@ impl<S: Fluid> Resistance<S> {
         let forces = S::by_sphere_mut(forces);
         let far_terms = self.far_pairs.as_ref().map_or(&[][..], |far| far.terms());
         let mut far_terms = far_terms.iter().peekable();
-        let pairs = self.neighbours.pairs().iter().zip(&self.terms);
-        for (number, (pair, term)) in pairs.enumerate() {
-            let mut term = *term;
-            if let Some((_, far)) = far_terms.next_if(|(of, _)| *of == number) {
-                // The far field as a whole has a share of its own.
-                term.add(&far.scaled(-1.0));
+        let (mut roots, mut number) = (Roots::NONE, 0);
+        let all = self.neighbours.pairs().chunks(LANES);
+        for (pairs, given) in all.zip(self.terms.chunks(LANES)) {
+            let mut terms = [given[0]; LANES];
+            terms[..given.len()].copy_from_slice(given);
+            for term in &mut terms[..given.len()] {
+                if let Some((_, far)) = far_terms.next_if(|(of, _)| *of == number) {
+                    // The far field as a whole has a share of its own.
+                    term.add(&far.scaled(-1.0));
+                }
+                number += 1;
             }
-            let root = root_of::<S>(&term.blocks(&pair.normal));
-            let row = flow.map(|strain| {
-                let (row, rest) = row_of_flow::<S>(&term, &pair.normal, strain, &root);
-                stress.rest += rest;
-                row
-            });
-            for (at, column) in root[..2 * S::MODES].iter().enumerate() {
-                // A mode that is not resisted has no force, but the same numbers follow.
-                let z = scale * normal();
-                if let Some(row) = &row {
-                    stress.force += z * row[at];
+            vectorised(
+                #[inline(always)]
+                || {
+                    for lane in 0..pairs.len() {
+                        let blocks = terms[lane].blocks(&pairs[lane].normal);
+                        roots.set::<S>(lane, &blocks);
+                    }
+                    roots.take::<S>();
+                },
+            );
+            for (lane, (pair, term)) in pairs.iter().zip(&terms).enumerate() {
+                let row = flow.map(|strain| {
+                    let (row, rest) = row_of_flow::<S>(term, &pair.normal, strain, &roots, lane);
+                    stress.rest += rest;
+                    row
+                });
+                let mut both = [forces[pair.i], forces[pair.j]];
+                for at in 0..2 * S::MODES {
+                    // A mode that is not resisted has no force, but the same numbers follow.
+                    let z = scale * normal();
+                    if let Some(row) = &row {
+                        stress.force += z * row[at];
+                    }
+                    for row in at..2 * S::MODES {
+                        both[row / S::MODES][row % S::MODES] += z * roots.0[at][row][lane];
+                    }
                 }
-                for (row, entry) in column.iter().enumerate().take(2 * S::MODES) {
-                    let sphere = if row < S::MODES { pair.i } else { pair.j };
-                    forces[sphere][row % S::MODES] += z * entry;
-                }
+                [forces[pair.i], forces[pair.j]] = both;
             }
         }
         stress
@@ -118,7 +136,8 @@ fn row_of_flow<S: Fluid>(
     term: &S::Term,
     normal: &S::Vector,
     strain: &S::Strain,
-    root: &[[f64; PAIR_MODES]; PAIR_MODES],
+    roots: &Roots,
+    lane: usize,
 ) -> ([f64; PAIR_MODES], f64) {
     let still = modes_in_strain::<S>(&S::each(0.0), strain);
     let forces = term.apply(normal, &[still, still]);
@@ -132,9 +151,9 @@ fn row_of_flow<S: Fluid>(
     }
     for k in 0..2 * S::MODES {
         for other in 0..k {
-            row[k] -= root[other][k] * row[other];
+            row[k] -= roots.0[other][k][lane] * row[other];
         }
-        let pivot = root[k][k];
+        let pivot = roots.0[k][k][lane];
         // A mode that is not resisted does no work.
         row[k] = if pivot > 0.0 { row[k] / pivot } else { 0.0 };
         rest -= row[k] * row[k];
@@ -144,38 +163,62 @@ fn row_of_flow<S: Fluid>(
 
 /// Most velocities of a pair.
 const PAIR_MODES: usize = 12;
+/// Pairs whose roots are taken side by side.
+const LANES: usize = 4;
 
-/// L of `L Lᵀ`, by columns, of a positive semidefinite pair matrix from its blocks (i, i), (j, i)
-/// and (j, j).
-fn root_of<S: Space>(blocks: &[S::Block; 3]) -> [[f64; PAIR_MODES]; PAIR_MODES] {
-    let (modes, size) = (S::MODES, 2 * S::MODES);
-    let mut columns = [[0.0; PAIR_MODES]; PAIR_MODES];
-    let places = [(0, 0), (modes, 0), (modes, modes)];
-    for (block, (row, column)) in blocks.iter().zip(places) {
-        for (k, entries) in block.as_ref().chunks_exact(modes).enumerate() {
-            columns[column + k][row..row + modes].copy_from_slice(entries);
-        }
-    }
-    for k in 0..size {
-        let diagonal = columns[k][k];
-        let (before, rest) = columns.split_at_mut(k);
-        let column = &mut rest[0];
-        for other in before {
-            let factor = other[k];
-            for row in k..size {
-                column[row] -= factor * other[row];
+/// L of `L Lᵀ` of several positive semidefinite pair matrices, by columns, and the pairs side by
+/// side. Above the diagonal entries are of no meaning.
+struct Roots([[[f64; LANES]; PAIR_MODES]; PAIR_MODES]);
+
+impl Roots {
+    const NONE: Self = Self([[[0.0; LANES]; PAIR_MODES]; PAIR_MODES]);
+
+    /// Sets the matrix of a pair from its blocks (i, i), (j, i) and (j, j).
+    #[inline(always)]
+    fn set<S: Space>(&mut self, lane: usize, blocks: &[S::Block; 3]) {
+        for column in 0..S::MODES {
+            for row in 0..S::MODES {
+                let at = S::MODES * column + row;
+                if row >= column {
+                    self.0[column][row][lane] = blocks[0][at];
+                    self.0[S::MODES + column][S::MODES + row][lane] = blocks[2][at];
+                }
+                self.0[column][S::MODES + row][lane] = blocks[1][at];
             }
         }
-        let pivot = column[k];
-        column[..k].fill(0.0);
-        if pivot <= ROUNDING * diagonal {
-            column.fill(0.0);
-            continue;
+    }
+
+    /// Replaces the matrices by their roots.
+    #[inline(always)]
+    fn take<S: Space>(&mut self) {
+        let (size, columns) = (2 * S::MODES, &mut self.0);
+        let mut diagonal = [[0.0; LANES]; PAIR_MODES];
+        for k in 0..size {
+            diagonal[k] = columns[k][k];
         }
-        let scale = pivot.sqrt().recip();
-        for entry in &mut column[k..size] {
-            *entry *= scale;
+        for k in 0..size {
+            let (before, later) = columns.split_at_mut(k + 1);
+            let column = &mut before[k];
+            let (pivot, mut scale) = (column[k], [0.0; LANES]);
+            for lane in 0..LANES {
+                if pivot[lane] > ROUNDING * diagonal[k][lane] {
+                    scale[lane] = pivot[lane].sqrt().recip();
+                }
+            }
+            for row in k..size {
+                for lane in 0..LANES {
+                    column[row][lane] *= scale[lane];
+                }
+            }
+            for other in k + 1..size {
+                let factor = column[other];
+                let target = &mut later[other - k - 1];
+                for row in other..size {
+                    for lane in 0..LANES {
+                        target[row][lane] -= factor[lane] * column[row][lane];
+                    }
+                }
+            }
         }
     }
-    columns
 }

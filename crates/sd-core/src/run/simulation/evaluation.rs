@@ -53,7 +53,7 @@ impl<S: Starts> Simulation<S> {
         if self.params.macroscopic_friction.is_some() {
             self.dilations.viscosity = self.stress_of_stage().viscosity;
         }
-        if let Some(brownian) = &mut self.brownian {
+        if let Some(brownian) = self.brownian.as_mut().filter(|_| self.is_measured) {
             brownian.record(&stage, || self.stress.random_stress(&self.solver));
         }
         let (background, solver) = (self.background, &self.solver);

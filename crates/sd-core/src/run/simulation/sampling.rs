@@ -4,6 +4,8 @@
 //! there is too high by about the step: 3 % at 0.025. With loaded rigid contacts the middle of the
 //! step is sampled, whose forces hold the initial gaps over the whole step and so are their mean.
 //! In all other cases the first stage is sampled.
+//!
+//! A step that is not measured has of its sample only what later steps depend on.
 
 use super::{Sample, Simulation};
 use crate::contact::{Quality, Status};
@@ -71,6 +73,11 @@ impl<S: Starts> Simulation<S> {
         stress
     }
 
+    /// Chooses whether the next step is measured.
+    pub(in crate::run) fn measure(&mut self, is_measured: bool) {
+        self.is_measured = is_measured;
+    }
+
     /// Records a stage of the current step before its sample: at the first stage the smallest gap.
     pub(super) fn begin_sample(&self, jammed: bool, record: &mut StepRecord) {
         if record.sample.is_some() {
@@ -90,6 +97,17 @@ impl<S: Starts> Simulation<S> {
         record: &mut StepRecord,
     ) {
         if record.sample.is_some() {
+            return;
+        }
+        if !self.is_measured {
+            // Jams show in the viscosity, but not under random forces.
+            record.sample = Some(Sample {
+                viscosity: match self.brownian {
+                    Some(_) => f64::NAN,
+                    None => self.stress_of_stage().viscosity,
+                },
+                ..Sample::default()
+            });
             return;
         }
         let mut stress = self.stress_of_stage();
@@ -132,7 +150,7 @@ impl<S: Starts> Simulation<S> {
     pub(super) fn count_step(&mut self, record: &StepRecord) -> Sample {
         let mut sample = record.sample.expect("every step is sampled");
         let (content, spheres) = (self.content(), self.params.spheres as f64);
-        if let Some(brownian) = &self.brownian {
+        if let Some(brownian) = self.brownian.as_ref().filter(|_| self.is_measured) {
             let volume = S::volume(content, self.solver.resistance.radii());
             let strain = self.primary_flow().rate_of_strain();
             brownian.finish(&mut sample, [spheres, volume], strain, S::DIMENSIONS);
