@@ -15,6 +15,7 @@ use sd_core::{Bulk, Error, NearFields, Params, RunSpace, Sample};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
+use sweep::data::Value;
 use sweep::measure::numbers::{Level, columns};
 use sweep::model::axes::AXES;
 use sweep::model::spaces::{AnyFrame, AnySimulation, InSpace};
@@ -339,8 +340,8 @@ impl Run {
     /// dict
     ///     Measurements: `strain`, `viscosity`, `n1`, `n2`, `particle_pressure`, the stresses by
     ///     cause such as `shear_normal_contact`, `contacts`, ...: the columns of `Store.samples`.
-    ///     What this run does not have, such as `pressure_hydrodynamic` under Brownian motion, is
-    ///     nan.
+    ///     `fraction` is among them under an imposed pressure, `pressure_hydrodynamic` without
+    ///     Brownian motion.
     fn step<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sample = self.one_step(py, Steps::step)?;
         dict_of(py, &sample)
@@ -508,7 +509,11 @@ fn dict_of<'py>(py: Python<'py>, sample: &Sample) -> PyResult<Bound<'py, PyDict>
     let dict = PyDict::new(py);
     // Manual steps do not record the contact network.
     for number in columns(Level::Samples).filter(|number| !number.is_observed()) {
-        dict.set_item(number.name, values::of_axis(py, number.of_sample(sample))?)?;
+        let value = number.of_sample(sample);
+        let is_absent = matches!(value, Value::Number(x) if x.is_nan());
+        if !(is_absent && number.is_optional()) {
+            dict.set_item(number.name, values::of_axis(py, value)?)?;
+        }
     }
     Ok(dict)
 }

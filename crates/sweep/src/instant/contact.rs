@@ -42,24 +42,10 @@ pub(super) struct Contact<S: Space> {
     rolling_springs: Option<Vec<Spring<S::Tangent>>>,
 }
 
-/// A tangential spring in JSON.
+/// A tangential spring in JSON: spheres and force.
 #[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(untagged, expecting = "a spring is [i, j, force]")]
-enum Spring<T> {
-    /// Spheres and force.
-    Force((u32, u32, T)),
-    /// The form in failures up to physics 3, with the normal force, which is recomputed.
-    WithNormalForce((u32, u32, f64, T)),
-}
-
-impl<T> Spring<T> {
-    /// Spheres and force.
-    fn entry(self) -> (u32, u32, T) {
-        match self {
-            Self::Force((i, j, force)) | Self::WithNormalForce((i, j, _, force)) => (i, j, force),
-        }
-    }
-}
+#[serde(expecting = "a spring is [i, j, force]")]
+struct Spring<T>(u32, u32, T);
 
 impl<S: Space> Contact<S> {
     /// The contact problem, or the value that is not part of it and what is allowed.
@@ -177,7 +163,10 @@ fn forces<S: Space>(
     if springs.len() > PAIR_LIMIT {
         return Err((name, format!("at most {PAIR_LIMIT} pairs")));
     }
-    let mut forces: Vec<_> = springs.into_iter().map(Spring::entry).collect();
+    let mut forces: Vec<_> = springs
+        .into_iter()
+        .map(|Spring(i, j, force)| (i, j, force))
+        .collect();
     if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
         let [i, j] = [spring.0, spring.1];
         return Err((

@@ -415,7 +415,7 @@ impl Number {
     }
 
     /// Whether a sample may lack it.
-    pub(crate) fn is_optional(&self) -> bool {
+    pub fn is_optional(&self) -> bool {
         self.is_observed() || matches!(self.sample, Some((_, InSample::Free(_))))
     }
 

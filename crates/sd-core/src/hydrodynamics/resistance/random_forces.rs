@@ -205,9 +205,9 @@ impl Roots {
                     scale[lane] = pivot[lane].sqrt().recip();
                 }
             }
-            for row in k..size {
+            for entries in &mut column[k..size] {
                 for lane in 0..LANES {
-                    column[row][lane] *= scale[lane];
+                    entries[lane] *= scale[lane];
                 }
             }
             for other in k + 1..size {
