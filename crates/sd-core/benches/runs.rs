@@ -262,9 +262,7 @@ fn sequence<S: RunSpace>(
         },
         ..params.clone()
     };
-    let begun = Moment::now();
     let mut before = Simulation::<S>::new(&coarse, 1, &tables).expect("valid parameters");
-    let start = begun.seconds();
     while before.strain() < strain - 0.5 * time_step {
         before.step().expect("a step that succeeds");
     }
@@ -278,7 +276,7 @@ fn sequence<S: RunSpace>(
     };
     let mut run = Simulation::from_snapshot(&timed, there, &tables).expect("a valid snapshot");
     run.step().expect("a step that succeeds");
-    let (stages, cpu, begun) = (run.counters().stages, Moment::now(), Instant::now());
+    let (stages, start, begun) = (run.counters().stages, Moment::now(), Instant::now());
     let mut steps = 0;
     while steps < LONG_ENOUGH.1 || begun.elapsed().as_secs_f64() < LONG_ENOUGH.0 {
         run.step().expect("a step that succeeds");
@@ -287,14 +285,14 @@ fn sequence<S: RunSpace>(
     let seconds = if threads > 1 {
         begun.elapsed().as_secs_f64()
     } else {
-        cpu.seconds()
+        start.seconds()
     };
     let each = 1e3 * seconds / (run.counters().stages - stages) as f64;
     let peer = TOWNSEND
         .iter()
         .find(|(n, _)| full && *n == params.spheres && params.volume_fraction.is_none());
     println!(
-        "| {} | {contacts} | {} | {start:.1} s | {steps} | {each:.2} | {} | {} |",
+        "| {} | {contacts} | {} | {steps} | {each:.2} | {} | {} |",
         match hydrodynamics {
             Hydrodynamics::StokesianDynamics => "full",
             Hydrodynamics::BallMelrose => "Ball-Melrose",
@@ -335,7 +333,12 @@ fn main() {
         let pool = Threads::new(threads).expect("threads");
         let run = |work: &(dyn Fn() + Sync)| pool.run(work);
         for spheres in spheres {
-            let layer = law.params(spheres);
+            let mut layer = law.params(spheres);
+            if let (Hydrodynamics::Lubrication(_), ContactScheme::Laws(laws)) =
+                (hydrodynamics, &mut layer.contact)
+            {
+                laws.lubrication_gap = 0.0;
+            }
             if has("suspension") {
                 let suspension = Params {
                     area_fraction: 0.0,
