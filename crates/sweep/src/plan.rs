@@ -16,7 +16,6 @@ use crate::model::axes::{AXES, Axis, Identity, identity};
 use crate::model::campaign::Campaign;
 use crate::model::case::{Case, step_cost};
 use crate::model::protocol::PlannedSegment;
-use crate::runner::threads_per_case;
 use crate::store::{CASE_BYTES, SAMPLE_BYTES, Store, StoreError};
 use crate::text::format::count;
 use sd_core::model::Keywords as _;
@@ -183,6 +182,12 @@ impl Costs {
         };
         (ratio * step_cost(params), source)
     }
+}
+
+/// Threads of each case unless said otherwise: one, or more where there are fewer cases than workers.
+pub(crate) fn threads_per_case(cores: usize, workers: usize, cases: usize) -> usize {
+    let in_parallel = workers.min(cases).max(1);
+    (workers.min(cores) / in_parallel).max(1)
 }
 
 /// Plans the runs of a campaign that a store lacks; with frames of every run where a `trajectory`

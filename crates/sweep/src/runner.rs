@@ -42,13 +42,6 @@ const WAIT_BETWEEN_NOTES: Duration = Duration::from_mins(5);
 /// checkpoint.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Threads of each case unless said otherwise: one, or more where there are
-/// fewer cases than workers.
-pub(crate) fn threads_per_case(cores: usize, workers: usize, cases: usize) -> usize {
-    let in_parallel = workers.min(cases).max(1);
-    (workers.min(cores) / in_parallel).max(1)
-}
-
 /// An observer of a run, which publishes its store for instance.
 pub trait RunObserver: Sync {
     /// Called every few seconds.

@@ -3,7 +3,7 @@
 use super::Output;
 use crate::error::Error;
 use crate::model::campaign::Campaign;
-use crate::runner::threads_per_case;
+use crate::plan::threads_per_case;
 use crate::store::{Store, StoreSource};
 use crate::text::format::counted;
 use std::io::Write as _;
