@@ -184,7 +184,8 @@ impl Costs {
     }
 }
 
-/// Threads of each case unless said otherwise: one, or more where there are fewer cases than workers.
+/// Threads of each case unless said otherwise: one, or more where there are fewer cases than
+/// workers.
 pub(crate) fn threads_per_case(cores: usize, workers: usize, cases: usize) -> usize {
     let in_parallel = workers.min(cases).max(1);
     (workers.min(cores) / in_parallel).max(1)
