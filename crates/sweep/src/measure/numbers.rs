@@ -344,7 +344,10 @@ pub static NUMBERS: &[Number] = {
         number("bond_order_drift", "1")
             .run("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", Of(|r| r.order_drift(1)))
             .point("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", MeanOver),
-        number("not_steady", "1").point("1 if the viscosity drifts or remembers the start, or order falls, significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::NotSteady))),
+        number("fraction_drift", "1")
+            .run("mean fraction under an imposed pressure of the second half of the averaged strain minus that of the first half", Of(|r| r.fraction_drift()))
+            .point("mean fraction under an imposed pressure of the second half of the averaged strain minus that of the first half", MeanOver),
+        number("not_steady", "1").point("1 if the viscosity drifts or remembers the start, order falls, or the fraction under an imposed pressure drifts, significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::NotSteady))),
         number("ordering", "1").point("1 if layering or bond orientation rises significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::Ordering))),
         number("coordination", "1").sample("loaded contacts of a sphere", Network(|n| &mut n.coordination)).averaged(),
         number("frictional_coordination", "1").sample("contacts of a sphere on which friction acts", Network(|n| &mut n.frictional_coordination)).averaged(),

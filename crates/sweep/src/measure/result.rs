@@ -30,6 +30,7 @@ impl<'p> RunData<'p> {
             approach: 0.0,
             final_fraction: None,
             order: [Vec::new(), Vec::new()],
+            fractions: Vec::new(),
             displacements: [Slope::default(); 2],
             means: vec![Mean::default(); columns(Level::Runs).count()],
             last: None,
@@ -63,6 +64,7 @@ impl<'p> RunData<'p> {
         self.contacts += u64::from(sample.contacts);
         self.activated += u64::from(sample.activated);
         self.sticking += u64::from(sample.sticking);
+        self.fractions.extend(sample.fraction);
         self.approach += -sample.normal_velocity * f64::from(sample.contacts);
         if let Some(structure) = &sample.structure {
             let time = if self.params.has_free_rate() {

@@ -32,6 +32,8 @@ pub(crate) struct RunData<'p> {
     pub(super) final_fraction: Option<f64>,
     /// Layering, and bond orientation, of the averaged samples.
     pub(super) order: [Vec<f64>; 2],
+    /// Fractions under an imposed pressure, after the discarded strain.
+    pub(super) fractions: Vec<f64>,
     /// Mean square displacements along y and z against strain.
     pub(super) displacements: [Slope; 2],
     /// Means in time of the numbers of results.
@@ -201,6 +203,12 @@ impl RunData<'_> {
     /// second.
     pub(super) fn order_drift(&self, place: usize) -> Option<f64> {
         rise(&self.order[place])
+    }
+
+    /// Change of the fraction under an imposed pressure from the first half of the averaged samples
+    /// to the second.
+    pub(super) fn fraction_drift(&self) -> Option<f64> {
+        rise(&self.fractions)
     }
 
     /// Strain after some steps.

@@ -106,12 +106,19 @@ impl Runs<'_> {
         changes.collect()
     }
 
+    /// The change of the fraction under an imposed pressure from the first half of the kept strain
+    /// to the second, if it is significant.
+    pub(crate) fn change_of_fraction(&self) -> Option<f64> {
+        significant_mean(&self.values("fraction_drift"))
+    }
+
     /// How they change over the kept strain, if they are known not to be in steady state.
     pub(crate) fn trend(&self) -> Option<Trend> {
         let changes = self.changes_of_order().into_iter();
         let changes: Vec<f64> = changes.map(|(_, change)| change).collect();
         let drifts = |drift: Drift| drift.drifts() || drift.remembers_start();
-        Trend::of(&changes, self.drift().is_some_and(drifts))
+        let is_drifting = self.drift().is_some_and(drifts) || self.change_of_fraction().is_some();
+        Trend::of(&changes, is_drifting)
     }
 
     /// 1 if they have this trend and 0 if not; `None` with too few runs to know.

@@ -20,6 +20,7 @@ pub(crate) struct RunSegment {
     pub(crate) parts: Option<[f64; PARTS]>,
     /// Changes of layering and of bond orientation over it.
     pub(crate) order: [Option<f64>; 2],
+    pub(crate) fraction_drift: Option<f64>,
     /// Strain since its start, and viscosity.
     pub(crate) trace: Vec<(f64, f64)>,
     /// After a reversal.
@@ -120,6 +121,7 @@ impl RunSegment {
             numbers: numbers(&run),
             parts: run.steadiness.map(|steadiness| steadiness.parts),
             order: [run.order_drift(0), run.order_drift(1)],
+            fraction_drift: run.fraction_drift(),
             trace,
             reversal,
             cycles,
@@ -139,7 +141,10 @@ impl RunSegment {
             significant_mean(&changes.collect::<Vec<_>>())
         });
         let changes: Vec<f64> = changes.into_iter().flatten().collect();
-        Trend::of(&changes, Drift::of(&parts).is_some_and(drifts))
+        let fractions: Vec<f64> = runs.iter().filter_map(|run| run.fraction_drift).collect();
+        let is_drifting =
+            Drift::of(&parts).is_some_and(drifts) || significant_mean(&fractions).is_some();
+        Trend::of(&changes, is_drifting)
     }
 
     /// A number by its name.
@@ -327,6 +332,7 @@ mod tests {
             numbers: Vec::new(),
             parts: Some([0.0, 1.0, 2.0, 3.0].map(|k| 10.0 + scatter + drift * k)),
             order: [Some(ordering + 0.01 * scatter), None],
+            fraction_drift: None,
             trace: Vec::new(),
             reversal: None,
             cycles: Vec::new(),
@@ -341,6 +347,12 @@ mod tests {
         assert_eq!(RunSegment::trend(&runs(0.0, -0.2)), Some(Trend::NotSteady));
         // Too few to know.
         assert_eq!(RunSegment::trend(&runs(0.5, 0.2)[..2]), None);
+        // Under an imposed pressure the fraction has to be steady too.
+        let mut loosening = runs(0.0, 0.0);
+        for (run, drift) in loosening.iter_mut().zip([-0.010, -0.011, -0.012]) {
+            run.fraction_drift = Some(drift);
+        }
+        assert_eq!(RunSegment::trend(&loosening), Some(Trend::NotSteady));
     }
 
     #[test]

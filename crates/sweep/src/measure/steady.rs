@@ -134,7 +134,8 @@ pub(super) fn significant_mean(changes: &[f64]) -> Option<f64> {
 /// state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Trend {
-    /// The viscosity drifts or remembers the start, or order falls.
+    /// The viscosity drifts or remembers the start, order falls, or the fraction under an imposed
+    /// pressure drifts.
     NotSteady,
     /// Order rises.
     Ordering,

@@ -341,7 +341,7 @@ impl SegmentReport {
             (
                 "not_steady",
                 Trend::NotSteady,
-                "1 if the viscosity drifts over the segment or remembers its start, or order falls",
+                "1 if the viscosity drifts over the segment or remembers its start, order falls, or the fraction under an imposed pressure drifts",
             ),
             (
                 "ordering",
@@ -414,6 +414,7 @@ mod tests {
             numbers: Vec::new(),
             parts: None,
             order: [None; 2],
+            fraction_drift: None,
             trace: Vec::new(),
             reversal: reversal.map(|recovery_strain| Reversal {
                 ratio: 0.4,

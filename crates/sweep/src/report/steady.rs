@@ -32,6 +32,13 @@ pub(super) fn trend(
             "{what} {verb} by {size} from the first half of the kept strain to the second"
         ));
     }
+    if let Some(change) = runs.change_of_fraction() {
+        let verb = if change > 0.0 { "rises" } else { "falls" };
+        let size = significant(change.abs(), 2);
+        found.push(format!(
+            "the fraction {verb} by {size} from the first half of the kept strain to the second"
+        ));
+    }
     let drift = runs.drift();
     if let Some(drift) = drift.filter(Drift::drifts) {
         let halves = drift.halves.mean;

@@ -75,6 +75,28 @@ fn runs_at_rest_under_a_ratio_of_stress_and_pressure_are_called_arrested() {
 }
 
 #[test]
+fn a_fraction_that_still_falls_is_named() {
+    // A dense start expands for longer than the run lasts.
+    let campaign = CAMPAIGN
+        .replace("strain = 1.5\ndiscard = 0.2", "strain = 0.4\ndiscard = 0.1")
+        .replace("macroscopic_friction = [0.03, 0.8]", "viscous_number = 1.0")
+        .replace("volume_fraction = 0.58", "volume_fraction = 0.55")
+        .replace("seeds = 1", "seeds = 4");
+    let at = folder("creep.toml", &campaign);
+    let at = at.path();
+    sweep(at, &["run", "creep.toml", "--quiet"]);
+    let report = json(at, &["report", "creep.toml"]);
+    let point = &report["points"][0];
+    assert!(point["fraction_drift"].as_f64().unwrap() < -0.01, "{point}");
+    // With so few spheres layering may rise by chance, and the runs be called ordering.
+    let marks = ["not_steady", "ordering"].map(|mark| point[mark].as_f64().unwrap());
+    assert_eq!(marks[0] + marks[1], 1.0, "{point}");
+    let table = sweep(at, &["report", "creep.toml"]);
+    let words = "the fraction falls by 0.02";
+    assert!(table.contains(words), "{table}");
+}
+
+#[test]
 fn figures_of_an_imposed_pressure_run_along_it() {
     let campaign = CAMPAIGN
         .replace(
