@@ -66,7 +66,7 @@ def pressure(row):
     return row["particle_pressure"] + (row["n1"] - row["n2"]) / 3
 
 
-def _mean(values):
+def mean(values):
     """Mean over runs, and half its interval of 95 %."""
     values = np.asarray(values, dtype=float)
     if len(values) < 2:
@@ -91,7 +91,7 @@ def _of_runs(runs):
         }
         row = dict(zip(keys, key))
         yield row | {"seeds": len(group), "not_steady": float(drifts(group)), "ordering": 0.0}, {
-            name: _mean(values) for name, values in numbers.items()
+            name: mean(values) for name, values in numbers.items()
         }
 
 

@@ -1,10 +1,8 @@
 """Means over windows of the strain, over runs: how viscosity and order change while a layer is sheared."""
 
-import math
-
 import pandas as pd
-from scipy.stats import t as student
 
+from .held import mean
 from .place import RESULTS, sweep
 
 # Campaigns with windows: from above the first strain to the second.
@@ -25,9 +23,7 @@ def means(samples, windows):
                 continue
             row = {**dict(zip(AXES, axes)), "strains": f"{start} to {end}", "seeds": len(runs)}
             for name in QUANTITIES:
-                row[name] = runs[name].mean()
-                half = student.ppf(0.975, len(runs) - 1) / math.sqrt(len(runs)) if len(runs) > 1 else math.nan
-                row[f"{name}_ci95"] = half * runs[name].std(ddof=1) if len(runs) > 1 else math.nan
+                row[name], row[f"{name}_ci95"] = mean(runs[name])
             # They show what drifts, and are no steady means.
             yield {**row, "not_steady": 0.0, "ordering": 0.0}
 
