@@ -73,8 +73,9 @@ CAMPAIGNS = {
     "cause-of-thickening-bulk-full": [],
     "suspension-field-model": [figure("--along", "friction", "--panels", "spheres")],
     "suspension-random": [figure("--along", "volume_fraction")],
-    # Its figure is made with the tables.
+    # Their figure is made with the tables.
     "mu-of-j": [],
+    "mu-of-j-loose": [],
     "flows": [figure("--along", "volume_fraction")],
     "brownian-viscosity": [figure("--along", "peclet")],
     "thermal-thickening": [

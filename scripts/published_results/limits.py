@@ -15,7 +15,7 @@ from scipy.stats import t as student
 from .held import law
 from .place import RESULTS
 
-POINTS, STATES = "mu-of-j.csv", "mu-of-j-states.csv"
+POINTS, STATES = ["mu-of-j.csv", "mu-of-j-loose.csv"], "mu-of-j-states.csv"
 RUNS, LIMITS = "mu-of-j-runs.csv", "mu-of-j-limits.csv"
 # Largest imposed J of the fits.
 SMALL = 0.01
@@ -68,12 +68,12 @@ def states(points):
 
 
 def there(folder=RESULTS):
-    return (folder / RUNS).exists()
+    return all((folder / file).exists() for file in [*POINTS, RUNS])
 
 
 def read(folder=RESULTS):
     """Both tables, by their files."""
     return {
-        STATES: pd.DataFrame(states(pd.read_csv(folder / POINTS))),
+        STATES: pd.DataFrame(states(pd.concat([pd.read_csv(folder / file) for file in POINTS]))),
         LIMITS: pd.DataFrame(limits(pd.read_csv(folder / RUNS, low_memory=False))),
     }

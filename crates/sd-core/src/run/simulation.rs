@@ -59,7 +59,7 @@ pub struct Simulation<S: Starts = Layer> {
     /// Parameters of the current step, or of the last one.
     params: Params,
     settings: SolverSettings,
-    /// The law in place of the contact_list spring law, if there is one.
+    /// The law in place of the spring law of contacts, if there is one.
     custom_law: Option<&'static dyn CustomNormalLaw>,
     /// Parameters with all segments, if there are several.
     run: Option<Box<Params>>,

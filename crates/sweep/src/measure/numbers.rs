@@ -175,7 +175,7 @@ pub static NUMBERS: &[Number] = {
         number("rolling", "1").sample("activated contacts that roll", Count(|s| &mut s.sticking)).run("rolling contacts, summed over the samples", CountOf(|r| r.sticking)),
         number("slipping", "1").sample("activated contacts that slip", Count(|s| &mut s.slipping)),
         number("minimum_gap", "a").label("smallest gap")
-            .sample("smallest gap in the layer", Real(|s| &mut s.minimum_gap))
+            .sample("smallest gap", Real(|s| &mut s.minimum_gap))
             .run("smallest gap of all stages, the discarded strain included", Of(|r| Some(r.counters.minimum_gap)))
             .point("smallest gap of any run", Over(|r| r.gap())),
         number("overlap", "a").label("largest overlap")
