@@ -84,7 +84,7 @@ CREATE TABLE checkpoints (
     PRIMARY KEY (case_id, generation)
 );
 
--- Rows, not blobs: as compact here (about 150 bytes), and any SQLite client reads them.
+-- Rows, not blobs: as compact here (about 600 bytes), and any SQLite client reads them.
 CREATE TABLE samples (
     case_id INTEGER NOT NULL REFERENCES cases (id),
     step    INTEGER NOT NULL,
