@@ -1,6 +1,8 @@
 //! Figures: their content, and its one form, from which all of them are drawn.
 //!
 //! ```text
+//! quantities what a figure shows of points
+//! source     the points of a report on the axes of a figure
 //! data       points of a report, or runs in time, as curves
 //! outline    curves with colours, ends and ticks of axes: what this program and others draw
 //! layout     positions on the page
@@ -19,11 +21,12 @@ mod origin;
 mod outline;
 pub(super) mod palette;
 mod plane;
+mod quantities;
 pub(super) mod scale;
 mod series;
+mod source;
 mod svg;
 
-pub(super) use data::default_axis;
 pub(super) use graph::draw_curves;
 pub use graph::{Graph, draw_graphs};
 pub(super) use origin::Origin;
@@ -31,6 +34,7 @@ pub use outline::Outline;
 pub(super) use outline::{Curve, CurveKind};
 pub(super) use plane::{Key, Mark, PlanePicture, draw_plane};
 pub(super) use series::mean_trace;
+pub(super) use source::default_axis;
 pub use series::traces;
 
 use super::error::ReportError;

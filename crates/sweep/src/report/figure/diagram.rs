@@ -1,13 +1,13 @@
 //! State diagrams: the state of the flow in the plane of two axes.
 
-use super::data::FigureSource;
 use super::outline::{Curve, CurveKind, Figure};
-use crate::model::axes::{AXES, Axis};
+use super::source::FigureSource;
+use crate::model::axes::{Axis, AXES};
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;
-use crate::report::labels::{Label, differences};
+use crate::report::labels::{differences, Label};
 use crate::report::points::{Point, Report};
-use crate::report::states::{Flow, FlowCurve, grouped};
+use crate::report::states::{grouped, Flow, FlowCurve};
 use sd_core::Params;
 
 /// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.
