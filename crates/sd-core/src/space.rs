@@ -141,7 +141,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         + Serialize
         + DeserializeOwned;
     /// Angular velocities, torques.
-    type Spin: Linear;
+    type Spin: Linear + Serialize + DeserializeOwned;
     /// Slip, friction: vectors perpendicular to the line of centres.
     type Tangent: Linear + Serialize + DeserializeOwned;
     /// Orientation.
@@ -156,7 +156,7 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Strains and stresslets.
     type Strain: Linear + Index<usize, Output = f64> + IndexMut<usize>;
     /// A traceless tensor, see [`Space::tensor`].
-    type Tensor: FixedArray<f64> + Debug + PartialEq + Default;
+    type Tensor: FixedArray<f64> + Debug + PartialEq + Default + Serialize + DeserializeOwned;
     /// A value per velocity of a sphere.
     type PerMode<T: Copy + Send + Sync>: FixedArray<T>;
     /// A value per velocity and strain of a sphere, `(U, Ω, e)`.

@@ -498,7 +498,8 @@ impl<S: Starts> Simulation<S> {
         pairwise.map_or_else(Vec::new, |pairwise| pairwise.pattern_pairs().to_vec())
     }
 
-    /// All that the next step needs.
+    /// All that the next step needs. As JSON it keeps its bits with the feature `float_roundtrip`
+    /// of serde_json.
     ///
     /// ```
     /// use sd_core::{Layer, NearFields, Simulation};

@@ -9,9 +9,11 @@ use crate::run::spaces::Starts;
 use crate::run::steppers::Stage;
 use crate::space::cell::{Cell, Lattice};
 use crate::space::{Layer, Space};
+use serde::{Deserialize, Serialize};
 
 /// The spheres at one instant of a run.
-#[derive(Default, Debug, Clone, PartialEq)]
+#[derive(Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct Frame<S: Space = Layer> {
     /// Strain of the sampled stage, at the start or the middle of the step; in fluid at rest the
     /// time.
@@ -91,7 +93,8 @@ impl<S: Space> Frame<S> {
 }
 
 /// One contact of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct FrameContact<S: Space = Layer> {
     /// First sphere.
     pub i: usize,

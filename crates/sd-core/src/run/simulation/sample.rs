@@ -1,7 +1,7 @@
 //! Measurements of a run: a sample at every step, and counters.
 
 use crate::stress::{JAM_VISCOSITY, StressComponents};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Measurements of a step: at its first stage, or with loaded rigid contacts in its middle, where
 /// forces are their mean over the step.
@@ -39,6 +39,7 @@ pub struct Sample {
     pub normal_velocity: f64,
     /// Smallest gap at the start of the step, in a; infinite if no pair is in
     /// lubrication range.
+    #[serde(deserialize_with = "infinite_if_null")]
     pub minimum_gap: f64,
     /// Counters of the run so far, this step included.
     pub counters: Counters,
@@ -56,6 +57,16 @@ pub struct Sample {
     /// Area fraction of a layer, volume fraction of a suspension, under an imposed pressure.
     #[serde(default)]
     pub fraction: Option<f64>,
+}
+
+/// Reads a gap. JSON has no ∞ and holds `null` in its place; other formats hold the number.
+fn infinite_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    if deserializer.is_human_readable() {
+        let gap: Option<f64> = Option::deserialize(deserializer)?;
+        Ok(gap.unwrap_or(f64::INFINITY))
+    } else {
+        f64::deserialize(deserializer)
+    }
 }
 
 /// Order, motion and constraints of the spheres at one instant; NaN where a number has no meaning.
@@ -151,6 +162,7 @@ pub struct Counters {
     pub worst_friction_error: f64,
     /// Smallest gap at the start of any step, in a. (Stages within a step are not states of the
     /// run.)
+    #[serde(deserialize_with = "infinite_if_null")]
     pub minimum_gap: f64,
     /// Number of times the viscosity rose above [`JAM_VISCOSITY`], or no admissible motion existed.
     pub jam_events: u64,
@@ -187,5 +199,21 @@ impl Counters {
         } else {
             self.jammed_steps_running = 0;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Sample;
+
+    #[test]
+    fn a_sample_without_near_pairs_is_read_back_from_json() {
+        let sample = Sample {
+            minimum_gap: f64::INFINITY,
+            ..Sample::default()
+        };
+        assert_eq!(sample.counters.minimum_gap, f64::INFINITY);
+        let json = serde_json::to_string(&sample).unwrap();
+        assert_eq!(serde_json::from_str::<Sample>(&json).unwrap(), sample);
     }
 }
