@@ -105,12 +105,23 @@ impl<T: Copy + Send + Sync, const N: usize> FixedArray<T> for [T; N] {
     }
 }
 
+mod sealed {
+    /// A space of this crate.
+    pub trait Sealed {}
+    impl Sealed for super::Layer {}
+    impl Sealed for super::Bulk {}
+}
+
 /// A layer or a suspension.
 ///
 /// A sphere has [`Space::MODES`] velocities `(U, Ω)`, with as many forces and torques, and
 /// [`Space::STRAINS`] components of its strain and stresslet. Slip and friction of a contact have
 /// [`Space::TANGENTS`] components.
-pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+///
+/// No other type can be one, so that new methods break no program.
+pub trait Space:
+    sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static
+{
     /// Number of coordinates.
     const DIMENSIONS: usize;
     /// Velocities of a sphere, the translations first.

@@ -7,6 +7,7 @@
 
 super::words! {
     /// Unit of the repulsion and of van der Waals attraction.
+    #[non_exhaustive]
     ColloidUnit {
         CriticalLoad = "critical-load", "F_crit, the load at which friction begins; energies in F_crit a.";
         Thermal = "thermal", "kT/a of Brownian motion; energies in kT.";

@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 
 super::words! {
     /// Unit of stiffnesses.
+    #[non_exhaustive]
     StiffnessUnit {
         CriticalLoad = "critical-load", "F_crit/a: a material property, as F_crit is.";
         Flow = "flow", "6π μ a × shear rate: the same overlaps at every rate.";

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 /// What a run begins with, where that is not the packing that its seed makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum StartFrom {
     /// Hard spheres of radius `a_i + h/2` in thermal equilibrium, drawn by the seed.
     Equilibrium,
