@@ -98,7 +98,7 @@ pub enum Error {
         message: String,
     },
     /// A computation of the solver that was refused or failed.
-    #[error("{0}")]
+    #[error(transparent)]
     Physics(#[from] sd_core::Error),
     /// Output that could not be written.
     #[error("cannot write the output: {0}")]

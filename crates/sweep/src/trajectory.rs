@@ -25,11 +25,13 @@ const SUSPENSION: u8 = 6;
 const IN_LATTICE: u8 = 2;
 
 /// Why bytes are not a usable frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// A format of an earlier version, without velocities.
+    #[error("a frame of an earlier version, without velocities")]
     Earlier,
     /// Torn, or something else.
+    #[error("no frame, or a torn one")]
     Unreadable,
 }
 

@@ -221,18 +221,14 @@ pub(crate) fn interned(text: &str) -> Value {
 }
 
 /// Why a combination of values is invalid.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum InvalidCombination {
     /// Required axes without a value.
+    #[error("no value is given of {}", .0.iter().map(|axis| axis.key).collect::<Vec<_>>().join(", "))]
     Missing(Vec<&'static Axis>),
     /// A value conflicts with the others.
-    Refused(Refusal),
-}
-
-impl From<Refusal> for InvalidCombination {
-    fn from(refusal: Refusal) -> Self {
-        Self::Refused(refusal)
-    }
+    #[error(transparent)]
+    Refused(#[from] Refusal),
 }
 
 /// The parameters with these values, one per axis; `None` stands for the default.

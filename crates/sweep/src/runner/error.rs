@@ -18,7 +18,7 @@ pub enum RunnerError {
         reason: String,
     },
     /// The tables of two spheres could not be made.
-    #[error("{0}")]
+    #[error(transparent)]
     Tables(#[from] sd_core::Error),
     /// The store failed.
     #[error(transparent)]
