@@ -37,8 +37,8 @@
 //! most published simulations:
 //! ```
 //! use sd_core::{
-//!     Bulk, ContactLaws, ContactScheme, Hydrodynamics, LeadingOrder, NearFields, Params,
-//!     Simulation, StiffnessUnit, TangentialLaw,
+//!     Bulk, ContactLaws, Hydrodynamics, LeadingOrder, NearFields, Params, Simulation,
+//!     StiffnessUnit, TangentialLaw,
 //! };
 //!
 //! let springs = ContactLaws {
@@ -53,7 +53,7 @@
 //!     .friction(0.5)
 //!     .shear_rate(f64::INFINITY)
 //!     .hydrodynamics(Hydrodynamics::Lubrication(LeadingOrder::DEFAULT))
-//!     .contact(ContactScheme::Laws(springs))
+//!     .contact(springs)
 //!     .build()?;
 //! let mut suspension = Simulation::<Bulk>::new(&params, 1, &NearFields::default())?;
 //! let mut viscosity = 0.0;
@@ -187,6 +187,8 @@ pub use model::{
     ContactLaws, ContactScheme, FrictionOnset, Hydrodynamics, LeadingOrder, NormalLaw, Params,
     StiffnessUnit, TangentialLaw,
 };
+/// The library of the vectors and matrices in this interface.
+pub use nalgebra;
 pub use run::compiled::RunSpace;
 pub use run::simulation::{Flow, Sample, Simulation, Snapshot};
 pub use run::{pair, products, simulation, start, transport};

@@ -49,6 +49,12 @@ pub enum ContactScheme {
     Laws(ContactLaws),
 }
 
+impl From<ContactLaws> for ContactScheme {
+    fn from(laws: ContactLaws) -> Self {
+        Self::Laws(laws)
+    }
+}
+
 impl ContactScheme {
     /// Its laws; those of the paper for [`ContactScheme::Rigid`] and [`ContactScheme::Procedure`].
     ///

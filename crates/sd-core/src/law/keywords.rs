@@ -17,6 +17,7 @@ pub struct Keyword {
 ///
 /// assert_eq!(NormalLaw::of_word("hertz"), Some(NormalLaw::Hertz));
 /// assert_eq!(NormalLaw::Hertz.word(), "hertz");
+/// assert_eq!(NormalLaw::Hertz.to_string(), "hertz");
 /// ```
 pub trait Keywords: Copy + PartialEq + 'static {
     /// All choices, in the order of their declaration.
@@ -44,7 +45,8 @@ pub trait Keywords: Copy + PartialEq + 'static {
     }
 }
 
-/// Declares an enum with keywords: its list, its keywords, and serde with the same keywords.
+/// Declares an enum with keywords: its list, its keywords, and text and serde with the same
+/// keywords.
 macro_rules! words {
     ($(#[$about:meta])* $name:ident { $($variant:ident = $word:literal, $meaning:literal;)+ }) => {
         $crate::law::words! {
@@ -62,6 +64,12 @@ macro_rules! words {
             const ALL: &'static [Self] = &[$(Self::$variant),+];
             const KEYWORDS: &'static [$crate::law::Keyword] =
                 &[$($crate::law::Keyword { word: $word, meaning: $meaning }),+];
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad($crate::law::Keywords::word(*self))
+            }
         }
 
         impl serde::Serialize for $name {

@@ -152,25 +152,25 @@ impl ParamsBuilder {
 
     /// Several sizes or a distribution of them.
     pub fn sizes(self, sizes: Sizes) -> Self {
-        match sizes.as_two() {
+        match sizes.to_two() {
             Some([ratio, large_fraction]) => self.two_sizes(ratio, large_fraction),
             None => self.with(["sizes"], |p| p.sizes = Some(sizes)),
         }
     }
 
     /// Hydrodynamics; [`Hydrodynamics::StokesianDynamics`] by default.
-    pub fn hydrodynamics(self, choice: Hydrodynamics) -> Self {
+    pub fn hydrodynamics(self, choice: impl Into<Hydrodynamics>) -> Self {
         let keys = [
             "hydrodynamics",
             "lubrication_cutoff",
             "lubrication_regularisation",
         ];
-        self.with(keys, |p| p.hydrodynamics = choice)
+        self.with(keys, |p| p.hydrodynamics = choice.into())
     }
 
     /// Contact scheme; [`ContactScheme::Rigid`] by default.
-    pub fn contact(self, scheme: ContactScheme) -> Self {
-        self.with(keys_of_laws(), |p| p.contact = scheme)
+    pub fn contact(self, scheme: impl Into<ContactScheme>) -> Self {
+        self.with(keys_of_laws(), |p| p.contact = scheme.into())
     }
 
     /// Time step, in strain; 0.01 by default.
@@ -205,8 +205,8 @@ impl ParamsBuilder {
     }
 
     /// What the run begins with; by default the packing that the seed makes.
-    pub fn start(self, start: StartFrom) -> Self {
-        self.with(["start"], |p| p.start = Some(start))
+    pub fn start(self, start: impl Into<StartFrom>) -> Self {
+        self.with(["start"], |p| p.start = Some(start.into()))
     }
 
     /// Segments of the run, starting at strain 0; steady shear by default.
@@ -263,7 +263,7 @@ impl ParamsBuilder {
 
     /// The parameters with the values set so far, neither [canonical](Params::canonicalise) nor
     /// checked.
-    pub fn as_given(self) -> Params {
+    pub fn into_given(self) -> Params {
         self.params
     }
 
@@ -329,7 +329,7 @@ mod tests {
             normal: NormalLaw::Hertz,
             ..ContactLaws::PAPER
         };
-        let soft = at_rest().contact(ContactScheme::Laws(springs));
+        let soft = at_rest().contact(springs);
         assert_eq!(error(soft), "no value is given of shear_rate, stiffness");
     }
 
@@ -344,8 +344,8 @@ mod tests {
 
     #[test]
     fn equal_physics_has_equal_numbers() {
-        let laws = ContactScheme::Laws(ContactLaws::PAPER);
-        let params = at_rest().shear_rate(2.0).contact(laws).build().unwrap();
+        let params = at_rest().shear_rate(2.0).contact(ContactLaws::PAPER);
+        let params = params.build().unwrap();
         assert_eq!(params, at_rest().shear_rate(2.0).build().unwrap());
         assert_eq!(params.contact, ContactScheme::Rigid);
     }

@@ -24,6 +24,12 @@ pub enum Hydrodynamics {
     Lubrication(LeadingOrder),
 }
 
+impl From<LeadingOrder> for Hydrodynamics {
+    fn from(numbers: LeadingOrder) -> Self {
+        Self::Lubrication(numbers)
+    }
+}
+
 /// Parameters of [`Hydrodynamics::Lubrication`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,6 +40,12 @@ pub struct LeadingOrder {
     /// δ, added to ξ in the terms, above 0.
     #[serde(default = "usual_regularisation")]
     pub regularisation: f64,
+}
+
+impl Default for LeadingOrder {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
 }
 
 impl LeadingOrder {

@@ -50,6 +50,7 @@ enum Kind {
 
 crate::law::words! {
     /// A distribution of radii.
+    #[non_exhaustive]
     Distribution {
         Lognormal = "lognormal", "the logarithm of the radius is normal";
         Schulz = "schulz", "the radius has a gamma distribution";
@@ -76,9 +77,16 @@ impl Sizes {
     ///   (3).
     ///
     /// # Errors
-    /// A radius or fraction that is not positive, fractions whose sum is not one, none or too many
-    /// species, two sizes of too large a ratio.
+    /// Another power, a radius or fraction that is not positive, fractions whose sum is not one,
+    /// none or too many species, two sizes of too large a ratio.
     pub fn species(species: &[[f64; 2]], power: i32) -> Result<Self, Refusal> {
+        if ![0, 2, 3].contains(&power) {
+            return Err(refuse(
+                format!("fractions of power {power} of the radius"),
+                "have no meaning",
+                "0 for fractions of number, 2 of area, 3 of volume",
+            ));
+        }
         let positive = |x: f64| x > 0.0 && x.is_finite();
         if species.is_empty() || species.len() > MAX_SPECIES {
             return Err(refuse(
@@ -155,7 +163,7 @@ impl Sizes {
 
     /// Size ratio and fraction of large spheres of one or two sizes, which are equivalent to
     /// [`crate::Params::size_ratio`].
-    pub fn as_two(&self) -> Option<[f64; 2]> {
+    pub fn to_two(&self) -> Option<[f64; 2]> {
         match &self.0 {
             Kind::Species(species) => match species[..] {
                 [_] => Some([1.0, 0.5]),
@@ -409,15 +417,23 @@ mod tests {
     fn fractions_of_area_and_volume_become_fractions_of_number() {
         for power in [2, 3] {
             let kind = Sizes::species(&[[1.4, 0.5], [1.0, 0.5]], power).unwrap();
-            let [ratio, large] = kind.as_two().unwrap();
+            let [ratio, large] = kind.to_two().unwrap();
             assert_eq!(ratio, 1.4);
             assert!((large - 1.0 / (1.0 + 1.4_f64.powi(power))).abs() < 1e-15);
         }
         // By number they keep their bits, in either order.
         let kind = Sizes::species(&[[1.4, 0.3], [1.0, 0.7]], 0).unwrap();
-        assert_eq!(kind.as_two(), Some([1.4, 0.3]));
+        assert_eq!(kind.to_two(), Some([1.4, 0.3]));
         let one = Sizes::species(&[[1.4, 0.3], [1.4, 0.7]], 0).unwrap();
-        assert_eq!(one.as_two(), Some([1.0, 0.5]));
+        assert_eq!(one.to_two(), Some([1.0, 0.5]));
+    }
+
+    #[test]
+    fn fractions_of_another_power_are_refused() {
+        for power in [-2, 1, 4] {
+            let refused = Sizes::species(&[[1.4, 0.5], [1.0, 0.5]], power).unwrap_err();
+            assert!(refused.to_string().contains("3 of volume"), "{refused}");
+        }
     }
 
     #[test]

@@ -45,6 +45,7 @@ use crate::space::cell::Cell;
 use crate::space::neighbours::NeighbourList;
 use crate::space::{IncidentFlow, Layer, VelocityGradient};
 use crate::stage::{Method, StageContacts, StageSolver};
+use std::fmt;
 
 /// The mobility of all force modes of the spheres: forces, torques and stresslets, without
 /// lubrication. A product takes O(N log N) in a periodic cell, and O(N²) in unbounded fluid, where
@@ -78,6 +79,17 @@ pub struct Mobility<S: Fluid = Layer> {
     tolerance: f64,
     cell: Cell<S>,
     list: NeighbourList<S>,
+}
+
+impl<S: Fluid> fmt::Debug for Mobility<S> {
+    /// The spheres and their cell: plans are large.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Mobility")
+            .field("cell", &self.cell)
+            .field("radii", &self.radii)
+            .field("tolerance", &self.tolerance)
+            .finish_non_exhaustive()
+    }
 }
 
 impl<S: Fluid> Mobility<S> {
@@ -214,6 +226,17 @@ pub struct Resistance<S: Fluid = Layer> {
     modes: Vec<f64>,
     work: Vec<f64>,
     forces: Vec<f64>,
+}
+
+impl<S: Fluid> fmt::Debug for Resistance<S> {
+    /// The spheres and their cell: plans are large.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Resistance")
+            .field("hydrodynamics", &self.hydrodynamics)
+            .field("cell", &self.cell)
+            .field("radii", &self.stage.resistance.radii())
+            .finish_non_exhaustive()
+    }
 }
 
 impl<S: Fluid> Resistance<S> {

@@ -33,19 +33,20 @@ use crate::run::steppers::rosenbrock::Rosenbrock;
 use crate::run::steppers::{Midpoint, State, Stepper};
 use crate::space::cell::Cell;
 use crate::space::pair::PairKey;
-use crate::space::{Layer, Space, VelocityGradient};
+use crate::space::{Bulk, Layer, Space, VelocityGradient};
 use crate::stage::{Method, StageSolver};
 use crate::stress::StressWork;
 use brownian::Brownian;
 use forces::AppliedForces;
 use serde::{Deserialize, Serialize};
 use shear_control::ShearControl;
+use std::fmt;
 use volume::{Extent, StageRates};
 
 /// A run that stays jammed for this strain ends as jammed.
 pub const JAM_STRAIN: f64 = 0.1;
 /// State of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Flow {
     /// The spheres flow.
     Flowing,
@@ -114,6 +115,24 @@ pub struct Simulation<S: Starts = Layer> {
     contact_list_before: ContactList,
 }
 
+impl<S: Starts> fmt::Debug for Simulation<S> {
+    /// What tells one run from another: spheres and workspaces would fill pages.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Simulation")
+            .field("params", &self.params)
+            .field("steps", &self.steps)
+            .field("strain", &self.strain())
+            .finish_non_exhaustive()
+    }
+}
+
+// Users move runs to other threads and share them: no field may forbid that.
+const _: () = {
+    const fn is_shared<T: Send + Sync>() {}
+    is_shared::<Simulation<Layer>>();
+    is_shared::<Simulation<Bulk>>();
+};
+
 /// The background flow of a step.
 fn background<S: Space>(params: &Params, imposed: &Imposed) -> VelocityGradient<S> {
     VelocityGradient::of_type(params.flow, params.direction).with_cross_shear(imposed.cross_rate())
@@ -130,7 +149,8 @@ struct Before<S: Space> {
 
 impl<S: Starts> Simulation<S> {
     /// Puts a law of the normal force in place of the spring law of the parameters. It is no part
-    /// of a snapshot: a run that is resumed needs it again.
+    /// of a snapshot: a run that is resumed needs it again. A law made at run time is leaked:
+    /// `Box::leak(Box::new(law))`.
     ///
     /// `examples/cone.rs` shears a layer with one.
     ///
@@ -277,7 +297,7 @@ impl<S: Starts> Simulation<S> {
     }
 
     /// Wrapped offset of the upper image cell at a strain; with segments, valid while the shear of
-    /// the last step continues.
+    /// the last step continues. 0 where [`Simulation::cell_at`] fails.
     pub fn offset_at(&self, strain: f64) -> f64 {
         self.cell_at(strain).map_or(0.0, |cell| cell.offset())
     }

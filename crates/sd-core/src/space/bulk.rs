@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Suspensions: spheres in a volume.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Bulk;
 
 /// Five components of a strain or a stresslet.
@@ -63,6 +63,9 @@ impl TracelessTensor {
         }
     }
 }
+
+/// A vector in the volume of a suspension.
+pub type Vec3 = Vector3<f64>;
 
 /// A unit quaternion `[w, x, y, z]`: an orientation.
 pub type Quaternion = [f64; 4];

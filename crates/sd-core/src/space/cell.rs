@@ -22,6 +22,12 @@ pub enum Cell<S: Space = Layer> {
     Periodic(Lattice<S>),
 }
 
+impl<S: Space> From<Lattice<S>> for Cell<S> {
+    fn from(lattice: Lattice<S>) -> Self {
+        Self::Periodic(lattice)
+    }
+}
+
 impl<S: Space> Cell<S> {
     /// A sheared cell (Lees & Edwards 1972) with sides along flow, gradient and, in a suspension,
     /// vorticity, whose images above, in y, are shifted along x by the offset; any offset is

@@ -22,17 +22,16 @@ use crate::error::Error;
 /// of a flow u, which in a linear flow are the flow itself.
 ///
 /// ```
-/// use sd_core::bulk::Bulk;
-/// use sd_core::{IncidentFlow, LocalFlow, VelocityGradient};
-/// use nalgebra::Vector3;
+/// use sd_core::bulk::Vec3;
+/// use sd_core::{Bulk, IncidentFlow, LocalFlow, VelocityGradient};
 ///
 /// // A sphere of radius 1 at y = 2 in the pressure-driven flow u = 1 − (y/10)² along x.
 /// let (y, curvature) = (2.0, -2.0 / 100.0);
-/// let velocity = Vector3::new(1.0 - y * y / 100.0 + curvature / 6.0, 0.0, 0.0);
-/// let rows = [Vector3::new(0.0, curvature * y, 0.0), Vector3::zeros(), Vector3::zeros()];
+/// let velocity = Vec3::new(1.0 - y * y / 100.0 + curvature / 6.0, 0.0, 0.0);
+/// let rows = [Vec3::new(0.0, curvature * y, 0.0), Vec3::zeros(), Vec3::zeros()];
 /// let local = LocalFlow { velocity, gradient: VelocityGradient::new(&rows)? };
 /// let flow = IncidentFlow::<Bulk>::per_sphere(VelocityGradient::at_rest(), &[local])?;
-/// assert_eq!(flow.at(0, &Vector3::new(0.0, y, 0.0))[0], velocity.x);
+/// assert_eq!(flow.at(0, &Vec3::new(0.0, y, 0.0))[0], velocity.x);
 /// # Ok::<(), sd_core::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +73,9 @@ impl<S: Space> Strains<'_, S> {
     }
 
     /// The strain at a sphere.
+    ///
+    /// # Panics
+    /// If there is no such sphere.
     #[inline(always)]
     pub fn at(&self, sphere: usize) -> &S::Strain {
         match self {

@@ -5,7 +5,7 @@ use super::modes::{strain_modes, strain_tensor};
 use nalgebra::{Vector2, Vector3};
 
 /// Spheres whose centres lie in one plane of an unbounded fluid.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Layer;
 
 impl Space for Layer {

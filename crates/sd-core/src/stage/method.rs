@@ -27,7 +27,7 @@ const NEAR_JAMMING: f64 = 0.72;
 const MIN_SPARSE: usize = 100;
 
 /// Method of computation of a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Dense factor of `R_FU`, contacts reduced to dense matrices.
     Dense,

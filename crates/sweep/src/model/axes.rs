@@ -278,7 +278,7 @@ fn as_given(values: &[Option<Value>], segments: &[Segment]) -> Result<Params, In
         let axes = AXES.iter().filter(|axis| missing.contains(&axis.key));
         return Err(InvalidCombination::Missing(axes.collect()));
     }
-    let mut params = builder.as_given();
+    let mut params = builder.into_given();
     // A flow has a number above 0.
     params.at_rest = params.peclet == 0.0;
     params.impose(segments);

@@ -189,7 +189,7 @@ pub(super) fn set_sizes(params: &mut Params, word: &str) -> Result<(), Refusal> 
     }
     let sizes: Sizes = word.parse()?;
     params.sizes = None;
-    match sizes.as_two() {
+    match sizes.to_two() {
         Some([size_ratio, large_fraction]) => {
             params.size_ratio = size_ratio;
             params.large_fraction = large_fraction;

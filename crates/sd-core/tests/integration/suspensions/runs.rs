@@ -38,7 +38,7 @@ fn parameters_of_the_other_space_are_refused() {
         let mut bad = good.clone();
         change(&mut bad);
         let made = Simulation::<Bulk>::new(&bad, 1, &NearFields::default());
-        made.err().unwrap().to_string()
+        made.unwrap_err().to_string()
     };
     assert!(refused(&|p| p.volume_fraction = Some(0.7)).contains("volume_fraction"));
     assert!(refused(&|p| p.area_fraction = 0.5).contains("area_fraction"));
@@ -50,9 +50,9 @@ fn parameters_of_the_other_space_are_refused() {
         ..good.clone()
     };
     let made = Simulation::<Bulk>::new(&layer, 1, &NearFields::default());
-    assert!(made.err().unwrap().to_string().contains("volume_fraction"));
+    assert!(made.unwrap_err().to_string().contains("volume_fraction"));
     let made = Simulation::<sd_core::Layer>::new(&good, 1, &NearFields::default());
-    assert!(made.err().unwrap().to_string().contains("area_fraction"));
+    assert!(made.unwrap_err().to_string().contains("area_fraction"));
 }
 
 #[test]
