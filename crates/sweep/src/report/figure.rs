@@ -34,8 +34,8 @@ pub use outline::Outline;
 pub(super) use outline::{Curve, CurveKind};
 pub(super) use plane::{Key, Mark, PlanePicture, draw_plane};
 pub(super) use series::mean_trace;
-pub(super) use source::default_axis;
 pub use series::traces;
+pub(super) use source::default_axis;
 
 use super::error::ReportError;
 use super::points::Report;

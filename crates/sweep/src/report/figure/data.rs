@@ -2,11 +2,11 @@
 
 use super::outline::{Curve, CurveKind, Figure};
 use super::palette::{CURVES, ORDERED_CURVES};
-use super::quantities::{plotted, read, Plotted, Quantities};
-use super::scale::{extent, LogAxis};
-use super::source::{jammed_at_imposed_stress, FigureSource};
-use super::{diagram, refused, Against, Drawing, Kind, Trace};
-use crate::model::axes::{identity, AXES};
+use super::quantities::{Plotted, Quantities, plotted, read};
+use super::scale::{LogAxis, extent};
+use super::source::{FigureSource, jammed_at_imposed_stress};
+use super::{Against, Drawing, Kind, Trace, diagram, refused};
+use crate::model::axes::{AXES, identity};
 use crate::model::spaces::dilute_viscosity;
 use crate::report::error::ReportError;
 use crate::report::labels::{Label, Shared};

@@ -2,12 +2,12 @@
 
 use super::outline::{Curve, CurveKind, Figure};
 use super::source::FigureSource;
-use crate::model::axes::{Axis, AXES};
+use crate::model::axes::{AXES, Axis};
 use crate::report::error::ReportError;
 use crate::report::figure::Drawing;
-use crate::report::labels::{differences, Label};
+use crate::report::labels::{Label, differences};
 use crate::report::points::{Point, Report};
-use crate::report::states::{grouped, Flow, FlowCurve};
+use crate::report::states::{Flow, FlowCurve, grouped};
 use sd_core::Params;
 
 /// Slopes d ln η/d ln σ whose contours are drawn as lines, and their labels.

@@ -1,8 +1,8 @@
 //! What a figure shows: quantities of points.
 
 use super::{Drawing, Kind};
-use crate::measure::numbers::{Number, NUMBERS};
 use crate::measure::Estimate;
+use crate::measure::numbers::{NUMBERS, Number};
 use crate::report::points::Point;
 use sd_core::Params;
 

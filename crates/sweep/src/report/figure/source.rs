@@ -1,11 +1,11 @@
 //! The points of a report on the axes of a figure.
 
 use super::outline::{Curve, Figure, Panel};
-use super::quantities::{read, Quantities};
-use super::scale::{extent, LogAxis};
+use super::quantities::{Quantities, read};
+use super::scale::{LogAxis, extent};
 use super::{Against, Drawing, Kind};
 use crate::measure::numbers::Number;
-use crate::model::axes::{Axis, AXES};
+use crate::model::axes::{AXES, Axis};
 use crate::report::error::ReportError;
 use crate::report::labels::{AxisWords, Shared};
 use crate::report::points::{Point, Report};
