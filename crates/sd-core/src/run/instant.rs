@@ -3,7 +3,7 @@
 use crate::contact::laws::{Laws, Span};
 use crate::contact::pair_forces::PairForces;
 use crate::contact::springs::{GAMMA, Springs};
-use crate::contact::{Contact, ContactMemory, Quality, SolvePass};
+use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{
     check_length, check_net_force, check_numbers, check_spheres,
@@ -65,10 +65,9 @@ pub enum InstantContacts<S: Space = Layer> {
         lubrication_gap: f64,
         /// Look-ahead time of contact forces, in strain.
         time_span: f64,
-        /// Forces of the tangential springs, of pairs (i, j) with i < j, ordered; others are
-        /// unstretched.
+        /// Forces of the tangential springs; others are unstretched.
         springs: PairForces<S>,
-        /// Forces of the springs of rolling friction, likewise.
+        /// Forces of the springs of rolling friction; others are unstretched.
         rolling_springs: PairForces<S>,
     },
 }
@@ -151,16 +150,10 @@ pub struct SolvedConfiguration<S: Space = Layer> {
     pub attractive: Vec<Contact<S>>,
     /// Pairs with adhesion, in addition to the contacts; their normal force is negative.
     pub adhesive: Vec<Contact<S>>,
-    /// How well the contact problem is solved: of spheres that are jammed at this instant no motion
-    /// satisfies it.
-    pub quality: Quality,
 }
 
 impl SolvedConfiguration {
     /// Stresslet of sphere i as `(xx, yy, xy)`.
-    ///
-    /// # Panics
-    /// If there is no such sphere.
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
     }
@@ -190,16 +183,16 @@ impl<S: Space> SolvedConfiguration<S> {
     }
 }
 
-/// Solves the motion under a contact problem, at the current positions; returns how well.
+/// Solves the motion under a contact problem, at the current positions.
 fn move_under<S: Fluid>(
     stage: &mut StageSolver<S>,
     background: &IncidentFlow<S>,
     external: &[f64],
     request: &InstantContacts<S>,
-) -> Result<Quality, Error> {
-    let quality = match request {
+) -> Result<(), Error> {
+    match request {
         InstantContacts::None => {
-            stage.solve(background, external, StageContacts::None, SolvePass::First)?
+            stage.solve(background, external, StageContacts::None, SolvePass::First)?;
         }
         InstantContacts::HeldPairs { pairs } => {
             let mut contact_list = listed_pairs(pairs, stage)?;
@@ -211,7 +204,7 @@ fn move_under<S: Fluid>(
                 },
                 contact_list: &mut contact_list,
             };
-            stage.solve(background, external, contact, SolvePass::First)?
+            stage.solve(background, external, contact, SolvePass::First)?;
         }
         InstantContacts::Laws {
             laws,
@@ -227,8 +220,6 @@ fn move_under<S: Fluid>(
                 *time_span,
                 "positive and finite",
             )?;
-            check_springs(springs)?;
-            check_springs(rolling_springs)?;
             let mut memory = ContactMemory {
                 springs: Springs::new(springs.clone()),
                 rolling_springs: Springs::new(rolling_springs.clone()),
@@ -239,7 +230,7 @@ fn move_under<S: Fluid>(
                 span: Span::single(*time_span),
                 memory: &mut memory,
             };
-            stage.solve(background, external, contact, SolvePass::First)?
+            stage.solve(background, external, contact, SolvePass::First)?;
         }
         InstantContacts::Procedure { surface } => {
             check_surface(surface, true)?;
@@ -255,12 +246,11 @@ fn move_under<S: Fluid>(
                 surface: *surface,
                 contact_list: &mut contact_list,
             };
-            stage.solve(background, external, contact, SolvePass::Repeat)?
+            stage.solve(background, external, contact, SolvePass::Repeat)?;
         }
-    };
+    }
     // A run counts such a stage and continues; a single instant has no other result.
-    stage.check_far_field()?;
-    Ok(quality)
+    stage.check_far_field()
 }
 
 /// The method by which [`solve`](crate::instant::solve) computes this instant.
@@ -328,7 +318,7 @@ pub(super) fn solve_with<S: Fluid>(
         stage.resistance.roughen(laws.hydrodynamic_friction);
     }
     stage.assemble(cell, centres)?;
-    let quality = move_under(&mut stage, background, &external, request)?;
+    move_under(&mut stage, background, &external, request)?;
     let mut work = StressWork::default();
     let contacts = stage.contacts.list.clone();
     let stress = if let Some(area) = cell.content() {
@@ -347,7 +337,6 @@ pub(super) fn solve_with<S: Fluid>(
         repulsive: stage.distant.repulsive.clone(),
         attractive: stage.distant.attractive.clone(),
         adhesive: stage.distant.adhesive.clone(),
-        quality,
     })
 }
 
@@ -406,22 +395,6 @@ fn check_surface(surface: &Surface, rigid: bool) -> Result<(), Error> {
     )
 }
 
-/// Refuses forces of springs out of order: the search for a pair would miss them.
-fn check_springs<S: Space>(springs: &PairForces<S>) -> Result<(), Error> {
-    let mut last = (0, 0);
-    for &(i, j, _) in &springs.0 {
-        if i >= j || (i, j) < last {
-            return Err(Error::BadPair {
-                i: i as usize,
-                j: j as usize,
-                reason: "of a spring is out of order: i < j, pairs ordered by (i, j)",
-            });
-        }
-        last = (i, j);
-    }
-    Ok(())
-}
-
 /// Pairs given by number; each must be within lubrication range.
 fn listed_pairs<S: Fluid>(
     pairs: &[[usize; 2]],
@@ -456,7 +429,7 @@ mod tests {
     use super::*;
     use crate::model::{ContactLaws, StiffnessUnit, TangentialLaw};
     use crate::space::{Bulk, VelocityGradient};
-    use nalgebra::{Vector2, Vector3};
+    use nalgebra::Vector3;
 
     /// A sheared cell of spheres on a disordered lattice, at φ = 0.35.
     fn suspension(hydrodynamics: Hydrodynamics) -> Configuration<Bulk> {
@@ -532,7 +505,7 @@ mod tests {
                 stage.assemble(cell, &c.centres)?;
                 move_under(&mut stage, &c.background, &[], request)
             };
-            assert!(solve(None).is_ok(), "law {number}");
+            assert_eq!(solve(None), Ok(()), "law {number}");
             let error = solve(Some(4)).unwrap_err();
             let Error::NotConverged {
                 quantity,
@@ -549,69 +522,6 @@ mod tests {
                 residual > wanted && residual < 0.1,
                 "law {number}: {residual}"
             );
-        }
-    }
-
-    /// A row of touching spheres along x through a periodic cell, in an extension along it.
-    fn row(rate: f64) -> Configuration {
-        let (n, apart) = (5, 2.01);
-        let side = f64::from(n) * apart;
-        Configuration {
-            centres: (0..n)
-                .map(|k| Vector2::new(f64::from(k) * apart, 0.5 * side))
-                .collect(),
-            radii: vec![1.0; 5],
-            cell: Cell::equal_sides(side, 0.0).unwrap(),
-            hydrodynamics: Hydrodynamics::BallMelrose,
-            background: VelocityGradient::planar_extension(rate).into(),
-            forces: vec![Vector2::zeros(); 5],
-            torques: vec![0.0; 5],
-        }
-    }
-
-    /// Contacts of its spheres.
-    const TOUCHING: Surface = Surface {
-        roughness: 0.01,
-        friction: 0.5,
-        critical_load: 0.0,
-    };
-
-    #[test]
-    fn a_row_of_spheres_that_the_flow_shortens_is_jammed() {
-        let contacts = InstantContacts::under(Laws::rigid(TOUCHING), 0.01);
-        let [shorter, longer] = [-1.0, 1.0].map(|rate| {
-            let tables = NearFields::default();
-            let solved = solve_with(Method::Dense, &row(rate), &contacts, &tables);
-            solved.unwrap().quality
-        });
-        assert!(shorter.jammed(), "{shorter:?}");
-        assert!(longer.converged(), "{longer:?}");
-    }
-
-    #[test]
-    fn springs_out_of_order_are_refused() {
-        let law = ContactLaws::linear_spring(3e3, TangentialLaw::StickSlide, 0.2);
-        let forces =
-            |pairs: &[(u32, u32)]| PairForces(pairs.iter().map(|&(i, j)| (i, j, 0.1)).collect());
-        let solve = |springs: &[(u32, u32)], rolling_springs: &[(u32, u32)]| {
-            let contacts = InstantContacts::Laws {
-                laws: Laws::new(&law, TOUCHING),
-                lubrication_gap: 1e-3,
-                time_span: 0.01,
-                springs: forces(springs),
-                rolling_springs: forces(rolling_springs),
-            };
-            solve_with(Method::Dense, &row(1.0), &contacts, &NearFields::default())
-        };
-        let ordered = [(0, 1), (0, 4), (1, 2)];
-        assert!(solve(&ordered, &ordered).is_ok());
-        for refused in [
-            solve(&[(1, 0)], &ordered),
-            solve(&[(1, 2), (0, 1)], &[]),
-            solve(&ordered, &[(1, 2), (0, 4)]),
-        ] {
-            let error = refused.unwrap_err();
-            assert!(matches!(error, Error::BadPair { .. }), "{error}");
         }
     }
 
