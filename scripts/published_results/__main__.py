@@ -19,7 +19,7 @@ import sys
 
 import pandas as pd
 
-from . import campaigns, figures, held, jamming, limits, reports, tables, thickening, values
+from . import campaigns, figures, held, jamming, limits, reports, slopes, tables, thickening, values
 from .place import RESULTS, ROOT, Wrong
 
 
@@ -36,6 +36,8 @@ def derived():
     if held.there():
         for name, table in held.read().items():
             yield RESULTS / name, table
+    for name, table in slopes.read().items():
+        yield RESULTS / name, table
 
 
 def pages():

@@ -29,6 +29,8 @@ SYMBOLS = {
     "shear_stress": "σ*",
     "roughness": "h",
     "stiffness": "k",
+    "hydrodynamic_friction": "α",
+    "slope_in_stress": "d ln η/d ln σ",
     "spheres": "N",
     "time_step": "Δt",
     "repulsion": "F0",
