@@ -2,8 +2,8 @@
 //! Cholesky factors.
 //!
 //! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The
-//! order is that of approximate minimum degree on the graph of the spheres; faer determines the
-//! supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
+//! order is that of approximate minimum degree on the graph of the spheres, in large graphs with
+//! [`dissection`] above it; faer determines the supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
 //! precondition [`crate::linalg::gmres`], which iterates in double precision, with half the memory
 //! traffic.
 //!
@@ -22,6 +22,7 @@
 //! Some ten solves follow a factorization. The ratios are those of the release profile: compiled in
 //! many units, as for incremental builds, these take several times as long.
 
+mod dissection;
 mod eight;
 mod lanes;
 mod levels;
@@ -168,30 +169,48 @@ fn scalars(others: &[Vec<usize>]) -> SymbolicSparseColMat<usize> {
     SymbolicSparseColMat::new_checked(size, size, starts, None, indices)
 }
 
-/// Block row of each sphere, by approximate minimum degree.
-fn elimination_order(
-    spheres: usize,
-    couplings: &[(usize, usize)],
-) -> Result<Vec<usize>, FaerError> {
+/// The spheres to which each is coupled and itself, ascending.
+fn columns(spheres: usize, couplings: &[(usize, usize)]) -> Vec<Vec<usize>> {
     let mut columns: Vec<Vec<usize>> = (0..spheres).map(|i| vec![i]).collect();
     for &(i, j) in couplings {
         columns[i].push(j);
         columns[j].push(i);
     }
-    let (mut starts, mut indices) = (vec![0], Vec::new());
     for column in &mut columns {
         column.sort_unstable();
-        indices.extend_from_slice(column);
-        starts.push(indices.len());
     }
-    let graph = SymbolicSparseColMatRef::new_checked(spheres, spheres, &starts, None, &indices);
-    let (mut order, mut rows) = (vec![0; spheres], vec![0; spheres]);
-    let scratch = amd::order_scratch::<usize>(spheres, indices.len());
+    columns
+}
+
+/// Block row of each sphere.
+fn elimination_order(
+    spheres: usize,
+    couplings: &[(usize, usize)],
+) -> Result<Vec<usize>, FaerError> {
+    let columns = columns(spheres, couplings);
+    if spheres < dissection::LEAST_ROWS {
+        minimum_degree(&columns)
+    } else {
+        dissection::order(&columns)
+    }
+}
+
+/// Position of each vertex in the order of approximate minimum degree; `columns`: its neighbours
+/// and itself, ascending.
+fn minimum_degree(columns: &[Vec<usize>]) -> Result<Vec<usize>, FaerError> {
+    let (count, indices) = (columns.len(), columns.concat());
+    let mut starts = vec![0];
+    for column in columns {
+        starts.push(starts[starts.len() - 1] + column.len());
+    }
+    let graph = SymbolicSparseColMatRef::new_checked(count, count, &starts, None, &indices);
+    let (mut order, mut positions) = (vec![0; count], vec![0; count]);
+    let scratch = amd::order_scratch::<usize>(count, indices.len());
     let mut memory = MemBuffer::try_new(scratch).map_err(|_| FaerError::OutOfMemory)?;
     let control = amd::Control::default();
     let stack = MemStack::new(&mut memory);
-    amd::order(&mut order, &mut rows, graph, control, stack)?;
-    Ok(rows)
+    amd::order(&mut order, &mut positions, graph, control, stack)?;
+    Ok(positions)
 }
 
 /// Symbolic factorization of the matrix with that upper triangle.
@@ -387,12 +406,27 @@ pub(crate) mod tests {
         matrix(side * side, kept.map(|(_, pair)| pair).collect())
     }
 
+    /// Couplings of a cubic lattice of `side³` spheres, some of whose neighbours are missing.
+    pub(super) fn cube(side: usize) -> Vec<(usize, usize)> {
+        let at = |x: usize, y: usize, z: usize| ((z % side) * side + y % side) * side + x % side;
+        let all = (0..side * side * side).flat_map(|i| {
+            let (x, y, z) = (i % side, i / side % side, i / (side * side));
+            let others = [at(x + 1, y, z), at(x, y + 1, z), at(x, y, z + 1)];
+            others.map(|j| (i.min(j), i.max(j)))
+        });
+        let kept = all.enumerate().filter(|(k, _)| (k * k) % 7 < 4);
+        kept.map(|(_, pair)| pair).collect()
+    }
+
     /// A matrix of isolated pairs of spheres, and its pattern.
     pub(super) fn couples(n: usize) -> (BlockPattern, BlockCholesky) {
         matrix(2 * n, (0..n).map(|k| (2 * k, 2 * k + 1)).collect())
     }
 
-    fn matrix(n: usize, mut pairs: Vec<(usize, usize)>) -> (BlockPattern, BlockCholesky) {
+    pub(super) fn matrix(
+        n: usize,
+        mut pairs: Vec<(usize, usize)>,
+    ) -> (BlockPattern, BlockCholesky) {
         pairs.sort_unstable();
         pairs.dedup();
         let pattern = BlockPattern::new(n, &pairs).unwrap();

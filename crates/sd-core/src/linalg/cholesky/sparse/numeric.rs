@@ -29,6 +29,11 @@ const LAST_ROWS: usize = 8;
 const COLUMNS: usize = 3;
 /// Fewest spheres whose columns a thread updates.
 const LEAST_COLUMNS: usize = 8;
+/// Parts of the columns of a supernode for each thread: the first columns have the most rows.
+const PARTS_OF_THREAD: usize = 4;
+/// Rows and columns of a block of an update by a supernode of at least so many columns.
+const PANEL: usize = 96;
+const WIDE: usize = 192;
 /// Columns of two spheres.
 const TWO_SPHERES: usize = 2 * COLUMNS;
 
@@ -192,7 +197,10 @@ pub(super) fn factor(
 ) -> Result<(), usize> {
     let parts = pattern.parts.len();
     works.resize_with(
-        works.len().max(parts).max(threads::together()),
+        works
+            .len()
+            .max(parts)
+            .max(PARTS_OF_THREAD * threads::together()),
         Workspace::default,
     );
     for work in &mut *works {
@@ -324,7 +332,11 @@ impl Numeric<'_> {
             let (before, rest) = above.split_at_mut(node.values.start - begin);
             let (panel, before) = (&mut rest[..node.values.len()], &*before);
             self.copy_matrix(k, panel, node.values.start);
-            let parts = threads::parts(node.width / COLUMNS, LEAST_COLUMNS);
+            let spheres = node.width / COLUMNS;
+            let parts = match threads::parts(spheres, LEAST_COLUMNS) {
+                1 => 1,
+                parts => parts.max((PARTS_OF_THREAD * parts).min(spheres / LEAST_COLUMNS)),
+            };
             let works = &mut works[..parts];
             let length = COLUMNS * height;
             threads::divide_with((&mut *panel, length), works, &|first, columns, work| {
@@ -405,24 +417,51 @@ fn apply(
     columns: Range<usize>,
     factor: &mut [f32],
 ) {
-    let rows = (rows, height, packed);
-    let in_twos = columns.start + columns.len() - columns.len() % TWO_SPHERES;
-    for column in (columns.start..in_twos).step_by(TWO_SPHERES) {
-        subtract::<TWO_SPHERES>(rows, (update, first), targets, column, factor);
+    let source = (rows, height, packed);
+    if rows.len() < WIDE * height || columns.len() <= PANEL {
+        let rows = columns.start..targets.len();
+        return subtract_columns(source, (update, first), targets, (rows, columns), factor);
     }
-    for column in (in_twos..columns.end).step_by(COLUMNS) {
-        subtract::<COLUMNS>(rows, (update, first), targets, column, factor);
+    // Blocks of rows and columns that stay in the cache.
+    for begin in columns.clone().step_by(PANEL) {
+        let end = columns.end.min(begin + PANEL);
+        let triangle = (begin..end, begin..end);
+        subtract_columns(source, (update, first), targets, triangle, factor);
+        for row in (end..targets.len()).step_by(PANEL) {
+            let block = (row..targets.len().min(row + PANEL), begin..end);
+            subtract_columns(source, (update, first), targets, block, factor);
+        }
     }
 }
 
-/// Updates C columns of a later supernode, from `column` of the update on. Results above the
-/// diagonal are never read.
+/// Updates the rows of columns of a later supernode that are in a block, from the diagonal down.
+#[inline(always)]
+fn subtract_columns(
+    source: (&[f32], usize, usize),
+    update: (&Update, usize),
+    targets: &[u32],
+    (rows, columns): (Range<usize>, Range<usize>),
+    factor: &mut [f32],
+) {
+    let in_twos = columns.start + columns.len() - columns.len() % TWO_SPHERES;
+    for column in (columns.start..in_twos).step_by(TWO_SPHERES) {
+        let rows = rows.start.max(column)..rows.end;
+        subtract::<TWO_SPHERES>(source, update, targets, (rows, column), factor);
+    }
+    for column in (in_twos..columns.end).step_by(COLUMNS) {
+        let rows = rows.start.max(column)..rows.end;
+        subtract::<COLUMNS>(source, update, targets, (rows, column), factor);
+    }
+}
+
+/// Updates rows of C columns of a later supernode, from `column` of the update on. Results above
+/// the diagonal are never read.
 #[inline(always)]
 fn subtract<const C: usize>(
     (rows, height, packed): (&[f32], usize, usize),
     (update, first): (&Update, usize),
     targets: &[u32],
-    column: usize,
+    (range, column): (Range<usize>, usize),
     factor: &mut [f32],
 ) {
     let places =
@@ -436,15 +475,15 @@ fn subtract<const C: usize>(
             }
         }
     };
-    let from = update.first + column - packed;
-    let (whole, last) = targets[column..].as_chunks::<ROWS>();
+    let [from, at] = [range.start, column].map(|row| update.first + row - packed);
+    let (whole, last) = targets[range].as_chunks::<ROWS>();
     for (number, targets) in whole.iter().enumerate() {
-        let sums = products::<ROWS, C>(rows, height, from + ROWS * number, from);
+        let sums = products::<ROWS, C>(rows, height, from + ROWS * number, at);
         take(targets, sums.as_flattened());
     }
-    let begin = from + ROWS * whole.len();
+    let from = from + ROWS * whole.len();
     for (number, targets) in last.chunks(LAST_ROWS).enumerate() {
-        let sums = products::<LAST_ROWS, C>(rows, height, begin + LAST_ROWS * number, from);
+        let sums = products::<LAST_ROWS, C>(rows, height, from + LAST_ROWS * number, at);
         take(targets, sums.as_flattened());
     }
 }
