@@ -27,7 +27,8 @@ def _of_laws():
 
 def _of_rigid_thickening():
     for space, fractions in [("layers", "area_fraction=0.74,0.76,0.78"), ("suspensions", "volume_fraction=0.5,0.54,0.56")]:
-        yield figure("--kind", "flow-curve", "--where", "contact=rigid", "--where", fractions, suffix=f"-{space}")
+        for kind, suffix in [("flow-curve", ""), ("state-diagram", "-states")]:
+            yield figure("--kind", kind, "--where", "contact=rigid", "--where", fractions, suffix=f"-{space}{suffix}")
 
 
 # In the order of the list in the README.
@@ -83,7 +84,10 @@ CAMPAIGNS = {
         figure("--along", "peclet", "--where", "friction=0", suffix="-frictionless"),
     ],
     "discontinuous": list(_of_rigid_thickening()),
-    "hydrodynamic-friction": [figure("--along", "shear_stress")],
+    "hydrodynamic-friction": [
+        figure("--along", "shear_stress", "--where", "area_fraction=0.7", suffix="-layers"),
+        figure("--along", "shear_stress", "--where", "volume_fraction=0.5,0.54", "--panels", "volume_fraction", suffix="-suspensions"),
+    ],
     # Its figure is made with the tables.
     "ordering": [],
     "suspension-controls": [

@@ -11,8 +11,8 @@ B to two digits; `excess`, A less 1 over B less 1; `more` or `less`, how much mo
 
 In a page a number stands before a comment with its name, `rises 1.4<!-- value: NAME --> times`. Words
 without a number stand before a comment with a condition on values, in the form in which they would be
-quoted: `does not rise<!-- claim: 0.97 < NAME, NAME < 1.03 -->`. No such comment may begin a line, where
-Markdown takes the rest of the line for HTML.
+quoted: `does not rise<!-- claim: 0.97 < NAME, NAME < 1.03 -->`; `PART*` there stands for all names that
+begin so. No such comment may begin a line, where Markdown takes the rest of the line for HTML.
 
 A sentence that quotes averages of runs that are not in steady state must say so, as `not steady`, `not in
 steady state` or `ordering`; otherwise it is named too.
@@ -93,13 +93,19 @@ class Values:
         percent = " %" if self.lines[name][1].endswith(" %") else ""
         return (short(number, 3) if form == "number" else significant(number, 2)) + percent
 
+    def _named(self, text):
+        """The names and numbers of a list between two signs `<`."""
+        for part in map(str.strip, text.split(",")):
+            found = [name for name in self.lines if part.endswith("*") and name.startswith(part[:-1])]
+            yield from found or [part]
+
     def holds(self, claim):
         """Whether the numbers and values between the signs `<` of a claim rise."""
 
         def number(text):
             return self.number(text)[0] if text[0].isalpha() else float(text)
 
-        places = [[number(text.strip()) for text in part.split(",")] for part in claim.split("<")]
+        places = [[number(text) for text in self._named(part)] for part in claim.split("<")]
         return all(max(low) < min(high) for low, high in zip(places, places[1:]))
 
     def written(self, page):
@@ -110,7 +116,7 @@ class Values:
         def write(match):
             number, kind, what = match.groups()
             try:
-                names = [part.strip() for part in re.split("[<,]", what)]
+                names = [name for part in what.split("<") for name in self._named(part)]
                 for name in names if not is_said(sentence) else []:
                     if name[:1].isalpha() and (found := self.trend(name)):
                         raise Wrong(f"the runs of {name} are {found}, which the sentence must say")

@@ -32,6 +32,7 @@ def values(tmp_path):
         "It rises 1.4<!--\nvalue: rise --> times, by 40 %<!-- value:\nmore -->.",
         "From 7<!-- value: rest --> on 62 %<!-- value: rolling --> roll.",
         "It rises<!-- claim: 1.2 < rise, rise < 1.5 -->, and not by much<!-- claim: more < 50 -->.",
+        "All are of this size<!-- claim: 1.3 < r* < 63 -->.",
     ],
 )
 def test_what_holds_is_left_as_it_is(values, sentence):
@@ -48,6 +49,7 @@ def test_numbers_are_written_and_their_sentences_named(values):
     ("sentence", "said"),
     [
         ("Flat<!-- claim: 0.97 < rise < 1.03 -->.", "0.97 < rise < 1.03: does not hold: Flat."),
+        ("High<!-- claim: 1.5 < r* -->.", "1.5 < r*: does not hold: High."),
         ("Falls by 4 %<!-- value: fewer -->.", "wrong direction"),
         ("It is 3<!-- value: jammed -->.", "where one is needed"),
         ("It is 3<!--\nvalue: jammed -->.", "where one is needed"),
