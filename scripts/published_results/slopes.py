@@ -48,7 +48,7 @@ def slopes(points):
 
 def of_rate(slope):
     """d ln η/d ln rate; infinite from d ln η/d ln σ = 1 on."""
-    return slope / (1 - slope) if slope < 1 else math.inf
+    return math.inf if slope >= 1 else slope / (1 - slope)
 
 
 def read(folder=RESULTS):

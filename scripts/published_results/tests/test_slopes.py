@@ -32,6 +32,11 @@ def test_the_interval_is_that_of_both_points():
     assert row["beta_low"] == pytest.approx(low / (1 - low))
 
 
+def test_single_runs_have_no_interval():
+    (row,) = slopes.slopes(points(10, 20, half=np.nan))
+    assert row["slope_in_stress"] > 0 and np.isnan([row["slope_in_stress_ci95"], row["beta_low"], row["beta_high"]]).all()
+
+
 def test_points_at_which_nothing_flows_have_no_slope():
     rows = list(slopes.slopes(points(10, np.nan, 30)))
     assert [row["stresses"] for row in rows] == ["0.01 to 1"]
