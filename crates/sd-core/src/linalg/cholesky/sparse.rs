@@ -3,9 +3,9 @@
 //!
 //! Pattern, order and symbolic factorization are computed once for all matrices of a pattern. The
 //! order is that of approximate minimum degree on the graph of the spheres, in large graphs with
-//! [`dissection`] above it; faer determines the supernodes, columns with the same rows. Matrix and factor are in **single precision**: they
-//! precondition [`crate::linalg::gmres`], which iterates in double precision, with half the memory
-//! traffic.
+//! [`dissection`] above it; faer determines the supernodes, columns with the same rows. Matrix and
+//! factor are in **single precision**: they precondition [`crate::linalg::gmres`], which iterates
+//! in double precision, with half the memory traffic.
 //!
 //! [`numeric`] factors, [`levels`] solves: independent supernodes as in [`eight`], others as in
 //! [`single`]. Large factors are divided in [`parts`], which several threads compute. The time of

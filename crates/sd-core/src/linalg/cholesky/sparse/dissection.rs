@@ -473,8 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_lattice_has_a_smaller_factor_than_by_minimum_degree_and_its_bits_are_those_of_any_threads()
-     {
+    fn a_large_lattice_has_a_small_factor_with_the_same_bits_for_two_threads() {
         let (side, couplings) = (18, cube(18));
         let columns = columns(side * side * side, &couplings);
         assert!(columns.len() >= LEAST_ROWS);
