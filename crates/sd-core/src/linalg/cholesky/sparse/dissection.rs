@@ -11,7 +11,9 @@
 //! quantities are integers, and ties go to the first vertex, so the order is the same everywhere.
 //!
 //! The factor of 10 000 spheres in a suspension that is close to jamming takes six tenths of the
-//! operations that it takes in the order of minimum degree.
+//! operations that it takes in the order of minimum degree. The constants below matter little: of
+//! 60 to 300 undivided vertices, sides of at most 0.55 to 0.65, 6 or 20 halves and a patience of 60
+//! or 200 the operations differ by some 7 %, in a prototype.
 
 use super::minimum_degree;
 use faer::sparse::FaerError;

@@ -29,9 +29,11 @@ const LAST_ROWS: usize = 8;
 const COLUMNS: usize = 3;
 /// Fewest spheres whose columns a thread updates.
 const LEAST_COLUMNS: usize = 8;
-/// Parts of the columns of a supernode for each thread: the first columns have the most rows.
+/// Parts of the columns of a supernode for each thread: the first columns have the most rows. With
+/// one, two and four parts 10 000 spheres took 1.42, 1.48 and 1.22 s on two threads.
 const PARTS_OF_THREAD: usize = 4;
-/// Rows and columns of a block of an update by a supernode of at least so many columns.
+/// Rows and columns of a block of an update by a supernode of at least so many columns: on one
+/// thread 1.54 s in place of 1.79 s.
 const PANEL: usize = 96;
 const WIDE: usize = 192;
 /// Columns of two spheres.
