@@ -258,6 +258,9 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
             "distributions are values of `sizes`, as in sizes = {{ lognormal = 0.2 }}; {allowed}"
         );
     }
+    if known.contains(&"grid") && Axis::of_key(written).is_some() {
+        allowed = format!("a key of grids: write it below a line [[grid]]; {allowed}");
+    }
     let meant = nearest(written, known.iter().copied()).map(|name| format!("`{name}`"));
     Problem::at(span, format!("unknown key `{written}` in {name}"), allowed)
         .labelled("not a key of this table")

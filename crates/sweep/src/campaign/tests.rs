@@ -510,6 +510,17 @@ fn all_faults_of_a_file_are_shown_together() {
     assert_eq!(shown.matches("  × ").count(), faults.len(), "{shown}");
 }
 
+#[test]
+fn keys_of_grids_outside_of_them_are_sent_there() {
+    let shown = complaint("[protocol]", "contact = \"rigid\"\n[protocol]");
+    for part in [
+        "unknown key `contact` in the campaign",
+        "write it below a line [[grid]]",
+    ] {
+        assert!(shown.contains(part), "{part}\n{shown}");
+    }
+}
+
 /// A grid at imposed stress.
 fn imposed(more: &str) -> String {
     GOOD.replace(
