@@ -70,7 +70,25 @@ fn bonds<S: Space>(network: &Network<S>, side: f64, mut each: impl FnMut(usize, 
         let row = crate::text::format::count(((x[1] / side).rem_euclid(1.0) * rows as f64).floor());
         of_row[row.min(rows - 1)].push(sphere);
     }
+    // Coordinates along the flow in a sheared cell, in whose sides most pairs are too far apart for
+    // a bond: that costs a tenth of the nearest image.
+    let (coordinates, widest): (Vec<f64>, f64) = match network.cell.lattice() {
+        Some(cell) if cell.is_sheared_cell() => {
+            let slope = cell.offset() / cell.lengths()[1];
+            let along = |x: &S::Vector| ((x[0] - slope * x[1]) / cell.lengths()[0]).rem_euclid(1.0);
+            let longest = 2.0 * BOND * largest * (1.0 + slope.abs());
+            (
+                centres.iter().map(along).collect(),
+                longest / cell.lengths()[0],
+            )
+        }
+        _ => (vec![0.0; centres.len()], 1.0),
+    };
     let mut visit = |i: usize, j: usize| {
+        let apart: f64 = (coordinates[i] - coordinates[j]).abs();
+        if apart.min(1.0 - apart) > widest {
+            return;
+        }
         let (separation, _) = network.cell.nearest(centres[j] - centres[i]);
         let reach = BOND * (radii[i] + radii[j]);
         let distance = S::norm_squared(&separation);
@@ -296,6 +314,26 @@ mod tests {
             wanted,
         );
         close(of(|[x, y, z]| [-x, y, -z]), wanted);
+    }
+
+    #[test]
+    fn no_bond_of_a_sheared_cell_is_missed() {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        for offset in [-19.0, 0.0, 3.0, 20.0, 33.0] {
+            let cell = Cell::<Layer>::equal_sides(40.0, offset).unwrap();
+            let mut place = || [0; 2].map(|_: i32| random.random_range(0.0..40.0_f64));
+            let centres = (0..300).map(|_| cell.wrap(place().into())).collect();
+            let network = spheres(cell, centres);
+            let mut found = Vec::new();
+            bonds(&network, 40.0, |i, j, _| found.push([i.min(j), i.max(j)]));
+            found.sort_unstable();
+            let pairs = (0..300).flat_map(|i| (i + 1..300).map(move |j| [i, j]));
+            let wanted = pairs.filter(|&[i, j]| {
+                let between = network.centres[j] - network.centres[i];
+                cell.nearest(between).0.norm() < 2.0 * BOND
+            });
+            assert_eq!(found, wanted.collect::<Vec<_>>(), "{offset}");
+        }
     }
 
     #[test]
