@@ -1,9 +1,9 @@
 //! The plan of a campaign: runs, estimated time on this machine, memory, and size on disk.
 //!
 //! Time is that of a step, times the steps, times the runs. A step is timed for each class of runs
-//! and each fraction of spheres: by runs of the store that this build has computed on this machine,
-//! or else by a trial, which also shows whether the spheres can be placed at all. `step_cost`,
-//! which knows how the methods scale with the number of spheres, carries it over to similar runs.
+//! and each fraction of spheres: by runs of the store that this machine has computed, or else by a
+//! trial, which also shows whether the spheres can be placed at all. `step_cost`, which knows how
+//! the methods scale with the number of spheres, carries it over to similar runs.
 
 mod memory;
 mod precision;

@@ -358,7 +358,8 @@ impl<'r> Workers<'r> {
             ));
         }
         store.check_campaign()?;
-        self.options.progress.see(&store.work()?);
+        let work = store.work()?;
+        self.options.progress.see(&work, store.time_left(&work)?);
         // While the store is locked no other case can end, so this count includes every case
         // reported before.
         self.options.progress.print_progress();

@@ -18,9 +18,8 @@ const COLUMNS_WITHOUT_VALUES: usize = 32;
 
 /// Show the plan of a campaign: axes, runs, estimated time and disk space
 ///
-/// Writes nothing. CPU times come from runs of the store that this build has computed on this
-/// machine, or else from short runs of a few seconds in all. Runs in the store of the campaign are
-/// left out.
+/// Writes nothing. CPU times come from runs of the store that this machine has computed, or else
+/// from short runs of a few seconds in all. Runs in the store of the campaign are left out.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sweep plan sweeps/quickstart.toml\n  sweep plan sweeps/quickstart.toml --trajectory\n  \

@@ -84,6 +84,8 @@ struct CampaignWork {
     /// Work of cases that ended here since the last update from the store.
     since: f64,
     counts: Counts,
+    /// Remaining seconds according to the store, which knows them once a run has ended.
+    left: Option<f64>,
     /// Time from the start to the next line in the log.
     due: Duration,
 }
@@ -108,8 +110,7 @@ struct Worker {
     viscosity: AtomicU64,
 }
 
-/// A bar that knows where it began. Its time left follows from the mean speed since then: that of
-/// the last seconds says nothing where one case takes a second and the next an hour.
+/// A bar that knows where it began. Its time left follows from the mean speed since then.
 struct Bar {
     drawn: ProgressBar,
     from: AtomicU64,
@@ -165,6 +166,7 @@ impl Progress {
                 stored: 0.0,
                 since: 0.0,
                 counts: Counts::default(),
+                left: None,
                 due: LOG_FIRST,
             }),
             reported: Mutex::new(Vec::new()),
@@ -175,7 +177,7 @@ impl Progress {
 
     /// The run begins with so much work.
     pub(super) fn begin(&self, work: &Work) {
-        self.see(work);
+        self.see(work, None);
         self.advance();
         self.overall.begin();
         let left = work.counts.pending + work.counts.running;
@@ -188,14 +190,15 @@ impl Progress {
         }
     }
 
-    /// Updates the progress of all processes from the store. The remaining work may increase where
-    /// a precision is requested.
-    pub(super) fn see(&self, work: &Work) {
+    /// Updates the progress of all processes from the store, and the remaining seconds where it knows
+    /// them. Both may increase where a precision is requested.
+    pub(super) fn see(&self, work: &Work, left: Option<f64>) {
         let mut campaign = lock(&self.campaign);
         campaign.total = work.total;
         campaign.stored = work.done + work.given_up;
         campaign.since = 0.0;
         campaign.counts = work.counts;
+        campaign.left = left;
     }
 
     /// A worker starts a case, at some step.
@@ -278,7 +281,10 @@ impl Progress {
 
     /// Progress of the campaign, as last drawn.
     pub fn standing(&self) -> CampaignProgress {
-        let counts = lock(&self.campaign).counts;
+        let (counts, left) = {
+            let campaign = lock(&self.campaign);
+            (campaign.counts, campaign.left)
+        };
         let ended = counts.done + counts.jammed + counts.failed;
         let mut message = format!("{ended} of {} cases", counts.total());
         if counts.jammed > 0 {
@@ -288,8 +294,9 @@ impl Progress {
             message = format!("{message}, {} failed", counts.failed);
         }
         let is_open = counts.pending + counts.running > 0;
-        if let Some(left) = self.overall.left().filter(|_| is_open) {
-            message = format!("{message}, {} left", duration(left.as_secs_f64()));
+        let left = left.or_else(|| Some(self.overall.left()?.as_secs_f64()));
+        if let Some(left) = left.filter(|_| is_open) {
+            message = format!("{message}, {} left", duration(left));
         }
         CampaignProgress {
             fraction: self.overall.drawn.position() as f64 / PARTS as f64,
@@ -443,7 +450,7 @@ mod tests {
     }
 
     #[test]
-    fn the_remaining_time_is_that_of_the_work_done_here() {
+    fn the_remaining_time_is_that_of_the_store_or_of_the_work_done_here() {
         let progress = Progress::new(Style::Quiet, 1, Box::new(std::io::sink()));
         let work = |done| {
             let mut work = Work::default();
@@ -454,18 +461,19 @@ mod tests {
         assert_eq!(progress.standing().fraction, 0.5);
         assert_eq!(progress.standing().message, "0 of 1 cases");
         std::thread::sleep(Duration::from_millis(200));
-        progress.see(&work(60.0));
+        progress.see(&work(60.0), None);
         progress.draw();
         assert_eq!(progress.standing().fraction, 0.6);
         // Of the other 40 at 10 in 0.2 s or somewhat more.
         let left = progress.overall.left().unwrap().as_secs_f64();
         assert!((0.1..60.0).contains(&left), "{left}");
-        progress.see(&work(10.0));
+        progress.see(&work(10.0), Some(7200.0));
         progress.draw();
         assert_eq!(
             progress.standing().fraction,
             0.6,
             "the bar never moves back"
         );
+        assert_eq!(progress.standing().message, "0 of 1 cases, 2 h left");
     }
 }

@@ -555,25 +555,56 @@ impl Store {
         self.read(read())
     }
 
-    /// Wall and CPU seconds of finished runs, over their estimates; `None` without finished runs.
-    fn pace(&self) -> Result<Option<(f64, f64)>, StoreError> {
+    /// Wall and CPU seconds that open runs still take, one after another: each those of the finished
+    /// runs of its point on average, and without any its estimate, scaled by all finished ones.
+    /// `None` without finished runs.
+    fn open_times(&self) -> Result<Option<[f64; 2]>, StoreError> {
         #[derive(Deserialize)]
-        struct Pace {
+        struct FinishedRun {
+            point: i64,
             wall_time_s: f64,
             cpu_time_s: f64,
             cost: f64,
         }
-        let computed: Vec<Pace> = self.sampled_runs(
-            "r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps AS cost",
+        #[derive(Deserialize)]
+        struct OpenPoint {
+            point: i64,
+            runs: f64,
+            cost: f64,
+        }
+        let finished: Vec<FinishedRun> = self.sampled_runs(
+            "c.point, r.wall_time_s, r.cpu_time_s, c.cost * r.computed / c.steps AS cost",
             "cases c ON c.id = r.case_id",
         )?;
-        let sum = |of: fn(&Pace) -> f64| computed.iter().map(of).sum::<f64>();
-        let cost = sum(|run| run.cost);
-        let pace = (
-            sum(|run| run.wall_time_s) / cost,
-            sum(|run| run.cpu_time_s) / cost,
-        );
-        Ok((cost > 0.0).then_some(pace))
+        let (mut of_all, mut of_points) = ([0.0; 3], HashMap::<_, [f64; 3]>::new());
+        for run in &finished {
+            let times = [run.wall_time_s, run.cpu_time_s];
+            let of_point = of_points.entry(run.point).or_default();
+            for (sums, scale) in [(&mut of_all, run.cost), (of_point, 1.0)] {
+                sums[0] += times[0];
+                sums[1] += times[1];
+                sums[2] += scale;
+            }
+        }
+        if of_all[2] <= 0.0 {
+            return Ok(None);
+        }
+        let open: Vec<OpenPoint> = self.named(
+            "SELECT point, total(1.0 - min(1.0 * steps_done / steps, 1.0)) AS runs,
+                 total(cost * (1.0 - min(1.0 * steps_done / steps, 1.0))) AS cost
+             FROM cases WHERE counts AND state IN ('pending', 'running') GROUP BY point",
+            [],
+        )?;
+        let mut left = [0.0; 2];
+        for open in open {
+            let ([wall, cpu, scale], amount) = match of_points.get(&open.point) {
+                Some(sums) => (*sums, open.runs),
+                None => (of_all, open.cost),
+            };
+            left[0] += wall / scale * amount;
+            left[1] += cpu / scale * amount;
+        }
+        Ok(Some(left))
     }
 
     /// Columns of finished runs, evenly spread over the store, with another table.
@@ -608,20 +639,18 @@ impl Store {
         self.read(self.connection.one(&mean, [], |row| row.get(0)))
     }
 
-    /// Estimated remaining CPU seconds of open cases, scaled by finished ones.
+    /// Estimated CPU seconds that open runs still take.
     pub(crate) fn remaining_cpu_s(&self, work: &Work) -> Result<f64, StoreError> {
-        Ok(work.left * self.pace()?.map_or(1.0, |(_, cpu)| cpu))
+        Ok(self.open_times()?.map_or(work.left, |[_, cpu]| cpu))
     }
 
-    /// Estimated seconds until running and pending cases are done, scaled by finished ones; `None`
-    /// without running processes or finished cases.
+    /// Estimated seconds until running and pending cases are done; `None` without running processes
+    /// or finished runs.
     pub(crate) fn time_left(&self, work: &Work) -> Result<Option<f64>, StoreError> {
         if work.alive == 0 {
             return Ok(None);
         }
-        Ok(self
-            .pace()?
-            .map(|(wall, _)| work.left * wall / work.alive as f64))
+        Ok(self.open_times()?.map(|[wall, _]| wall / work.alive as f64))
     }
 
     /// Progress of the runs of each point, in the order of the campaign.
@@ -636,8 +665,8 @@ impl Store {
         )
     }
 
-    /// Parameters, steps and CPU seconds of about a thousand runs that this build has computed on
-    /// this machine.
+    /// Parameters, steps and CPU seconds of about a thousand runs that this machine has computed,
+    /// with any build: whether contacts are many matters more than the build.
     pub(crate) fn measured_runs(&self) -> Result<Vec<(Params, u64, f64)>, StoreError> {
         #[derive(Deserialize)]
         struct MeasuredRun {
@@ -646,18 +675,14 @@ impl Store {
             computed: u64,
             cpu_time_s: f64,
             host: String,
-            build: String,
         }
-        let here = (
-            process::ProcessIdentity::of_this_process().host,
-            process::build(),
-        );
+        let here = process::ProcessIdentity::of_this_process().host;
         let mut runs: Vec<MeasuredRun> = self.sampled_runs(
-            "p.params, r.computed, r.cpu_time_s, o.host, o.build",
+            "p.params, r.computed, r.cpu_time_s, o.host",
             "cases c ON c.id = r.case_id JOIN points p ON p.id = c.point
              JOIN processes o ON o.id = r.process",
         )?;
-        runs.retain(|run| run.cpu_time_s > 0.0 && run.host == here.0 && run.build == here.1);
+        runs.retain(|run| run.cpu_time_s > 0.0 && run.host == here);
         let runs = runs.into_iter();
         Ok(runs
             .map(|run| (run.params, run.computed, run.cpu_time_s))

@@ -193,6 +193,36 @@ fn cases_are_claimed_once_first_seeds_first() {
 }
 
 #[test]
+fn open_runs_take_as_long_as_those_of_their_point() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut store = open(directory.path());
+    store.register(1).unwrap();
+    let work = store.work().unwrap();
+    assert_eq!(store.time_left(&work).unwrap(), None);
+    assert_eq!(store.remaining_cpu_s(&work).unwrap(), work.left);
+    // The first seeds of both points: 2 s and 200 s.
+    for seconds in [2.0, 200.0] {
+        let claim = store.next().unwrap();
+        let finished = Finished {
+            wall_time_s: seconds,
+            cpu_time_s: 0.5 * seconds,
+            ..finished(State::Done)
+        };
+        store.end(&claim, &finished).unwrap();
+        // Without a run of the other point its runs are judged by this one.
+        let left = store.remaining_cpu_s(&store.work().unwrap()).unwrap();
+        let wanted = if seconds == 2.0 { 3.0 } else { 101.0 };
+        assert!((left - wanted).abs() < 1e-9, "{left}");
+    }
+    let claim = store.next().unwrap();
+    store.keep_state(&claim, 100, &checkpoint(100)).unwrap();
+    let work = store.work().unwrap();
+    let left = store.time_left(&work).unwrap().unwrap();
+    // Half a run of the first point, and one of the second.
+    assert!((left - 201.0).abs() < 1e-9, "{left}");
+}
+
+#[test]
 fn result_is_kept_and_averaged() {
     let directory = tempfile::tempdir().unwrap();
     let mut store = open(directory.path());
