@@ -102,6 +102,14 @@ impl Number {
         }
     }
 
+    /// Of a run, and its mean over runs.
+    const fn with_its_mean(self) -> Self {
+        match self.run {
+            Some((meaning, _)) => self.point(meaning, OverRuns::Mean),
+            None => self,
+        }
+    }
+
     /// Averaged in time, and over runs; offered by the page.
     const fn averaged(self) -> Self {
         let meaning = match self.sample {
@@ -110,9 +118,7 @@ impl Number {
         };
         Self {
             label: meaning,
-            ..self
-                .run(meaning, InTime::Mean)
-                .point(meaning, OverRuns::Mean)
+            ..self.run(meaning, InTime::Mean).with_its_mean()
         }
     }
 
@@ -294,7 +300,7 @@ pub static NUMBERS: &[Number] = {
             .point("area or volume fraction at which jammed runs came to rest under an imposed ratio of stress and pressure, mean over them", Over(|r| r.arrested_fraction())),
         number("pressure", "mu rate").label("particle pressure P")
             .run("particle pressure P, without `pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", Of(|r| r.pressure()))
-            .point("particle pressure P, without `pressure_hydrodynamic`: −(Σ_xx + Σ_yy + Σ_zz)/3, in a layer −(Σ_xx + Σ_yy)/2", MeanOver),
+            .with_its_mean(),
         number("pressure_22", "mu rate").sample("particle pressure P₂₂ = −Σ_yy on planes across the gradient, without `pressure_hydrodynamic`", Sum(|s| -s.yy().total())).averaged(),
         number("viscous_number", "1").label("viscous number J")
             .run("viscous number J = μ rate/P₂₂, of means in time; none in an oscillation or where contacts and forces between surfaces bear less than half", Of(|r| ratio(1.0, r.steady_pressure_22()?)))
@@ -340,13 +346,13 @@ pub static NUMBERS: &[Number] = {
             .point("shear-induced diffusivity D_zz along the vorticity", MeanOver),
         number("layering_drift", "1")
             .run("mean layering of the second half of the averaged strain minus that of the first half", Of(|r| r.order_drift(0)))
-            .point("mean layering of the second half of the averaged strain minus that of the first half", MeanOver),
+            .with_its_mean(),
         number("bond_order_drift", "1")
             .run("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", Of(|r| r.order_drift(1)))
-            .point("mean bond orientation, Ψ₆ of a layer and Q₆ of a suspension, of the second half of the averaged strain minus that of the first half", MeanOver),
+            .with_its_mean(),
         number("fraction_drift", "1")
             .run("mean fraction under an imposed pressure of the second half of the averaged strain minus that of the first half", Of(|r| r.fraction_drift()))
-            .point("mean fraction under an imposed pressure of the second half of the averaged strain minus that of the first half", MeanOver),
+            .with_its_mean(),
         number("not_steady", "1").point("1 if the viscosity drifts or remembers the start, order falls, or the fraction under an imposed pressure drifts, significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::NotSteady))),
         number("ordering", "1").point("1 if layering or bond orientation rises significantly; none with fewer than three runs", Over(|r| r.has_trend(Trend::Ordering))),
         number("coordination", "1").sample("loaded contacts of a sphere", Network(|n| &mut n.coordination)).averaged(),
