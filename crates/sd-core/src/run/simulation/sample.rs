@@ -10,8 +10,10 @@ pub struct Sample {
     /// Strain at which the step begins; in fluid at rest the time.
     pub strain: f64,
     /// Relative viscosity in full: stresslets and contact stress. NaN in fluid at rest.
+    #[serde(deserialize_with = "nan_if_null")]
     pub viscosity: f64,
     /// Relative viscosity from the stresslets alone, as in eq. (20) of the paper.
+    #[serde(deserialize_with = "nan_if_null")]
     pub viscosity_stresslet: f64,
     /// First normal stress difference `N1 = σ_xx − σ_yy`, contacts included, in mu·rate.
     pub normal_stress_difference: f64,
@@ -59,14 +61,23 @@ pub struct Sample {
     pub fraction: Option<f64>,
 }
 
-/// Reads a gap. JSON has no ∞ and holds `null` in its place; other formats hold the number.
-fn infinite_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+/// Reads a number. JSON has neither ∞ nor NaN and holds `null` in their place; other formats hold
+/// the number.
+fn null_as<'de, D: Deserializer<'de>>(null: f64, deserializer: D) -> Result<f64, D::Error> {
     if deserializer.is_human_readable() {
-        let gap: Option<f64> = Option::deserialize(deserializer)?;
-        Ok(gap.unwrap_or(f64::INFINITY))
+        let number: Option<f64> = Option::deserialize(deserializer)?;
+        Ok(number.unwrap_or(null))
     } else {
         f64::deserialize(deserializer)
     }
+}
+
+fn infinite_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    null_as(f64::INFINITY, deserializer)
+}
+
+fn nan_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    null_as(f64::NAN, deserializer)
 }
 
 /// Order, motion and constraints of the spheres at one instant; NaN where a number has no meaning.
@@ -74,25 +85,34 @@ fn infinite_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D
 pub struct StructureSample {
     /// Largest `|Σ_j exp(2πi m y_j/L)|/N` over the whole numbers m from 2 to L/a: 1 for lanes along
     /// the flow at equal distances, some 2/√N at random.
+    #[serde(deserialize_with = "nan_if_null")]
     pub layering: f64,
     /// Bond orientation Ψ₆ of a layer: 1 for a hexagonal lattice.
+    #[serde(deserialize_with = "nan_if_null")]
     pub psi_6: f64,
     /// Bond orientation Q₆ of a suspension (Steinhardt): 0.57452 for an fcc lattice.
+    #[serde(deserialize_with = "nan_if_null")]
     pub q_6: f64,
     /// Amplitude of the first harmonic of the local shear rate along the gradient, over the rate: 0
     /// for a linear profile.
+    #[serde(deserialize_with = "nan_if_null")]
     pub localisation: f64,
     /// Amplitude of the first harmonic of the number density along the gradient, over its mean.
+    #[serde(deserialize_with = "nan_if_null")]
     pub concentration_y: f64,
     /// The amplitude along the vorticity of a suspension.
+    #[serde(deserialize_with = "nan_if_null")]
     pub concentration_z: f64,
     /// Mean square displacement along the gradient since the start of the run, in a².
+    #[serde(deserialize_with = "nan_if_null")]
     pub displacement_yy: f64,
     /// Mean square displacement along the vorticity of a suspension since the start of the run, in
     /// a².
+    #[serde(deserialize_with = "nan_if_null")]
     pub displacement_zz: f64,
     /// Constraints of the loaded contacts less degrees of freedom of the spheres that have such
     /// contacts, over the number of these spheres.
+    #[serde(deserialize_with = "nan_if_null")]
     pub hyperstaticity: f64,
 }
 
@@ -204,7 +224,7 @@ impl Counters {
 
 #[cfg(test)]
 mod tests {
-    use super::Sample;
+    use super::{Sample, StructureSample};
 
     #[test]
     fn a_sample_without_near_pairs_is_read_back_from_json() {
@@ -215,5 +235,23 @@ mod tests {
         assert_eq!(sample.counters.minimum_gap, f64::INFINITY);
         let json = serde_json::to_string(&sample).unwrap();
         assert_eq!(serde_json::from_str::<Sample>(&json).unwrap(), sample);
+    }
+
+    #[test]
+    fn numbers_without_meaning_are_read_back_from_json() {
+        let sample = Sample {
+            viscosity: f64::NAN,
+            viscosity_stresslet: f64::NAN,
+            structure: Some(StructureSample {
+                psi_6: 0.5,
+                ..StructureSample::NONE
+            }),
+            ..Sample::default()
+        };
+        let json = serde_json::to_string(&sample).unwrap();
+        let read: Sample = serde_json::from_str(&json).unwrap();
+        assert!(read.viscosity.is_nan() && read.viscosity_stresslet.is_nan());
+        let structure = read.structure.unwrap();
+        assert!(structure.q_6.is_nan() && structure.psi_6 == 0.5);
     }
 }
