@@ -510,6 +510,51 @@ fn all_faults_of_a_file_are_shown_together() {
     assert_eq!(shown.matches("  × ").count(), faults.len(), "{shown}");
 }
 
+/// The table "What works together" of the documentation.
+#[test]
+fn flows_controls_and_thermal_motion_work_together_or_say_why_not() {
+    const NO_PRESSURE: &str = "whose own pressure it leaves out";
+    const NO_STRESS: &str = "of shear, whose cell can follow any strain";
+    // What is imposed, and why not on Brownian spheres in shear and in extension.
+    let controls = [
+        ("shear_rate = 1.0", [None, None]),
+        ("shear_stress = 1.0", [None, Some(NO_STRESS)]),
+        (
+            "shear_rate = 1.0\nviscous_number = 0.05",
+            [Some(NO_PRESSURE); 2],
+        ),
+    ];
+    let contacts = [
+        "contact = \"rigid\"\ntangential = \"coulomb\"",
+        "contact = \"linear-spring\"\nstiffness = 1e4\ntangential = \"stick-slide\"",
+    ];
+    let check = |grid: String, reason: Option<&str>| {
+        let text = format!(
+            "name = \"corner\"\n[protocol]\ntime_step = 0.001\nstrain = 1.0\ndiscard = 0.5\n[[grid]]\n\
+             hydrodynamics = \"ball-melrose\"\nfriction = 0.5\nroughness = 0.02\nspheres = 200\n\
+             seeds = 1\n{grid}\n"
+        );
+        match (parse_text(&text), reason) {
+            (Ok(_), None) => {}
+            (Err(error), Some(reason)) => {
+                assert!(format!("{error:?}").contains(reason), "{text}\n{error:?}");
+            }
+            (found, _) => panic!("{text}\n{found:?}"),
+        }
+    };
+    for space in ["area_fraction = 0.6", "volume_fraction = 0.4"] {
+        for contact in contacts {
+            for (control, reasons) in controls {
+                for (flow, reason) in ["shear", "planar-extension"].into_iter().zip(reasons) {
+                    let grid = format!("{space}\n{contact}\n{control}\nflow = \"{flow}\"");
+                    check(grid.clone(), None);
+                    check(format!("{grid}\nthermal_load = 10"), reason);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn keys_of_grids_outside_of_them_are_sent_there() {
     let shown = complaint("[protocol]", "contact = \"rigid\"\n[protocol]");
