@@ -271,7 +271,8 @@ impl Store {
     /// -------
     /// dict
     ///     The object of `sweep fit --json`: each of ``parameters`` has ``value``, ``low`` and
-    ///     ``high``; ``rms`` is that of the residuals; ``points`` has a dict for each point.
+    ///     ``high``; ``rms`` is that of the residuals; ``points`` has a dict for each point. Warns
+    ///     of parameters that the points do not determine, whose names are in ``undetermined``.
     #[pyo3(signature = (*, r#where=None, replicates=200))]
     fn fit<'py>(
         &self,
@@ -281,8 +282,12 @@ impl Store {
     ) -> PyResult<Bound<'py, PyAny>> {
         let selection = selection(r#where)?;
         let replicates = replicates.min(100_000) as usize;
-        let fit = |store: &OpenStore| Ok(FitReport::of(store, &selection, replicates)?.json());
-        values::answer(py, &self.read(py, fit)?)
+        let (fit, notes) = self.read(py, |store| {
+            let report = FitReport::of(store, &selection, replicates)?;
+            Ok((report.json(), report.notes()))
+        })?;
+        notes.iter().try_for_each(|note| warn(py, note))?;
+        values::answer(py, &fit)
     }
 
     /// Draw the spheres of a run at a kept strain into a file, as `sweep draw` does.

@@ -76,7 +76,7 @@ impl Quality {
     /// Largest friction error at which friction is considered exact.
     pub const FRICTION_LIMIT: f64 = 1e-6;
     /// Normal force, in mu·a²·rate, that is considered unbounded: its stress is some thousand times
-    /// the stress above which a layer is considered jammed.
+    /// the stress above which spheres are considered jammed.
     pub(crate) const UNBOUNDED: f64 = 1e7;
 
     /// Whether all conditions hold.
@@ -84,7 +84,7 @@ impl Quality {
         self.status == Status::Solved
     }
 
-    /// Whether the layer is jammed at this instant.
+    /// Whether the spheres are jammed at this instant.
     pub fn jammed(&self) -> bool {
         self.status == Status::NoAdmissibleMotion
     }

@@ -329,6 +329,11 @@ fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
         return "each key once in its table; tables that may be repeated have two brackets: [[grid]], [[protocol.segment]]"
             .into();
     }
+    let line = text.get(..at.start).and_then(|before| before.rfind('\n'));
+    let line = text.get(line.map_or(0, |end| end + 1)..);
+    if let Some(number) = line.and_then(with_point) {
+        return format!("a decimal fraction has a point: `{number}`");
+    }
     let rest = text.get(at.start..).unwrap_or_default();
     let word: String = rest
         .trim_start_matches(['[', ',', ' '])
@@ -342,6 +347,16 @@ fn instead_of(text: &str, at: &Range<usize>, message: &str) -> String {
         }
         _ => "the file must be TOML 1.1: `key = value` on lines of their own".into(),
     }
+}
+
+/// The value with a decimal point of a line `key = 0,40`.
+fn with_point(line: &str) -> Option<String> {
+    let (_, value) = line.lines().next()?.split_once('=')?;
+    let (whole, part) = value.trim().split_once(',')?;
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let end = part.find(|c: char| !c.is_ascii_digit());
+    let part = &part[..end.unwrap_or(part.len())];
+    (is_digits(whole) && is_digits(part)).then(|| format!("{whole}.{part}"))
 }
 
 /// The name is also that of the store's file, so its characters are restricted.

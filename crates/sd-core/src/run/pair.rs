@@ -188,7 +188,7 @@ pub fn pass_while(
     Err(Error::OutOfRange {
         field: "offset",
         value: scenario.offset,
-        allowed: "one at which the spheres pass each other within ten million steps",
+        allowed: "one at which the spheres pass each other within 1,000,000 steps",
     })
 }
 

@@ -124,7 +124,8 @@ fn distribution(written: Entry<'_>) -> Result<Sizes, Problem> {
             let problem = "`sizes` needs one distribution";
             return Err(Problem::at(&written.span(), problem, ALLOWED).of_key(SIZES));
         };
-        let allowed = "above 0: the standard deviation of the radius over its mean";
+        let allowed = "above 0: the standard deviation of the radius over its mean; several are a list, as in \
+                       sizes = [{ lognormal = 0.1 }, { lognormal = 0.3 }]";
         let value = number(spread, distribution.word(), &ANY, allowed)?;
         Sizes::distribution(distribution, value).map_err(|refusal| refused(refusal, &spread.span()))
     })

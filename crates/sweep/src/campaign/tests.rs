@@ -359,6 +359,11 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
             "did you mean `shear_rate`?",
         ),
         (
+            "roughness = 0.01",
+            "roughness = 0,01",
+            "a decimal fraction has a point: `0.01`",
+        ),
+        (
             "shear_rate = [0, 0.1, inf]",
             "shear_rate = [1, infinity]",
             "write `inf`",

@@ -1,11 +1,11 @@
 //! `sweep check`.
 
 use super::Output;
+use super::place::StoreArguments;
 use crate::error::Error;
 use crate::store::check;
 use crate::system::exit;
 use crate::text::format::counted;
-use std::path::PathBuf;
 
 /// Verify the contents of a store by its checksums
 ///
@@ -15,15 +15,16 @@ use std::path::PathBuf;
 /// unreadable file.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep check results/figure-11.sqlite\n  sweep check results/figure-11.sqlite --json"
+    after_help = "Examples:\n  sweep check sweeps/quickstart.toml\n  sweep check sweeps/quickstart.toml --json"
 )]
 pub(crate) struct Arguments {
-    /// The store
-    store: PathBuf,
+    #[command(flatten)]
+    place: StoreArguments,
 }
 
 pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<u8, Error> {
-    let checked = check(&arguments.store)?;
+    let source = arguments.place.find()?;
+    let checked = check(source.path())?;
     if output.json {
         output.json(&checked)?;
     } else {
@@ -40,7 +41,7 @@ pub(crate) fn execute(arguments: &Arguments, output: &mut Output<'_>) -> Result<
         writeln!(
             output.out,
             "{}: {}, {}",
-            arguments.store.display(),
+            source.path().display(),
             counted(checked.runs, "run"),
             counted(checked.findings.len(), "finding")
         )?;

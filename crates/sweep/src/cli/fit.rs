@@ -12,8 +12,8 @@ use std::path::PathBuf;
 
 /// Fit the Wyart-Cates model to the viscosities of a campaign
 ///
-/// Five parameters: the area fractions c_0 and c_m at which layers jam without and with friction,
-/// the stress sigma_c at which friction sets in and the exponent beta of its onset, and a
+/// Five parameters: the area or volume fractions c_0 and c_m at which spheres jam without and with
+/// friction, the stress sigma_c at which friction sets in and the exponent beta of its onset, and a
 /// prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(

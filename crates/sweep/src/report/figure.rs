@@ -50,7 +50,7 @@ use sd_core::Params;
 choices! {
     /// Kind of a figure.
     Kind {
-        Curve = "curve", "A number of the points (--quantity) with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges; of viscosities the dilute limit dashed: 1 + 5c/3, or 1 + 5φ/2 of a suspension";
+        Curve = "curve", "A number of the points (--quantity) with 95 % intervals, plateaus of Γ = 0 and ∞ at the edges; of viscosities the dilute limit dashed, but not along a fraction: 1 + 5c/3, or 1 + 5φ/2 of a suspension";
         Contacts = "contacts", "Pairs in contact, activated, rolling and slipping, per sphere";
         FrictionLaw = "mu-j", "Macroscopic friction coefficient σ/P₂₂ against the viscous number J";
         FractionLaw = "phi-j", "Volume or area fraction against the viscous number J";

@@ -413,7 +413,7 @@ fn check(params: &[Params]) -> Result<(), ReportError> {
     Err(ReportError::argument(
         "where",
         format!(
-            "a fit needs points that differ only in area fraction and shear, and {}: choose one value of each (where)",
+            "a fit needs points that differ only in their fraction and shear, and {}: choose one value of each (where)",
             named.join("; ")
         ),
     ))

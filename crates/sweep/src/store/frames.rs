@@ -164,8 +164,10 @@ fn check(
     condition: &str,
     parameters: impl rusqlite::Params,
 ) -> rusqlite::Result<()> {
-    let is_whole = incomplete(connection, condition, parameters)?.is_empty();
-    DigestMismatch::unless(is_whole, "the list of frames of a run")
+    if incomplete(connection, condition, parameters)?.is_empty() {
+        return Ok(());
+    }
+    Err(DigestMismatch::error("frames of a run are missing"))
 }
 
 /// A run that is to keep frames, with the steps that it has.

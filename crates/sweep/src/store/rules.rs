@@ -137,21 +137,29 @@ fn seeds(connection: &Connection, point: usize, rule: &Precision) -> rusqlite::R
 /// Checks that the seeds that count are those of the rule at each point, and elsewhere all of the
 /// grid.
 pub(super) fn check(connection: &Connection, rules: &[Precision]) -> rusqlite::Result<()> {
-    const COUNTED_SEEDS: &str = "which seeds count";
     for (point, rule) in rules.iter().enumerate() {
         let seeds = seeds(connection, point, rule)?;
         let wanted = decide(rule, &seeds).wanted;
         let fits = |(place, seed): (usize, &Seed)| seed.counts == (place < wanted);
         // All possible seeds of a point are in the store.
         let are_all = seeds.len() == rule.at_most;
-        DigestMismatch::unless(are_all && seeds.iter().enumerate().all(fits), COUNTED_SEEDS)?;
+        if !(are_all && seeds.iter().enumerate().all(fits)) {
+            return Err(not_by_rule());
+        }
     }
     let left_out = connection.has(
         "SELECT 1 FROM cases WHERE CASE WHEN rule IS NULL THEN counts != (position IS NOT NULL)
              ELSE rule < 0 OR rule >= ?1 END",
         [rules.len()],
     )?;
-    DigestMismatch::unless(!left_out, COUNTED_SEEDS)
+    if left_out {
+        return Err(not_by_rule());
+    }
+    Ok(())
+}
+
+fn not_by_rule() -> rusqlite::Error {
+    DigestMismatch::error("the seeds marked as counting do not follow from the stopping rule")
 }
 
 impl Store {

@@ -24,6 +24,7 @@ fn meaning(name: &str) -> &'static str {
         "cell_side" => "side of the cell",
         "cell_offset" => "shift along the flow of the images above",
         "cell_cross_offset" => "shift along the vorticity of the images above",
+        "lattice_1" | "lattice_2" | "lattice_3" => "component of a lattice vector of the cell",
         "sphere" => "number of the sphere, from 0",
         "i" => "number of the first sphere of the contact, from 0",
         "j" => "number of the second sphere of the contact, from 0",

@@ -97,7 +97,7 @@ impl<S: Fluid> IterativeFarField<S> {
         Ok((of_flow, found.products))
     }
 
-    /// Discards the motion under random forces alone of the stage before.
+    /// Discards the motion under random forces alone of the previous stage.
     pub(crate) fn clear_free_motion(&mut self) {
         if let Some(free) = &mut self.free {
             free.split.reset();

@@ -7,7 +7,7 @@
 //! ```text
 //! x(stage) = λ y,   λ = 1 + e τ/d;      dy/dt = L y + v(x)/λ
 //! ```
-//! with the e of the stage before and the time τ since the start of the step. Where the cell
+//! with the e of the previous stage and the time τ since the start of the step. Where the cell
 //! dilates along the gradient alone, λ = 1 + e τ multiplies that component alone. The images above
 //! then travel by the integral of their height over the strain, which follows the rule of the
 //! step, as positions do.
@@ -110,7 +110,7 @@ impl Growth {
 }
 
 impl StageRates {
-    /// Begins a stage, to which the rate of the stage before, divided by `dimensions`, has led.
+    /// Begins a stage, to which the rate of the previous stage, divided by `dimensions`, has led.
     fn begin(&mut self, stage: &Stage, dimensions: f64) {
         if stage.number == 0 {
             *self = Self {
