@@ -474,6 +474,6 @@ mod tests {
             0.6,
             "the bar never moves back"
         );
-        assert_eq!(progress.standing().message, "0 of 1 cases, 2 h left");
+        assert_eq!(progress.standing().message, "0 of 1 cases, 2 h 0 min left");
     }
 }
