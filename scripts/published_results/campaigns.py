@@ -18,13 +18,6 @@ def _of_areas():
         yield figure(*where, "--quantity", "viscosity_stresslet", suffix=f"-{c}-stresslet")
 
 
-def _of_laws():
-    for law in ["stick-slide", "coulomb"]:
-        where = ("--where", f"tangential={law}")
-        yield figure("--kind", "flow-curve", *where, suffix=f"-{law}")
-        yield figure("--along", "shear_stress", *where, suffix=f"-{law}-viscosity")
-
-
 def _of_rigid_thickening():
     for space, fractions in [("layers", "area_fraction=0.74,0.76,0.78"), ("suspensions", "volume_fraction=0.5,0.54,0.56")]:
         for kind, suffix in [("flow-curve", ""), ("state-diagram", "-states")]:
@@ -64,7 +57,7 @@ CAMPAIGNS = {
             *("--where", "repulsion_length=0.0441", "--where", "stiffness=5348"),
         )
     ],
-    "flow-curve": list(_of_laws()),
+    "flow-curve": [figure("--kind", "flow-curve"), figure("--along", "shear_stress", suffix="-viscosity")],
     "quickstart": [figure()],
     "suspension": [figure("--along", "volume_fraction")],
     # Its figure is made with the tables.
@@ -103,7 +96,7 @@ FITS = {
     "published-2d": {
         "-fit": ["friction=1", "repulsion_length=0.0441", "stiffness=5348", "lubrication_regularisation=0.001", "spheres=200", "shear_stress=0.03..inf"]
     },
-    "flow-curve": {"-springs-fit": ["tangential=stick-slide"], "-rigid-fit": ["tangential=coulomb"]},
+    "flow-curve": {"-fit": []},
 }
 # Two spheres that pass each other: `sweep pair`, by suffix.
 PASSING = {

@@ -229,9 +229,8 @@ def _network(name, along, x, groups):
 
 
 def network_of_flow_curve():
-    """Against the imposed stress, for both laws of sticking friction."""
-    laws = {"springs, ": "contact == 'linear-spring'", "rigid, ": "contact == 'rigid'"}
-    _network("flow-curve", "shear_stress", "shear stress σ* (F_crit/a²)", laws)
+    """Against the imposed stress."""
+    _network("flow-curve", "shear_stress", "shear stress σ* (F_crit/a²)", {"": "contact == 'linear-spring'"})
 
 
 def network_of_figure_14():
@@ -263,9 +262,28 @@ def held_against_experiment():
 
     panels = {
         "relative viscosity η": ("volume_fraction", "viscosity", np.linspace),
-        "friction coefficient μ = σ/P₂₂": ("viscous_number", "macroscopic_friction", np.geomspace),
+        "macroscopic friction coefficient μ = σ/P₂₂": ("viscous_number", "macroscopic_friction", np.geomspace),
     }
     _write(HELD, [held.STATES], panels, draw, "", "", share=False, wide=2, share_x=False)
+
+
+def held_normal_stresses():
+    """Normal stress differences against the fraction, of the same points."""
+    points = pd.read_csv(RESULTS / held.STATES)
+    points = points[(points["hydrodynamics"] == "Ball-Melrose") & (points["seeds"] > 1)]
+
+    def draw(ax, y):
+        groups = points.groupby(["friction", "contacts"])
+        for (((friction, contacts), group), colour, marker, aside) in zip(groups, COLOURS[1:], MARKERS, [-1.5, -0.5, 0.5, 1.5]):
+            style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.6, "elinewidth": 0.8, "capsize": 2}
+            group = group.sort_values("volume_fraction")
+            at = group["volume_fraction"] + 0.001 * aside
+            ax.errorbar(at, group[y], group[f"{y}_ci95"], label=f"ν = {friction:g}, {contacts}", **style)
+            _mark(ax, group, at, group[y])
+        ax.axhline(0, color=COLOURS[0], linewidth=0.6)
+
+    panels = {"N₁/σ": "n1_over_stress", "N₂/σ": "n2_over_stress"}
+    _write("held-normal-stresses.svg", [held.STATES], panels, draw, "volume fraction φ", "", share=False, wide=2)
 
 
 def order():
@@ -317,7 +335,7 @@ def imposed_pressure():
             ax.set_yticks(ticks := [0.1, 0.2, 0.5, 1, 2, 5], [f"{tick:g}" for tick in ticks])
             ax.yaxis.minorticks_off()
 
-    panels = {"volume fraction φ": "fraction", "friction coefficient μ = σ/P₂₂": "macroscopic_friction"}
+    panels = {"volume fraction φ": "fraction", "macroscopic friction coefficient μ": "macroscopic_friction"}
     _write("mu-of-j.svg", [limits.STATES], panels, draw, "viscous number J", "", share=False, wide=2)
 
 
@@ -325,6 +343,7 @@ HELD = "held-against-experiment.svg"
 ORDER = "ordering-windows.csv"
 FIGURES = {
     HELD: (held_against_experiment, [held.STATES]),
+    "held-normal-stresses.svg": (held_normal_stresses, [held.STATES]),
     "cause-of-thickening.svg": (thickening_of_layers, [LAYERS.effects]),
     "cause-of-thickening-bulk.svg": (thickening_of_suspensions, [SUSPENSIONS.effects]),
     "published-2d-beside.svg": (beside, ["published-2d.csv", "published-2d.reference.csv"]),

@@ -51,6 +51,8 @@ SYMBOLS = {
     "n1": "N1",
     "peclet": "Pe",
     "shear_brownian": "Brownian part of η",
+    "shear_hydrodynamic": "fluid part",
+    "shear_repulsion": "repulsion part",
     "shear_normal_contact": "contact part",
     "shear_tangential_contact": "friction part",
     "diffusivity_yy": "D_yy/(a²γ̇)",

@@ -17,7 +17,7 @@ Averages of runs that are not in steady state have a mark, which is explained be
 
 Published numbers of others are in NAME.reference.csv and keep their digits. Other tables are those of
 `sweep pair` (`<!-- table: figure-08-a.txt, figure-08-b.txt -->`), of `sweep fit`
-(`<!-- table: flow-curve-rigid-fit.json -->`) and of the campaigns (`<!-- table: campaigns -->`). A table
+(`<!-- table: flow-curve-fit.json -->`) and of the campaigns (`<!-- table: campaigns -->`). A table
 of files that do not exist yet is left out.
 """
 

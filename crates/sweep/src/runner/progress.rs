@@ -190,8 +190,8 @@ impl Progress {
         }
     }
 
-    /// Updates the progress of all processes from the store, and the remaining seconds where it knows
-    /// them. Both may increase where a precision is requested.
+    /// Updates the progress of all processes from the store, and the remaining seconds where it
+    /// knows them. Both may increase where a precision is requested.
     pub(super) fn see(&self, work: &Work, left: Option<f64>) {
         let mut campaign = lock(&self.campaign);
         campaign.total = work.total;

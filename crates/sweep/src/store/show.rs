@@ -555,9 +555,9 @@ impl Store {
         self.read(read())
     }
 
-    /// Wall and CPU seconds that open runs still take, one after another: each those of the finished
-    /// runs of its point on average, and without any its estimate, scaled by all finished ones.
-    /// `None` without finished runs.
+    /// Wall and CPU seconds that open runs still take, one after another: each those of the
+    /// finished runs of its point on average, and without any its estimate, scaled by all finished
+    /// ones. `None` without finished runs.
     fn open_times(&self) -> Result<Option<[f64; 2]>, StoreError> {
         #[derive(Deserialize)]
         struct FinishedRun {
