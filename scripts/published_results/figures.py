@@ -274,10 +274,10 @@ def held_normal_stresses():
 
     def draw(ax, y):
         groups = points.groupby(["friction", "contacts"])
-        for (((friction, contacts), group), colour, marker, aside) in zip(groups, COLOURS[1:], MARKERS, [-1.5, -0.5, 0.5, 1.5]):
+        for place, (((friction, contacts), group), colour, marker) in enumerate(zip(groups, COLOURS[1:], MARKERS)):
             style = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.6, "elinewidth": 0.8, "capsize": 2}
             group = group.sort_values("volume_fraction")
-            at = group["volume_fraction"] + 0.001 * aside
+            at = group["volume_fraction"] + 0.001 * (place - 1.5)
             ax.errorbar(at, group[y], group[f"{y}_ci95"], label=f"ν = {friction:g}, {contacts}", **style)
             _mark(ax, group, at, group[y])
         ax.axhline(0, color=COLOURS[0], linewidth=0.6)
