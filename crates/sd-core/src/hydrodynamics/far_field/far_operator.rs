@@ -9,7 +9,8 @@
 use super::ewald;
 use super::real_space::RealSpace;
 use super::suspension::dense_mobility;
-use super::wave_grid::{Grid, sampling};
+use super::wave_grid::Grid;
+use super::wave_grid::sampling::sampling;
 use super::{Splitting, check, check_content, wave_space};
 use crate::error::Error;
 use crate::hydrodynamics::free_space::coupling::{Coupling, Lanes, MODES, Modes, both};

@@ -10,7 +10,7 @@
 
 use crate::error::Error;
 use crate::hydrodynamics::far_field::far_operator::images;
-use crate::hydrodynamics::far_field::wave_grid::axis::highest;
+use crate::hydrodynamics::far_field::wave_grid::sampling::highest;
 use crate::hydrodynamics::far_field::{Splitting, check};
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES};
 use crate::hydrodynamics::free_space::kernels::FiniteSize;

@@ -5,6 +5,7 @@
 //! ```
 //! Between two grid points every value of the window is a fitted polynomial of the position.
 
+use super::sampling::{Sampling, highest};
 use crate::linalg::polynomial::{chebyshev_points, interpolate};
 use crate::linalg::whole;
 use rustfft::{Fft, FftPlanner};
@@ -12,63 +13,42 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Most points W under the window along each coordinate.
-pub(in crate::hydrodynamics::far_field) const WIDEST: usize = 12;
+pub(super) const WIDEST: usize = 12;
 /// Degree of the polynomials that approximate the window.
 const DEGREE: usize = 15;
 
 /// The window of one sphere along one coordinate.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::hydrodynamics::far_field) struct Window {
+pub(super) struct Window {
     /// First grid point; the next ones follow, wrapped.
-    pub(in crate::hydrodynamics::far_field) first: usize,
+    pub(super) first: usize,
     /// Values at the W points; those beyond are of no use.
-    pub(in crate::hydrodynamics::far_field) values: [f64; WIDEST],
+    pub(super) values: [f64; WIDEST],
     /// Derivatives with respect to the grid point's lattice coordinate.
-    pub(in crate::hydrodynamics::far_field) slopes: [f64; WIDEST],
+    pub(super) slopes: [f64; WIDEST],
 }
 
 /// One lattice direction of the grid.
-pub(in crate::hydrodynamics::far_field) struct Axis {
+pub(super) struct Axis {
     /// Grid points.
-    pub(in crate::hydrodynamics::far_field) points: usize,
+    pub(super) points: usize,
     /// Points under the window.
     width: usize,
     /// Largest wave number kept.
-    pub(in crate::hydrodynamics::far_field) highest: usize,
+    pub(super) highest: usize,
     /// One over the window's transform, by wave number ≥ 0.
-    pub(in crate::hydrodynamics::far_field) correction: Vec<f64>,
+    pub(super) correction: Vec<f64>,
     /// Coefficients of the window's values in u = 2t − 1, t the position between two grid points.
     polynomials: [[f64; WIDEST]; DEGREE + 1],
     /// Transforms along the axis, forward and back.
-    pub(in crate::hydrodynamics::far_field) plans: [Arc<dyn Fft<f64>>; 2],
-}
-
-/// How finely waves are sampled.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::hydrodynamics::far_field) struct Sampling {
-    /// Points under a window along each coordinate.
-    pub(in crate::hydrodynamics::far_field) width: usize,
-    /// Grid points over wave numbers, at least.
-    pub(in crate::hydrodynamics::far_field) ratio: f64,
-}
-
-impl Sampling {
-    /// Grid points along a direction with wave numbers up to `highest`.
-    pub(in crate::hydrodynamics::far_field) fn points(&self, highest: usize) -> usize {
-        let least = whole((self.ratio * (2 * highest + 1) as f64).ceil());
-        regular(least.max(2 * self.width))
-    }
+    pub(super) plans: [Arc<dyn Fft<f64>>; 2],
 }
 
 /// The directions of a grid whose wave numbers end at `cut_off`, and the scratch that their
 /// transforms need.
 ///
 /// `lengths`: of each direction, in a: a wave vector k has at most k·length/2π waves along it.
-pub(in crate::hydrodynamics::far_field) fn plan_axes(
-    lengths: &[f64],
-    cut_off: f64,
-    sampling: Sampling,
-) -> (Vec<Axis>, usize) {
+pub(super) fn plan_axes(lengths: &[f64], cut_off: f64, sampling: Sampling) -> (Vec<Axis>, usize) {
     let mut planner = FftPlanner::new();
     let axes: Vec<_> = lengths
         .iter()
@@ -82,18 +62,9 @@ pub(in crate::hydrodynamics::far_field) fn plan_axes(
     (axes, scratch)
 }
 
-/// The largest wave number of wave vectors up to `cut_off` along a lattice vector of that length.
-pub(in crate::hydrodynamics::far_field) fn highest(length: f64, cut_off: f64) -> usize {
-    whole((cut_off * length / (2.0 * PI)).floor())
-}
-
 impl Axis {
     /// An axis with wave numbers up to `highest`.
-    pub(in crate::hydrodynamics::far_field) fn new(
-        highest: usize,
-        sampling: Sampling,
-        planner: &mut FftPlanner<f64>,
-    ) -> Self {
+    pub(super) fn new(highest: usize, sampling: Sampling, planner: &mut FftPlanner<f64>) -> Self {
         let points = sampling.points(highest);
         let width = sampling.width as f64;
         let ratio = points as f64 / (2 * highest + 1) as f64;
@@ -122,7 +93,7 @@ impl Axis {
 
     /// The window around a lattice coordinate.
     #[inline(always)]
-    pub(in crate::hydrodynamics::far_field) fn window(&self, coordinate: f64) -> Window {
+    pub(super) fn window(&self, coordinate: f64) -> Window {
         let points = self.points as f64;
         let position = (coordinate - coordinate.floor()) * points;
         let begin = position - 0.5 * self.width as f64;
@@ -147,7 +118,7 @@ impl Axis {
     }
 
     /// Grid index of a wave number of either sign.
-    pub(in crate::hydrodynamics::far_field) fn index(&self, wave: isize) -> usize {
+    pub(super) fn index(&self, wave: isize) -> usize {
         wave.rem_euclid(self.points.cast_signed()).cast_unsigned()
     }
 }
@@ -180,23 +151,6 @@ fn bessel(x: f64) -> f64 {
         term *= quarter / (k * k);
     }
     sum
-}
-
-/// The least even number, at least `least`, without prime factors above 5.
-fn regular(least: usize) -> usize {
-    let smooth = |mut n: usize| {
-        for factor in [2, 3, 5] {
-            while n.is_multiple_of(factor) {
-                n /= factor;
-            }
-        }
-        n == 1
-    };
-    let mut n = least.next_multiple_of(2);
-    while !smooth(n) {
-        n += 2;
-    }
-    n
 }
 
 #[cfg(test)]
@@ -234,10 +188,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn regular_numbers_are_even_and_smooth() {
-        assert_eq!([1, 2, 7, 11, 131].map(regular), [2, 2, 8, 12, 144]);
     }
 }
