@@ -6,5 +6,6 @@ pub(crate) mod far_field;
 pub(crate) mod free_space;
 pub(crate) mod inverse_mobility;
 pub(crate) mod iterative;
+pub(crate) mod part_of_pairs;
 pub(crate) mod resistance;
 pub mod two_sphere;

@@ -3,6 +3,7 @@
 mod axis_values;
 mod error;
 mod grid;
+mod imposed_keys;
 mod protocol;
 mod reader;
 mod seeds;

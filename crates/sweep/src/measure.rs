@@ -2,6 +2,7 @@
 
 pub mod doubt;
 pub mod numbers;
+mod point_run;
 mod result;
 mod run;
 mod runs;
@@ -10,7 +11,7 @@ mod steady;
 mod stopping;
 mod tables;
 
-pub use run::PointRun;
+pub use point_run::PointRun;
 pub(crate) use run::RunData;
 pub(crate) use runs::Runs;
 pub(crate) use steady::{Drift, Steadiness, Trend, mser_5};

@@ -1,5 +1,6 @@
 //! Reports: the results of a store, averaged over seeds.
 
+mod columns;
 mod error;
 mod failures;
 mod figure;
@@ -13,6 +14,7 @@ mod segments;
 mod selection;
 mod sheet;
 mod spheres;
+mod starts;
 mod states;
 mod steady;
 mod structure;
@@ -22,13 +24,13 @@ mod units;
 
 pub use crate::structure::OutsideFrame;
 pub use crate::text::format::NumberFormat;
+pub use columns::{Columns, number};
 pub use error::ReportError;
 pub use failures::FailureGroup;
 pub use figure::{
     Against, Drawing, Graph, Kind, Outline, Trace, draw, draw_graphs, outline, traces,
 };
 pub use fit::FitReport;
-pub(crate) use labels::Starts;
 pub use page::{PageHost, data, movie, page, page_figure, page_runs};
 pub use points::{Point, Report};
 pub use references::Reference;
@@ -39,8 +41,8 @@ pub use selection::{Excerpt, Selection};
 pub use sheet::Shape;
 pub(crate) use sheet::room;
 pub use spheres::{SphereColour, SpherePicture, SphereView, draw_spheres};
+pub(crate) use starts::Starts;
 pub use structure::{StructureKind, StructureReport, outside_structure};
-pub use table::{Columns, number, point_table, write_json};
-pub(crate) use text::table;
+pub use table::{point_table, write_json};
 pub use text::write as write_text;
 pub use units::Units;

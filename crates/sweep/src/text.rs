@@ -2,4 +2,5 @@
 
 pub(crate) mod choices;
 pub mod format;
+pub(crate) mod table;
 pub(crate) mod visible;

@@ -16,14 +16,16 @@
 //! gap at the start of the step and s is the whole step.
 
 use super::contact_pair::Contact;
-use super::springs::GAMMA;
 use crate::law::hydrodynamic_friction::HydrodynamicFriction;
 use crate::law::repulsion::ExponentialRepulsion;
 use crate::law::van_der_waals::VanDerWaals;
 use crate::law::{ColloidUnit, CustomNormalLaw, FrictionOnset, NormalLaw, TangentialLaw};
 use crate::model::{ContactLaws, PressureKind, Surface};
 use crate::space::{IncidentFlow, Space};
+use std::f64::consts::FRAC_1_SQRT_2;
 
+/// γ of two-stage steps: the time span of implicit contact forces, in steps.
+pub(crate) const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 /// β: fraction of the overlap of rigid contacts that is corrected within one time span.
 pub const OVERLAP_CORRECTION: f64 = 0.2;
 /// Compliance of rigid contacts, in a/(mu·a²·rate). It limits the forces in a truly rigid network.

@@ -6,16 +6,12 @@
 //! O(τ²) from that expected in the middle of a step of rigid contacts.
 
 use super::contact_pair::Contact;
-use super::laws::StageKind;
+use super::laws::{GAMMA, StageKind};
 use super::pair_forces::PairForces;
 use crate::law::tangential::stick_slide::TangentialSpring;
 use crate::space::pair::PairKey;
 use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_1_SQRT_2;
-
-/// γ of two-stage steps: the time span of implicit contact forces, in steps.
-pub(crate) const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// Largest factor by which the bound of friction at the end of a step of rigid contacts may differ
 /// from that in its middle, from which and from that at the start it is extrapolated.

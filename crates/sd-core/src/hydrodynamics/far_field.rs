@@ -15,6 +15,7 @@
 mod ewald;
 pub(crate) mod far_operator;
 pub(crate) mod far_resistance;
+pub(crate) mod far_space;
 pub(crate) mod pressure;
 mod real_space;
 pub(crate) mod suspension;
@@ -25,6 +26,7 @@ use crate::error::Error;
 use crate::hydrodynamics::free_space::kernels::{self, FiniteSize, LANES};
 use crate::hydrodynamics::free_space::planar;
 use crate::linalg::cholesky::tiled::TiledMatrix;
+use crate::linalg::whole;
 use crate::space::Space;
 use crate::space::cell::Cell;
 use crate::space::modes::Vec2;
@@ -272,6 +274,11 @@ fn check(radii: &[f64], tolerance: f64) -> Result<(), Error> {
         });
     }
     Ok(())
+}
+
+/// The largest wave number of wave vectors up to `cut_off` along a lattice vector of that length.
+fn highest(length: f64, cut_off: f64) -> usize {
+    whole((cut_off * length / (2.0 * PI)).floor())
 }
 
 #[cfg(test)]

@@ -27,7 +27,6 @@ mod fluid;
 mod isolated;
 mod layer;
 mod near_matrix;
-mod owned;
 mod pair_terms;
 mod pairwise;
 mod random_forces;
@@ -51,9 +50,7 @@ pub(crate) use fluid::Fluid;
 pub(crate) use fluid::{FarMatrix, ModeBlock, NearTerm, modes_in_strain};
 pub(crate) use isolated::isolated;
 pub(crate) use near_matrix::{NearMatrix, NearPattern};
-pub(crate) use owned::{for_pairs_of, list_starts, part_of};
-pub(crate) use pairwise::{LEAST_SPHERES, PairwiseResistance};
-pub(crate) use pairwise::{Motion, side_by_side_mut};
+pub(crate) use pairwise::{Motion, PairwiseResistance, side_by_side_mut};
 
 pub(crate) use random_forces::RandomStress;
 pub use tables::NearFields;

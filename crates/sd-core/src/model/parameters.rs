@@ -11,8 +11,10 @@ pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
-use super::{ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, PressureKind, segments};
-use crate::error::Refusal;
+use super::{
+    ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, PressureKind, Surface, segments,
+};
+use crate::error::{Error, Refusal};
 use crate::law::tangential::stick_slide::MAX_RATIO;
 use crate::law::{ColloidUnit, Keyword, Keywords as _, NormalLaw, Quantity, TangentialLaw};
 use std::borrow::Cow;
@@ -432,6 +434,53 @@ fn check_step(params: &Params) -> Result<(), Refusal> {
         );
     }
     Ok(())
+}
+
+impl ContactLaws {
+    /// Checks ranges and combinations of laws, for spheres with this surface under these
+    /// hydrodynamics.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] names the first value refused and what is allowed.
+    ///
+    /// ```
+    /// use sd_core::model::Surface;
+    /// use sd_core::{ContactLaws, Hydrodynamics, TangentialLaw};
+    ///
+    /// let springs = ContactLaws::linear_spring(1e4, TangentialLaw::Coulomb, 0.01);
+    /// let surface = Surface { roughness: 0.01, friction: 0.5, critical_load: 1.0 };
+    /// springs.validate(&surface, Hydrodynamics::BallMelrose)?;
+    ///
+    /// // In units of the critical load springs have no stiffness where that is 0.
+    /// let without = Surface { critical_load: 0.0, ..surface };
+    /// assert!(springs.validate(&without, Hydrodynamics::BallMelrose).is_err());
+    /// # Ok::<(), sd_core::Error>(())
+    /// ```
+    pub fn validate(&self, surface: &Surface, hydrodynamics: Hydrodynamics) -> Result<(), Error> {
+        let load = surface.critical_load;
+        if self.needs_critical_load() && !(load > 0.0 && load.is_finite()) {
+            return Err(Refusal {
+                key: "critical_load",
+                value: load.to_string(),
+                problem: "has no meaning under these laws".into(),
+                allowed: "above 0 and finite where stiffness, repulsion or adhesion are in units of it: with an infinite \
+                          one they are infinite, and with 0 there are none; a stiffness may be in units of the flow"
+                    .into(),
+                because: Some("contact"),
+            }
+            .into());
+        }
+        // Only the contact is checked; the rest of the layer is arbitrary.
+        check_contact(&Params {
+            roughness: surface.roughness,
+            friction: surface.friction,
+            shear_rate: 6.0 * std::f64::consts::PI / load,
+            hydrodynamics,
+            contact: ContactScheme::Laws(*self),
+            ..Params::UNSET
+        })?;
+        Ok(())
+    }
 }
 
 /// Checks the parameters of the contact laws and their consistency.

@@ -1,8 +1,8 @@
 //! One instant of one configuration: velocities, stresslets, contact forces.
 
-use crate::contact::laws::{Laws, Span};
+use crate::contact::laws::{GAMMA, Laws, Span};
 use crate::contact::pair_forces::PairForces;
-use crate::contact::springs::{GAMMA, Springs};
+use crate::contact::springs::Springs;
 use crate::contact::{Contact, ContactMemory, SolvePass};
 use crate::error::Error;
 use crate::hydrodynamics::applied_forces::{

@@ -6,6 +6,7 @@ mod forces;
 mod frame;
 mod sample;
 mod sampling;
+mod scheme_memory;
 mod shear_control;
 mod snapshot;
 mod step;
@@ -15,7 +16,8 @@ pub use crate::stress::JAM_VISCOSITY;
 pub use forces::Instant;
 pub use frame::{Frame, FrameContact};
 pub use sample::{Counters, NetworkSample, Sample, StructureSample};
-pub use snapshot::{SNAPSHOT_VERSION, SchemeMemory, Snapshot};
+pub use scheme_memory::SchemeMemory;
+pub use snapshot::{SNAPSHOT_VERSION, Snapshot};
 pub use volume::ARREST_NUMBER;
 
 use crate::contact::laws::Laws;

@@ -428,6 +428,44 @@ impl<S: Space> Lattice<S> {
         components
     }
 
+    /// All images of a separation that are shorter than a distance.
+    pub(crate) fn images_within(
+        &self,
+        separation: S::Vector,
+        reach: f64,
+    ) -> impl Iterator<Item = S::Vector> + use<S> {
+        let range = |x: f64, side: f64, reach: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "whole numbers of cells")]
+            let (first, last) = (
+                ((-reach - x) / side).ceil() as i32,
+                ((reach - x) / side).floor() as i32,
+            );
+            first..=last
+        };
+        let lattice = *self;
+        let [length, above, depth] = lattice.lengths_in_frame();
+        let [first, second, third] = lattice.in_frame(&separation);
+        let rows = range(second, above, reach);
+        let most = rows.start().abs().max(rows.end().abs());
+        let shifted = f64::from(most) * lattice.cross_offset().abs();
+        let planes = if S::DIMENSIONS < 3 {
+            0..=0
+        } else {
+            range(third, depth, reach + shifted)
+        };
+        planes.flat_map(move |l| {
+            rows.clone().flat_map(move |n| {
+                let (n, l) = (f64::from(n), f64::from(l));
+                let x = first + (n * lattice.offset() + l * lattice.tilt());
+                let y = second + n * above;
+                let z = third + (l * depth + n * lattice.cross_offset());
+                range(x, length, reach)
+                    .map(move |m| lattice.out_of_frame([x + f64::from(m) * length, y, z]))
+                    .filter(move |x| S::norm_squared(x) < reach * reach)
+            })
+        })
+    }
+
     /// The vector with these components in the frame of the triangular form.
     #[inline(always)]
     pub(crate) fn out_of_frame(&self, components: [f64; 3]) -> S::Vector {

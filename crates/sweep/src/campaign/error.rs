@@ -1,6 +1,6 @@
 //! Errors that show the place in the campaign file.
 
-use super::grid::with_written_keys;
+use super::imposed_keys::with_written_keys;
 use crate::text::visible::{visible, visible_in_place};
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use std::fmt::Display;

@@ -2,6 +2,7 @@
 
 use super::axis_values::{SIZES, axis_values};
 use super::error::Problem;
+use super::imposed_keys::IMPOSED;
 use super::protocol::WrittenProtocol;
 use super::reader::{Entry, Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
@@ -32,16 +33,6 @@ pub(super) struct Grid<'t> {
 const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 /// Number of problems of one grid after which the check stops.
 const MAX_PROBLEMS: usize = 200;
-
-/// The keys in files of axes that are columns of their own beside the measured ones.
-const IMPOSED: [&str; 3] = ["viscous_number", "macroscopic_friction", "pressure"];
-
-/// A message about axes, with their keys in files.
-pub(super) fn with_written_keys(message: String) -> String {
-    IMPOSED.iter().fold(message, |message, short| {
-        message.replace(&format!("`imposed_{short}`"), &format!("`{short}`"))
-    })
-}
 
 /// The entry of an axis.
 fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {

@@ -4,9 +4,10 @@ use super::Output;
 use super::place::StoreArguments;
 use crate::error::Error;
 use crate::model::axes::{AXES, Axis};
-use crate::report::{Point, Report, Selection, table};
+use crate::report::{Point, Report, Selection};
 use crate::system::exit;
 use crate::text::format::{significant, wrapped};
+use crate::text::table::table;
 use sd_core::model::PublishedUnits;
 use serde::Serialize;
 

@@ -5,9 +5,10 @@ use super::output_file::{check_outputs, check_picture, save};
 use super::place::StoreArguments;
 use crate::data::write_csv;
 use crate::error::Error;
-use crate::report::{FitReport, Selection, table};
+use crate::report::{FitReport, Selection};
 use crate::system::exit;
 use crate::text::format::{short, significant, wrapped};
+use crate::text::table::table;
 use std::path::PathBuf;
 
 /// Fit the Wyart-Cates model to the viscosities of a campaign

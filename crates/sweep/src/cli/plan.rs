@@ -5,10 +5,11 @@ use super::place::{WorkersArgument, store_of};
 use crate::error::Error;
 use crate::model::campaign::Campaign;
 use crate::plan::{Plan, RunKind, Source, beyond_memory, plan};
-use crate::report::{room, table};
+use crate::report::room;
 use crate::store::StoreSource;
 use crate::system::exit;
 use crate::text::format::{Digits, bytes, counted, duration, significant, wrapped};
+use crate::text::table::table;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 

@@ -3,8 +3,8 @@
 use super::Output;
 use crate::error::Error;
 use crate::instant::named_scalars;
-use crate::report::table;
 use crate::system::exit;
+use crate::text::table::table;
 use serde_json::json;
 
 /// Print the resistance functions of two spheres

@@ -3,9 +3,9 @@
 use super::{Output, read_input};
 use crate::error::Error;
 use crate::instant::{Amount, Answer, answer, read};
-use crate::report::table;
 use crate::system::exit;
 use crate::text::format::{significant, wrapped};
+use crate::text::table::table;
 use sd_core::contact::ContactState;
 use std::path::PathBuf;
 

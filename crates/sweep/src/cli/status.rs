@@ -6,9 +6,10 @@ use super::place::{StoreArguments, last_run, print_warning};
 use crate::cluster::shard;
 use crate::cluster::status::{CampaignStatus, JobStatus, TaskStatus};
 use crate::error::Error;
-use crate::report::{FailureGroup, table};
+use crate::report::FailureGroup;
 use crate::system::exit;
 use crate::text::format::{counted, duration, significant};
+use crate::text::table::table;
 use std::io::Write;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use super::Output;
 use crate::error::Error;
-use crate::report::table;
 use crate::system::exit;
 use crate::text::format::significant;
+use crate::text::table::table;
 use crate::verify::{Check, checks};
 use serde_json::json;
 

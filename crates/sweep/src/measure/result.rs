@@ -1,8 +1,9 @@
 //! The result of a run, number by number: averages of its samples, and their places.
 
 use super::numbers::{Level, Number, columns};
+use super::point_run::PointRun;
 use super::ratio;
-use super::run::{Mean, PointRun, RunData, Slope};
+use super::run::{Mean, RunData, Slope};
 use crate::data::Value;
 use sd_core::simulation::Counters;
 use sd_core::{Params, Sample};

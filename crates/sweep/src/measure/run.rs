@@ -1,12 +1,9 @@
-//! One run: what its result is made from, and what of it a point is made from.
+//! One run: what its result is made from.
 
-use super::doubt::Doubt;
 use super::steady::rise;
 use super::{Distribution, Steadiness, mean, ratio};
-use crate::model::case::State;
 use sd_core::Params;
 use sd_core::simulation::Counters;
-use std::sync::Arc;
 
 /// What the result of a run is made from: its samples are added in their order, and not kept.
 #[derive(Debug)]
@@ -214,65 +211,6 @@ impl RunData<'_> {
     /// Strain after some steps.
     pub(super) fn strain(&self, steps: u64) -> f64 {
         steps as f64 * self.params.time_step
-    }
-}
-
-/// One run of a point, with its result if it has one.
-#[derive(Debug, Clone)]
-pub struct PointRun {
-    /// Its position in the campaign file, from 0.
-    pub position: u64,
-    /// Its key.
-    pub key: String,
-    /// Its parameters.
-    pub params: Arc<Params>,
-    /// Its seed.
-    pub seed: u64,
-    /// Its state.
-    pub state: State,
-    /// Reasons why its numbers are doubtful, if any.
-    pub doubts: Vec<Doubt>,
-    /// Strain between samples.
-    pub sample_every: f64,
-    /// Numbers of its result, in the order of [`NUMBERS`]; NaN for missing ones, empty without a
-    /// result.
-    pub(crate) numbers: Box<[f64]>,
-}
-
-impl PointRun {
-    /// Whether it is finished, and broke a rule.
-    pub fn is_doubtful(&self) -> bool {
-        self.state == State::Done && !self.doubts.is_empty()
-    }
-
-    /// Whether it is finished and included in averages.
-    pub fn is_sound(&self) -> bool {
-        self.state == State::Done && self.doubts.is_empty()
-    }
-
-    /// Whether it came to rest under an imposed ratio of stress and pressure.
-    pub(crate) fn is_arrested(&self) -> bool {
-        self.state.is_arrest(&self.params)
-    }
-
-    /// Strain discarded.
-    pub fn discard(&self) -> Option<f64> {
-        Some(self.number("discard_step")? * self.params.time_step)
-    }
-
-    /// Measures of steadiness.
-    pub(crate) fn steadiness(&self) -> Option<Steadiness> {
-        let part = |name| self.number(name);
-        Some(Steadiness {
-            parts: [
-                part("viscosity_part_1")?,
-                part("viscosity_part_2")?,
-                part("viscosity_part_3")?,
-                part("viscosity_part_4")?,
-            ],
-            variance: part("viscosity_variance")?,
-            correlation: part("viscosity_correlation")?,
-        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! The runs of a point, from which its numbers are made.
 
-use super::run::PointRun;
+use super::point_run::PointRun;
 use super::steady::{MIN_RUNS, significant_mean};
 use super::{Decision, Distribution, Drift, Estimate, Trend, ratio, relative_half_width};
 use crate::model::precision::{Precision, Quantity};

@@ -2,7 +2,7 @@
 
 use super::doubt::Doubt;
 use super::numbers::{Level, Number, columns};
-use super::run::PointRun;
+use super::point_run::PointRun;
 use crate::data::{Cells, DataColumn, Kind, Value, Word};
 use crate::model::axes::{AXES, Axis};
 use sd_core::Sample;

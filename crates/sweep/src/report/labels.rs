@@ -1,34 +1,12 @@
 //! Values on axes as text: cells of tables, labels of curves, titles of panels, captions.
 
-use super::figure::scale::power_of_ten;
 use super::points::Report;
+use super::starts::Starts;
 use super::units::{At, Units};
 use crate::data::{Kind, Value};
 use crate::model::axes::{AXES, Axis};
-use crate::store::{Store, StoreError};
-use crate::text::format::{Digits, short};
+use crate::text::format::{Digits, power_of_ten, short};
 use sd_core::Params;
-
-/// Names of start layers, by their numbers on the axis. Without a name a layer keeps its number.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Starts(pub(super) Vec<(u64, String)>);
-
-impl Starts {
-    /// The names in a store.
-    pub(crate) fn of_store(store: &Store) -> Result<Self, StoreError> {
-        Ok(Self(store.written()?.starts))
-    }
-
-    /// The name of the value of some parameters on an axis, if it is a start layer with a name.
-    pub(crate) fn name_on(&self, axis: &Axis, params: &Params) -> Option<&str> {
-        let Value::Count(start) = axis.value(params) else {
-            return None;
-        };
-        let mut known = self.0.iter().filter(|_| axis.key == "start");
-        let found = known.find(|(number, _)| *number == start);
-        found.map(|(_, name)| name.as_str())
-    }
-}
 
 /// Format of the values on one axis: in the units of a report, with as few digits as distinguish
 /// different values.

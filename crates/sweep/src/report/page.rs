@@ -5,6 +5,7 @@
 //! that are asked for. The page loads nothing from the network. All user text is JSON in a script
 //! element, with every `<`, `>` and `&` escaped, and is inserted as text only; figures are images.
 
+use super::columns::Column;
 use super::error::ReportError;
 use super::failures::FailureGroup;
 use super::figure::palette::HEAT;
@@ -12,7 +13,7 @@ use super::figure::{Drawing, Kind, Trace, default_axis, draw_on_page};
 use super::points::Report;
 use super::selection::{Excerpt, Selection};
 use super::sheet::{Shape, SheetColumn, view_of};
-use super::table::{Column, point_table};
+use super::table::point_table;
 use crate::data::write_csv;
 use crate::measure::numbers::{Level, Number, columns};
 use crate::measure::{PointRun, ratio};

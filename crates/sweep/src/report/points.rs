@@ -1,12 +1,12 @@
 //! The points of a campaign: what its store holds, averaged over the runs that differ only in their
 //! seed.
 
+use super::columns::{self, Columns, measure};
 use super::error::ReportError;
 use super::failures::FailureGroup;
-use super::labels::Starts;
 use super::selection::Selection;
+use super::starts::Starts;
 use super::steady;
-use super::table::{Columns, measure};
 use super::units::{At, Units};
 use crate::measure::doubt::is_rigid;
 use crate::measure::{Decision, Estimate, PointRun, Runs, Trend};
@@ -312,6 +312,12 @@ fn selected(
 }
 
 impl Point {
+    /// A measured number; `None` for a missing one.
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
+        let number = self.measured.get(columns::place(name)?);
+        number.copied().filter(|number| !number.is_nan())
+    }
+
     /// Γ: imposed, or that of the mean viscosity where the stress is imposed.
     pub(crate) fn shear_rate(&self) -> Option<f64> {
         match self.params.last_shear() {

@@ -1,13 +1,13 @@
 //! Tables for people: views of columns of data.
 
+use super::columns::Column;
 use super::labels::AxisWords;
 use super::points::{Point, Report};
-use super::table::Column;
-use super::text::styled;
 use crate::data::{Cells, DataColumn};
 use crate::measure::Trend;
 use crate::model::axes::{AXES, Axis};
 use crate::text::format::{NumberFormat, significant, uncertain};
+use crate::text::table::styled;
 use comfy_table::CellAlignment;
 
 /// Default width of the terminal in columns.

@@ -2,7 +2,8 @@
 
 use super::error::ReportError;
 use super::figure::{COLOURS, Colour, Key, Mark, Origin, PlanePicture, draw_plane};
-use super::labels::{Starts, all_named};
+use super::labels::all_named;
+use super::starts::Starts;
 use super::units::Units;
 use crate::store::{CaseDetails, Origin as Made, Store};
 use crate::structure::{Link, Network, clusters};

@@ -266,6 +266,16 @@ pub fn count(value: f64) -> usize {
     value.round() as usize
 }
 
+/// Ten to a power: 10⁻³.
+pub(crate) fn power_of_ten(power: &str) -> String {
+    let superscript = |digit: char| match digit.to_digit(10) {
+        Some(digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit as usize).unwrap_or('⁰'),
+        None => '⁻',
+    };
+    let digits: String = power.chars().map(superscript).collect();
+    format!("10{digits}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,7 @@
-//! The layers of the crate: a room imports only rooms below it, and a file of the store only files
-//! below it.
+//! The layers of the crate: a room imports only rooms below it, a file of the store only files below
+//! it, and no files import each other in a circle.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// All source files in a folder.
@@ -90,6 +90,95 @@ fn imported<'t>(text: &'t str, module: &str) -> Vec<&'t str> {
         .collect()
 }
 
+/// Names that a module hands on, with the files in its folder that they come from.
+fn handed_on(module: &str) -> HashMap<&str, &str> {
+    let mut of_name = HashMap::new();
+    let uses = module.split("use ").skip(1);
+    for (file, rest) in uses.filter_map(|part| part.split_once("::")) {
+        let Some(end) = rest.find(';') else { continue };
+        let names = rest[..end].trim_matches(['{', '}']);
+        of_name.extend(names.split(',').map(|name| (name.trim(), file)));
+    }
+    of_name
+}
+
+/// What each file of a folder imports from other files of it, a file with the folder beside it.
+fn imports_within(root: &Path, folder: &Path) -> BTreeMap<String, BTreeSet<String>> {
+    let inside = folder.strip_prefix(root).unwrap();
+    let parts: Vec<&str> = inside.iter().map(|part| part.to_str().unwrap()).collect();
+    let module = if parts.is_empty() {
+        root.join("lib.rs")
+    } else {
+        folder.with_extension("rs")
+    };
+    let module = std::fs::read_to_string(module).unwrap_or_default();
+    let of_name = handed_on(&module);
+    let path: String = ["crate"]
+        .iter()
+        .chain(&parts)
+        .map(|part| format!("{part}::"))
+        .collect();
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for source in sources(folder) {
+        let place = source.strip_prefix(folder).unwrap().with_extension("");
+        let names: Vec<&str> = place.iter().map(|part| part.to_str().unwrap()).collect();
+        if names.contains(&"tests") || ["lib", "main"].contains(&names[0]) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&source).unwrap();
+        let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
+        let code = text
+            .lines()
+            .filter(|line| !line.trim_start().starts_with("//"));
+        let code: String = code.flat_map(|line| [line, "\n"]).collect();
+        let imports = found.entry(names[0].to_owned()).or_default();
+        for from in [&path, &"super::".repeat(names.len())] {
+            let names = imported(&code, from).into_iter();
+            imports.extend(names.map(|name| of_name.get(name).unwrap_or(&name).to_string()));
+        }
+    }
+    found
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let mut circles = Vec::new();
+    let mut checked = 0;
+    // From a package the other crate is not there.
+    for root in ["sweep", "sd-core"].map(|name| crates.join(name).join("src")) {
+        let mut folders: BTreeSet<PathBuf> = BTreeSet::new();
+        if root.is_dir() {
+            folders.extend(sources(&root).iter().flat_map(|path| {
+                let inside = path.ancestors().skip(1);
+                let inside = inside.take_while(|folder| folder.starts_with(&root));
+                inside.map(Path::to_path_buf).collect::<Vec<_>>()
+            }));
+        }
+        for folder in folders {
+            let mut left = imports_within(&root, &folder);
+            checked += left.len();
+            // Files that import none of the others are in no circle.
+            loop {
+                let names: BTreeSet<String> = left.keys().cloned().collect();
+                left.retain(|own, imports| {
+                    imports
+                        .iter()
+                        .any(|other| other != own && names.contains(other))
+                });
+                if left.len() == names.len() {
+                    break;
+                }
+            }
+            if !left.is_empty() {
+                circles.push(format!("{}: {:?}", folder.display(), left.keys()));
+            }
+        }
+    }
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+    assert!(checked > 50, "only {checked} files");
+}
+
 #[test]
 fn files_of_the_store_read_only_files_below_them() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/store");
@@ -100,13 +189,7 @@ fn files_of_the_store_read_only_files_below_them() {
         .flat_map(|line| line.split("  ").next().unwrap().split(", "))
         .collect();
     let rank = |file: &str| files.iter().position(|other| *other == file);
-    // Types that the room hands on, with their files.
-    let mut of_type = HashMap::new();
-    let uses = map.split("use ").skip(1);
-    for (file, rest) in uses.filter_map(|part| part.split_once("::")) {
-        let names = rest[..rest.find(';').unwrap()].trim_matches(['{', '}']);
-        of_type.extend(names.split(',').map(|name| (name.trim(), file)));
-    }
+    let of_type = handed_on(&map);
     let mut wrong = Vec::new();
     for path in sources(&folder) {
         let place = path.strip_prefix(&folder).unwrap().with_extension("");

@@ -10,7 +10,7 @@
 //! vanishes far above it; forces on the fluid have no sum. In a suspension the wave vector 0 is
 //! left out, so that the pressure has no mean over the cell, interior of the spheres included.
 
-use super::far_operator::{FarSpace, images};
+use super::far_space::FarSpace;
 use crate::space::Space;
 use crate::space::cell::{Cell, Lattice};
 use std::f64::consts::PI;
@@ -90,7 +90,7 @@ fn moment_with_splitting<S: FarSpace>(
     let mut sum = 0.0;
     for i in 0..centres.len() {
         for j in 0..=i {
-            for x in images(centres[i] - centres[j], lattice, RANGE / alpha) {
+            for x in lattice.images_within(centres[i] - centres[j], RANGE / alpha) {
                 if i == j && x == S::Vector::default() {
                     continue;
                 }
@@ -287,7 +287,8 @@ mod tests {
             let x = vectors[0] * place(l) + vectors[1] * place(m) + vectors[2] * place(n);
             // The share of a point that is in the fluid, whose neighbours are 0.24 apart.
             let shares = centres[..4].iter().zip(RADII).map(|(centre, radius)| {
-                images(x - centre, &lattice, radius + 0.12)
+                lattice
+                    .images_within(x - centre, radius + 0.12)
                     .map(|y| ((y.norm() - radius) / 0.24 + 0.5).clamp(0.0, 1.0))
                     .product::<f64>()
             });
@@ -343,7 +344,7 @@ mod tests {
             let sources = sources::<Layer>(&forces);
             for (i, centre) in centres.iter().enumerate() {
                 for (j, source) in sources.iter().enumerate() {
-                    for x in images(centre - centres[j], lattice, reach) {
+                    for x in lattice.images_within(centre - centres[j], reach) {
                         let r = x.norm();
                         if r > 0.0 {
                             let derivatives = [-r.powi(-3), 3.0 * r.powi(-5)];

@@ -17,8 +17,8 @@ mod axis;
 pub(super) mod sampling;
 mod spheres;
 
-use super::Splitting;
-use super::far_operator::{FarSpace, components};
+use super::far_space::{FarSpace, components};
+use super::{Splitting, highest};
 use crate::hydrodynamics::free_space::kernels::FiniteSize;
 use crate::linalg::simd::vectorised;
 use crate::space::FixedArray;
@@ -26,7 +26,7 @@ use crate::space::cell::Lattice;
 use crate::threads;
 use axis::{Axis, Window, plan_axes};
 use rustfft::num_complex::Complex64;
-use sampling::{Sampling, highest, sampling};
+use sampling::{Sampling, sampling};
 use spheres::windows_at;
 
 /// Lines of the grid transformed together.

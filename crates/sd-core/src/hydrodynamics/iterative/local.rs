@@ -1,9 +1,8 @@
 //! P, the approximation of the far field's resistance by near pairs: see `far_pairs` of the
 //! resistance.
 
-use crate::hydrodynamics::resistance::{
-    Fluid, LEAST_SPHERES, ModeBlock, NearTerm as _, Resistance, for_pairs_of, list_starts,
-};
+use crate::hydrodynamics::part_of_pairs::{LEAST_SPHERES, for_pairs_of, list_starts};
+use crate::hydrodynamics::resistance::{Fluid, ModeBlock, NearTerm as _, Resistance};
 use crate::linalg::simd::vectorised;
 use crate::space::FixedArray as _;
 use crate::threads;

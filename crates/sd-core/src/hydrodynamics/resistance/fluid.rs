@@ -2,7 +2,7 @@
 
 use super::reach::Reach;
 use crate::error::Error;
-use crate::hydrodynamics::far_field::far_operator::FarSpace;
+use crate::hydrodynamics::far_field::far_space::FarSpace;
 use crate::hydrodynamics::two_sphere::PairTerm;
 use crate::linalg::dense::Matrix;
 use crate::space::cell::Cell;

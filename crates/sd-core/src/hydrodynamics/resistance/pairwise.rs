@@ -8,16 +8,15 @@
 use super::fluid::{Fluid, NearTerm as _};
 use super::isolated::isolated;
 use super::near_matrix::{NearMatrix, NearPattern};
-use super::owned::{divide_spheres, for_pairs_of, list_starts};
 use super::reach::Reach;
 use crate::error::Error;
+use crate::hydrodynamics::part_of_pairs::{
+    LEAST_SPHERES, divide_spheres, for_pairs_of, list_starts,
+};
 use crate::linalg::simd::vectorised;
 use crate::space::pair::{Neighbours, PairKey};
 use crate::space::{FixedArray, Layer, Space};
 use crate::threads;
-
-/// Fewest spheres for which a thread computes blocks or products.
-pub(crate) const LEAST_SPHERES: usize = 250;
 
 /// `R_FU` of all spheres: the block of each sphere with itself, and of each pair in range.
 pub struct PairwiseResistance<S: Fluid = Layer> {

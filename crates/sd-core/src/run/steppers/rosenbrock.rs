@@ -15,8 +15,7 @@
 //! O(τ²).
 
 use super::state::{Stage, State};
-use crate::contact::laws::StageKind;
-use crate::contact::springs::GAMMA;
+use crate::contact::laws::{GAMMA, StageKind};
 use crate::space::{Layer, Space};
 
 /// Workspace of the integrator.

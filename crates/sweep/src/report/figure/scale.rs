@@ -1,5 +1,6 @@
 //! Axes of a figure: their ends, ticks and breaks.
 
+use crate::text::format::power_of_ten;
 use serde::Serialize;
 
 /// An axis.
@@ -287,16 +288,6 @@ pub(super) fn decade_words(decades: &[f64]) -> Vec<String> {
         }
     };
     decades.iter().map(word).collect()
-}
-
-/// Ten to a power: 10⁻³.
-pub(in crate::report) fn power_of_ten(power: &str) -> String {
-    let superscript = |digit: char| match digit.to_digit(10) {
-        Some(digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(digit as usize).unwrap_or('⁰'),
-        None => '⁻',
-    };
-    let digits: String = power.chars().map(superscript).collect();
-    format!("10{digits}")
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::super::FarField;
 use super::super::tests::{entry, layer, mobility};
 use super::*;
 use crate::linalg::dense::Matrix;
+use crate::space::Layer;
 
 /// The matrix of an operator, column by column, in the order of the dense mobility.
 fn whole(operator: &mut FarOperator<Layer>) -> Matrix {

@@ -9,8 +9,7 @@
 //! forces.
 
 use crate::error::Error;
-use crate::hydrodynamics::far_field::far_operator::images;
-use crate::hydrodynamics::far_field::wave_grid::sampling::highest;
+use crate::hydrodynamics::far_field::highest;
 use crate::hydrodynamics::far_field::{Splitting, check};
 use crate::hydrodynamics::free_space::coupling::{Coupling, MODES};
 use crate::hydrodynamics::free_space::kernels::FiniteSize;
@@ -208,7 +207,7 @@ impl DenseMobility {
             add_block(mobility, n, [i, i], &alone, &Vector3::x());
             for j in 0..=i {
                 let x0 = centres[i] - centres[j];
-                for x in images(x0, lattice, reach) {
+                for x in lattice.images_within(x0, reach) {
                     let square = x.norm_squared();
                     if i == j && square < 1e-12 {
                         continue;

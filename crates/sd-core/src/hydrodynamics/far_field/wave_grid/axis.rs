@@ -5,7 +5,8 @@
 //! ```
 //! Between two grid points every value of the window is a fitted polynomial of the position.
 
-use super::sampling::{Sampling, highest};
+use super::sampling::Sampling;
+use crate::hydrodynamics::far_field::highest;
 use crate::linalg::polynomial::{chebyshev_points, interpolate};
 use crate::linalg::whole;
 use rustfft::{Fft, FftPlanner};

@@ -1,6 +1,7 @@
 //! How finely waves are sampled: points under a window, and points of the grid for a wave number.
 
-use crate::hydrodynamics::far_field::far_operator::FarSpace;
+use crate::hydrodynamics::far_field::far_space::FarSpace;
+use crate::hydrodynamics::far_field::highest;
 use crate::linalg::whole;
 use crate::space::cell::Lattice;
 use std::f64::consts::PI;
@@ -58,11 +59,6 @@ pub(in crate::hydrodynamics::far_field) fn sampling<S: FarSpace>(
     all.into_iter()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .unwrap_or(all[0])
-}
-
-/// The largest wave number of wave vectors up to `cut_off` along a lattice vector of that length.
-pub(in crate::hydrodynamics::far_field) fn highest(length: f64, cut_off: f64) -> usize {
-    whole((cut_off * length / (2.0 * PI)).floor())
 }
 
 /// The least even number, at least `least`, without prime factors above 5.

@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, WIDEST, Window};
 use super::{Fields, Grid};
-use crate::hydrodynamics::far_field::far_operator::FarSpace;
+use crate::hydrodynamics::far_field::far_space::FarSpace;
 use crate::space::FixedArray;
 use crate::space::cell::Lattice;
 use std::f64::consts::FRAC_1_SQRT_2;

@@ -6,6 +6,9 @@
 use crate::threads;
 use std::ops::Range;
 
+/// Fewest spheres for which a thread computes blocks or products.
+pub(crate) const LEAST_SPHERES: usize = 250;
+
 /// Lists where the pairs of each first sphere start, then their number; `firsts` are ordered.
 pub(crate) fn list_starts(
     spheres: usize,
