@@ -113,11 +113,7 @@ fn imports_within(root: &Path, folder: &Path) -> BTreeMap<String, BTreeSet<Strin
     };
     let module = std::fs::read_to_string(module).unwrap_or_default();
     let of_name = handed_on(&module);
-    let path: String = ["crate"]
-        .iter()
-        .chain(&parts)
-        .map(|part| format!("{part}::"))
-        .collect();
+    let path = format!("{}::", [&["crate"], parts.as_slice()].concat().join("::"));
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for source in sources(folder) {
         let place = source.strip_prefix(folder).unwrap().with_extension("");
