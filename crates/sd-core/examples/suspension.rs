@@ -14,7 +14,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let spheres = next("200").parse()?;
     let volume_fraction = next("0.5").parse()?;
     let law = next("springs");
-    let strain: f64 = next("0.2").parse()?;
+    let strain = next("0.2").parse()?;
+    shear(spheres, volume_fraction, &law, strain)?;
+    Ok(())
+}
+
+/// Shears a suspension up to a strain, printing every tenth step; its last viscosity.
+pub fn shear(
+    spheres: usize,
+    volume_fraction: f64,
+    law: &str,
+    strain: f64,
+) -> Result<f64, Box<dyn Error>> {
     let springs = ContactLaws {
         stiffness_unit: StiffnessUnit::Flow,
         ..ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.0)
@@ -25,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
     let near = Hydrodynamics::BallMelrose;
-    let (contact, hydrodynamics, roughness) = match law.as_str() {
+    let (contact, hydrodynamics, roughness) = match law {
         "springs" => (ContactScheme::Laws(springs), lubrication, 0.0),
         "hertz" => {
             let hertz = ContactLaws {
@@ -59,8 +70,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         out,
         "strain viscosity contacts slipping smallest-gap unconverged worst-friction systems"
     )?;
+    let mut viscosity = f64::NAN;
     while suspension.strain() < strain {
         let sample = suspension.step()?;
+        viscosity = sample.viscosity;
         let counters = suspension.counters();
         if suspension.steps() % 10 == 0 {
             writeln!(
@@ -78,5 +91,5 @@ fn main() -> Result<(), Box<dyn Error>> {
             )?;
         }
     }
-    Ok(())
+    Ok(viscosity)
 }

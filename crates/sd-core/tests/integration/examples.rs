@@ -12,6 +12,9 @@ mod pair;
 #[path = "../../examples/sedimentation.rs"]
 #[expect(dead_code, reason = "its `main` reads the command line")]
 mod sedimentation;
+#[path = "../../examples/suspension.rs"]
+#[expect(dead_code, reason = "its `main` reads the command line")]
+mod suspension;
 
 use clap::Parser as _;
 
@@ -134,4 +137,16 @@ fn unknown_hard_law_is_refused_with_the_names_of_all() {
         message.contains("rigid+stick-rotate") && message.contains("hertz+stick-slide"),
         "{message}"
     );
+}
+
+#[test]
+fn suspensions_are_sheared_under_springs_and_rigid_contacts() {
+    // At least that of the dilute limit, 1 + 5φ/2, with the spheres' pairs; far below that of a
+    // dense suspension.
+    for law in ["springs", "coulomb"] {
+        let viscosity =
+            suspension::shear(100, 0.4, law, 0.05).expect("the example of a suspension");
+        assert!(viscosity > 2.0 && viscosity < 50.0, "{law}: {viscosity}");
+    }
+    assert!(suspension::shear(100, 0.4, "plastic", 0.05).is_err());
 }
