@@ -2,9 +2,9 @@
 
 use super::axis_values::{SIZES, axis_values};
 use super::error::Problem;
-use super::imposed_keys::IMPOSED;
+use super::imposed_keys::{IMPOSED, keys_of};
 use super::protocol::WrittenProtocol;
-use super::reader::{Entry, Faults, Located, Reader, Values};
+use super::reader::{Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
 use super::start::{Layers, START, Start, is_equilibrium};
 use crate::data::Value;
@@ -34,14 +34,6 @@ const TANGENTIAL_STIFFNESS: &str = "tangential_stiffness";
 /// Number of problems of one grid after which the check stops.
 const MAX_PROBLEMS: usize = 200;
 
-/// The entry of an axis.
-fn written<'t>(table: &Reader<'t>, axis: &Axis) -> Option<Entry<'t>> {
-    let short = IMPOSED
-        .into_iter()
-        .find(|short| axis.key.strip_prefix("imposed_") == Some(short));
-    table.get(axis.key).or_else(|| table.get(short?))
-}
-
 /// One value of each axis of the file.
 type Combination<'g> = Vec<Option<&'g Located<Value>>>;
 
@@ -59,15 +51,17 @@ impl<'t> Grid<'t> {
         let table = Reader::new(entries, span, "[[grid]]", &known, faults);
         let mut shear = AXES.iter().filter(|axis| axis.is_of_shear());
         let imposes = shear.any(|axis| table.get(axis.key).is_some());
-        let axes = AXES.iter().map(|axis| match written(&table, axis) {
-            // A layer, which is no number.
-            Some(_) if axis.key == START => None,
-            Some(written) => {
-                let values = axis_values(written, axis, faults);
-                values.map(|values| protocol.converted(axis, values))
-            }
-            None => protocol.value_of(axis, imposes),
-        });
+        let axes = AXES
+            .iter()
+            .map(|axis| match keys_of(axis).find_map(|key| table.get(key)) {
+                // A layer, which is no number.
+                Some(_) if axis.key == START => None,
+                Some(written) => {
+                    let values = axis_values(written, axis, faults);
+                    values.map(|values| protocol.converted(axis, values))
+                }
+                None => protocol.value_of(axis, imposes),
+            });
         let axes = axes.collect();
         let seeds = Seeds::read(&table);
         if let Some(sizes) = table.get(SIZES) {

@@ -1,8 +1,11 @@
 //! The seeds of a grid: a count, a list, or as many as a precision needs.
 
 use super::CASE_LIMIT;
+use super::error::Problem;
+use super::imposed_keys::keys_of;
 use super::reader::{Reader, listed, values, whole, wrong_type};
 use crate::data::Value;
+use crate::model::axes::{AXES, Axis};
 use crate::model::precision::{Precision, Quantity};
 use sd_core::model::Range;
 use toml::de::DeValue;
@@ -40,9 +43,9 @@ impl Seeds {
         };
         let seeds = match written.get_ref() {
             DeValue::Table(entries) => {
-                let known = ["precision", "quantity", "at_least", "at_most"];
+                let known = ["precision", QUANTITY, "at_least", "at_most"];
                 let table = Reader::new(entries, written.span(), "`seeds`", &known, grid.faults);
-                return Self::Until(precision(&table));
+                return Self::Until(precision(&table, grid));
             }
             DeValue::Array(_) => {
                 let (range, allowed) = range(0, u32::MAX.into());
@@ -95,8 +98,11 @@ impl Seeds {
     }
 }
 
+/// The key of the quantity whose precision is requested.
+const QUANTITY: &str = "quantity";
+
 /// Reads a precision.
-fn precision(table: &Reader<'_>) -> Precision {
+fn precision(table: &Reader<'_>, grid: &Reader<'_>) -> Precision {
     table.need("precision", "0.05");
     let note = ": half the 95 % interval over the mean";
     let seeds = |key: &str, least: u64, usual: u64| match table.get(key) {
@@ -110,12 +116,22 @@ fn precision(table: &Reader<'_>) -> Precision {
     let at_least = seeds("at_least", LEAST, DEFAULT_AT_LEAST);
     let at_most = seeds("at_most", at_least, DEFAULT_AT_MOST);
     let count = |seeds: u64| usize::try_from(seeds).unwrap_or(usize::MAX);
-    let quantity = table.word("quantity", &Quantity::ALL.map(Quantity::name));
+    let quantity = table.word(QUANTITY, &Quantity::ALL.map(Quantity::name));
+    let quantity = quantity
+        .and_then(Quantity::of_name)
+        .unwrap_or(Quantity::Viscosity);
+    let is_free = |axis: &Axis| {
+        axis.is_imposed_pressure() && keys_of(axis).any(|key| grid.get(key).is_some())
+    };
+    if quantity == Quantity::Fraction && !AXES.iter().any(is_free) {
+        let problem = "the fraction is given, and every run has it exactly";
+        let allowed = "`fraction` where the pressure is imposed, by `viscous_number` or `macroscopic_friction`";
+        let problem = Problem::at(&table.place(QUANTITY), problem, allowed).of_key(QUANTITY);
+        grid.faults.push(problem);
+    }
     Precision {
         precision: table.number("precision", &PRECISION, note).unwrap_or(1.0),
-        quantity: quantity
-            .and_then(Quantity::of_name)
-            .unwrap_or(Quantity::Viscosity),
+        quantity,
         at_least: count(at_least),
         at_most: count(at_most),
     }

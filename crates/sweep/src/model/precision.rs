@@ -14,15 +14,27 @@ pub enum Quantity {
     ViscosityStresslet,
     /// First normal stress difference.
     NormalStressDifference,
+    /// Second normal stress difference.
+    N2,
+    /// Particle pressure.
+    Pressure,
+    /// Ratio of the shear stress and P₂₂.
+    MacroscopicFriction,
+    /// Area or volume fraction under an imposed pressure.
+    Fraction,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 8] = [
         Self::Viscosity,
         Self::ViscosityMedian,
         Self::ViscosityStresslet,
         Self::NormalStressDifference,
+        Self::N2,
+        Self::Pressure,
+        Self::MacroscopicFriction,
+        Self::Fraction,
     ];
 
     /// Its name: that of the column in results of the store and in tables.
@@ -32,6 +44,10 @@ impl Quantity {
             Self::ViscosityMedian => "viscosity_median",
             Self::ViscosityStresslet => "viscosity_stresslet",
             Self::NormalStressDifference => "normal_stress_difference",
+            Self::N2 => "n2",
+            Self::Pressure => "pressure",
+            Self::MacroscopicFriction => "macroscopic_friction",
+            Self::Fraction => "fraction",
         }
     }
 

@@ -90,3 +90,15 @@ fn pressures_that_cannot_be_imposed_are_refused_with_a_remedy() {
         "{text}"
     );
 }
+
+#[test]
+fn the_precision_of_a_fraction_is_requested_where_the_fraction_is_free() {
+    let until = "seeds = { precision = 0.01, quantity = \"fraction\" }";
+    let free = suspension("viscous_number = 0.1").replace("seeds = 4", until);
+    let rule = parse_text(&free).unwrap().rules[0].precision;
+    assert_eq!(rule.quantity.name(), "fraction");
+    let shown = complaint(&suspension("").replace("seeds = 4", until));
+    for part in ["every run has it exactly", "`viscous_number`"] {
+        assert!(shown.contains(part), "{part}: {shown}");
+    }
+}

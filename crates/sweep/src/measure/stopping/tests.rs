@@ -1,4 +1,5 @@
 use super::*;
+use crate::measure::numbers::{Level, Number};
 use crate::model::precision::Quantity;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -144,5 +145,17 @@ fn foreseen_seeds_are_those_it_takes() {
         let (_, seeds) = coverage(scatter, false, &mut random);
         let foreseen = RULE.foreseen(scatter) as f64;
         assert!((foreseen / seeds - 1.0).abs() < 0.25, "{foreseen} {seeds}");
+    }
+}
+
+#[test]
+fn every_quantity_is_a_number_of_runs() {
+    for quantity in Quantity::ALL {
+        let name = quantity.name();
+        let number = Number::named(name).unwrap_or_else(|| panic!("{name}"));
+        assert!(number.meaning(Level::Runs).is_some(), "{name}");
+        assert_eq!(Quantity::of_name(name), Some(quantity));
+        let text = serde_json::to_string(&quantity).unwrap();
+        assert_eq!(text, format!("\"{name}\""), "as stores have it");
     }
 }
