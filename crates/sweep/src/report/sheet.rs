@@ -32,13 +32,13 @@ pub(crate) type View<'v> = (&'v str, &'v str, i32, u8);
 
 /// The views of the points.
 #[rustfmt::skip]
-const OF_POINTS: [View<'_>; 24] = [
+const OF_POINTS: [View<'_>; 25] = [
     ("seeds", "runs", 4, 1),
     ("seeds_wanted", "wanted", 4, 3),
     ("precision", "precision", 2, 3),
     ("jammed", "jammed", 4, 1),
-    ("arrested_fraction", "arrested
-at", 4, 1),
+    ("fraction", "fraction", 4, 1),
+    ("arrested_fraction", "arrested\nat", 4, 1),
     ("failed", "failed", 4, 1),
     ("doubtful", "doubtful", 4, 1),
     ("viscosity", "viscosity", 4, 0),
