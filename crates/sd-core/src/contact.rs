@@ -38,7 +38,7 @@ pub use pair_forces::PairForces;
 
 /// Outcome of a contact problem, the same for every law and for dense, sparse and iterated
 /// hydrodynamics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum Status {
     /// All conditions hold.

@@ -8,7 +8,7 @@ use crate::space::{IncidentFlow, Layer, Space};
 use serde::{Deserialize, Serialize};
 
 /// Friction state of a contact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactState {
     /// No friction: there is no normal force, or it is below the critical load.

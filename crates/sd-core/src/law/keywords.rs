@@ -1,7 +1,7 @@
 //! Choices with keywords.
 
 /// A keyword with its meaning.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Keyword {
     /// The keyword in files, tables and JSON.
     pub word: &'static str,

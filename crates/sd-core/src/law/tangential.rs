@@ -10,7 +10,7 @@
 use super::Quantity;
 
 /// The motion that a law constrains to zero while its force is inside the bound.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum FrictionConstraint {
     /// The slip of the pair in isolation, without other spheres.
     IsolatedSlip,

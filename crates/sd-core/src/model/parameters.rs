@@ -20,7 +20,7 @@ use crate::law::{ColloidUnit, Keyword, Keywords as _, NormalLaw, Quantity, Tange
 use std::borrow::Cow;
 
 /// A parameter of a run: description, allowed values, and accessor in [`Params`].
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Parameter {
     /// Its key in files, tables and JSON.
     pub key: &'static str,
@@ -37,7 +37,7 @@ pub struct Parameter {
 }
 
 /// Kind of the value of a parameter.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub enum Form {
     /// A keyword.
     Choice(Choice),
@@ -46,7 +46,7 @@ pub enum Form {
 }
 
 /// A parameter with keywords as values.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Choice {
     /// The keywords.
     pub words: fn() -> Vec<Keyword>,
@@ -59,7 +59,7 @@ pub struct Choice {
 }
 
 /// A parameter that is a number.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Number {
     /// Its range and description.
     pub quantity: &'static Quantity,

@@ -20,7 +20,7 @@ use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::{Stress, StressWork};
 
 /// Spheres, their positions and external forces.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Configuration<S: Space = Layer> {
     /// Centres, in a.
     pub centres: Vec<S::Vector>,

@@ -18,7 +18,7 @@ const MAX_STEPS: u64 = 1_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
 /// load 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairScenario {
     /// Radius L of the second sphere, in a, in [0.01, 100].
     pub size_ratio: f64,
@@ -69,7 +69,7 @@ pub struct PairTrajectory {
 ///     start: 5.0,
 ///     time_step: 0.2,
 /// };
-/// let rough = PairScenario { contact: Some((0.05, 0.5)), ..smooth.clone() };
+/// let rough = PairScenario { contact: Some((0.05, 0.5)), ..smooth };
 /// let tables = NearFields::default();
 /// // The flow is reversible, so smooth spheres return to their paths; rough ones do not.
 /// assert!((pass(&smooth, &tables)?.final_offset - 0.25).abs() < 1e-3);

@@ -58,7 +58,7 @@ struct Departures<S: Space> {
 }
 
 /// The rate of strain of an incident flow at each sphere.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Strains<'a, S: Space> {
     /// One rate of strain at all spheres.
     Uniform(S::Strain),

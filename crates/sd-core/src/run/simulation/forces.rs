@@ -9,7 +9,7 @@ use crate::space::cell::Cell;
 use crate::space::{Layer, Space};
 
 /// The spheres of a run at the instant at which their forces are requested.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Instant<'a, S: Space = Layer> {
     /// Time since the start of the run, in the unit of [`crate::Params::time_step`].
