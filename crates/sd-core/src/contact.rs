@@ -57,6 +57,7 @@ pub enum Status {
 
 /// How well a stage's contact problem was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Quality {
     /// Outcome.
     pub status: Status,

@@ -11,6 +11,7 @@ use super::Quantity;
 
 /// The motion that a law constrains to zero while its force is inside the bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum FrictionConstraint {
     /// The slip of the pair in isolation, without other spheres.
     IsolatedSlip,

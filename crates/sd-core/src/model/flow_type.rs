@@ -26,6 +26,7 @@ use std::str::FromStr;
 /// # Ok::<(), sd_core::model::Refusal>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub enum FlowType {
     /// Simple shear along x, with the gradient along y.
     #[default]

@@ -42,6 +42,7 @@ pub struct Configuration<S: Space = Layer> {
 
 /// The contact problem to solve.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum InstantContacts<S: Space = Layer> {
     /// No contact.
     None,
