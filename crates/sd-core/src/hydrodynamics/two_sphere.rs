@@ -12,7 +12,7 @@
 //! - `near_contact`: singular terms and fitted remainder, for smaller gaps
 //! - `leading_order`: the singular terms alone, regularized: leading-order lubrication
 //! - `pair_frame`: the 34 independent entries of a pair matrix
-//! - `table`: [`NearField`], 25 ns per pair, and of all size ratios [`NearFieldRange`], 0.25 µs
+//! - `table`: [`NearField`], 25 ns per pair, and of all size ratios `NearFieldRange`, 0.25 µs
 //! - `far_pair`: `R2B∞` near contact
 //! - `pair_term`: [`PairTerm`], its result in the frame of the layer
 //! - `pressure`: the trace of the first moment of the traction, which no stresslet has
@@ -37,8 +37,8 @@ pub use pair_frame::PairMatrix;
 pub use pair_term::PairTerm;
 pub use pressure::pressure_moments;
 pub(crate) use pressure::{PressureEntries, PressureRange, PressureTable, leading_order_pressure};
-pub use table::{NEAR_FIELD_VERSION, NearField, NearFieldRange};
-pub(crate) use table::{RANGES, range_of};
+pub use table::{NEAR_FIELD_VERSION, NearField};
+pub(crate) use table::{NearFieldRange, RANGES, range_of};
 pub use twist::twist;
 pub(crate) use twist::{TwistRange, TwistTable};
 

@@ -60,7 +60,8 @@ pub(super) fn largest_of_continuous_sizes(radii: &[f64]) -> Option<f64> {
 
 impl NearFields {
     /// The size ratios, larger over smaller radius, whose tables a set of radii needs besides that
-    /// of 1: those of its pairs, or for many sizes those that [`NearFieldRange`] is made from.
+    /// of 1: those of its pairs, or for many sizes those that one table of all size ratios is made
+    /// from.
     pub fn ratios(radii: &[f64]) -> Vec<f64> {
         if let Some(largest) = largest_of_continuous_sizes(radii) {
             // A size ratio out of range is refused where the tables are used.

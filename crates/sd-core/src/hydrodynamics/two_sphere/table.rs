@@ -10,8 +10,7 @@
 mod range;
 
 pub(super) use range::Cells;
-pub use range::NearFieldRange;
-pub(crate) use range::{RANGES, range_of};
+pub(crate) use range::{NearFieldRange, RANGES, range_of};
 
 use super::near_contact::{self, NearContact, singular_functions};
 use super::pair_frame::{self, ENTRIES, EXCHANGED, LENGTH_POWER};

@@ -43,7 +43,7 @@ const FINE: usize = 10;
 /// 0.25 µs per evaluation, ten times that of [`NearField`]. Solving its tables takes 1, 3 and 6 s
 /// up to size ratios 4, 12 and 26; combining them 0.1 s; the memory is 4, 7 and 10 MB.
 #[derive(Debug)]
-pub struct NearFieldRange {
+pub(crate) struct NearFieldRange {
     cells: Cells,
     /// Coefficients of the singular terms: by cell in ln λ, block, term and power.
     singular: Vec<[[[[f64; BLOCK]; FINE]; 3]; BLOCKS]>,
@@ -173,7 +173,7 @@ impl NearFieldRange {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] unless the size ratio is within 0.01..=100.
-    pub fn ratios(largest: f64) -> Result<Vec<f64>, Error> {
+    pub(crate) fn ratios(largest: f64) -> Result<Vec<f64>, Error> {
         Ok(nodes(RANGES[range_of(largest)?]).map(f64::exp).collect())
     }
 
@@ -203,7 +203,7 @@ impl NearFieldRange {
 
     /// The term of one pair: as [`NearField::evaluate`], at any size ratio of the range.
     #[inline(always)]
-    pub fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
+    pub(crate) fn evaluate(&self, radius_i: f64, radius_j: f64, gap: f64) -> PairTerm {
         let ratio = radius_i.max(radius_j) / radius_i.min(radius_j);
         let (cell, y) = self.cells.locate(ratio);
         let regular = &self.regular[cell * INTERVALS..];
@@ -221,7 +221,7 @@ impl NearFieldRange {
     }
 
     /// Resistance to slip of a free pair: as [`NearField::slip_resistance`].
-    pub fn slip_resistance(&self, radius_i: f64, radius_j: f64, gap: f64) -> f64 {
+    pub(crate) fn slip_resistance(&self, radius_i: f64, radius_j: f64, gap: f64) -> f64 {
         let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
         let (interval, x) = locate(logarithm);
         let (cell, y) = self
