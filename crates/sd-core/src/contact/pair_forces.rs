@@ -4,10 +4,29 @@ use super::contact_pair::Contact;
 use crate::space::{Layer, Space};
 use serde::{Deserialize, Serialize};
 
-/// Forces of pairs, ordered by (i, j).
+/// Forces of pairs (i, j) with i < j, ordered by (i, j).
+///
+/// A list that is collected gets this order, whatever it had. In one that is made otherwise, a pair
+/// out of its place may not be found, and then counts as one without a force.
+///
+/// ```
+/// use sd_core::Layer;
+/// use sd_core::contact::PairForces;
+///
+/// let springs: PairForces<Layer> = [(1, 2, 3.0), (0, 1, 2.0)].into_iter().collect();
+/// assert_eq!(springs.0, [(0, 1, 2.0), (1, 2, 3.0)]);
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct PairForces<S: Space = Layer>(pub Vec<(u32, u32, S::Tangent)>);
+
+impl<S: Space> FromIterator<(u32, u32, S::Tangent)> for PairForces<S> {
+    fn from_iter<I: IntoIterator<Item = (u32, u32, S::Tangent)>>(forces: I) -> Self {
+        let mut forces: Vec<_> = forces.into_iter().collect();
+        forces.sort_by_key(|force| (force.0, force.1));
+        Self(forces)
+    }
+}
 
 impl<S: Space> PairForces<S> {
     /// The force of a pair, zero if it has none.
