@@ -118,6 +118,10 @@ mod sealed {
 /// [`Space::STRAINS`] components of its strain and stresslet. Slip and friction of a contact have
 /// [`Space::TANGENTS`] components.
 ///
+/// Its vectors, spins, tangents and strains are added, subtracted and negated as numbers are, and
+/// multiplied and divided by numbers. Points, tensors, weights, blocks and all types that begin
+/// with `Per` are arrays, which can be indexed and used as slices.
+///
 /// No other type can be one, so that new methods break no program.
 pub trait Space:
     sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static

@@ -15,6 +15,31 @@ use crate::space::{Bulk, Layer};
 use crate::threads;
 
 /// The spaces, for code that is generic in them: [`Layer`] and [`Bulk`]. No other type can be one.
+///
+/// It implies all other bounds on spaces in this interface: those of [`Space`](crate::Space), and
+/// those of [`Simulation`] and of the [products](crate::products), whose traits have no public
+/// names.
+///
+/// ```
+/// use sd_core::{Bulk, Error, Layer, NearFields, Params, RunSpace, Simulation};
+///
+/// /// The viscosity of a layer or of a suspension in its first step.
+/// fn first_viscosity<S: RunSpace>(params: &Params) -> Result<f64, Error> {
+///     let mut run = Simulation::<S>::new(params, 1, &NearFields::default())?;
+///     Ok(run.step()?.viscosity)
+/// }
+///
+/// let spheres = || {
+///     let lubrication = sd_core::LeadingOrder::DEFAULT;
+///     let few = Params::builder().spheres(40).hydrodynamics(lubrication);
+///     few.roughness(0.01).friction(0.5).shear_rate(1.0)
+/// };
+/// let layer = spheres().area_fraction(0.3).build()?;
+/// let suspension = spheres().volume_fraction(0.1).build()?;
+/// assert!(first_viscosity::<Layer>(&layer)? > 1.0);
+/// assert!(first_viscosity::<Bulk>(&suspension)? > 1.0);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 pub trait RunSpace: Starts {
     #[doc(hidden)]
     fn continue_run(
