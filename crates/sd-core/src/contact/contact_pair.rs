@@ -62,6 +62,9 @@ pub struct Contact<S: Space = Layer> {
 
 impl<S: Space> Contact<S> {
     /// A pair without forces.
+    ///
+    /// # Panics
+    /// If there is no radius of one of its spheres, or the flow has no departure there.
     pub fn new(pair: Neighbours<S>, radii: &[f64], flow: &IncidentFlow<S>) -> Self {
         let mut contact = Self::approaching(pair, radii, flow);
         let linear = flow.linear();

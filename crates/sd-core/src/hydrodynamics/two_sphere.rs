@@ -197,10 +197,20 @@ pub fn scalars(size_ratio: f64, s_prime: f64) -> Result<Scalars, Error> {
 /// ```text
 /// (F, T, S~) = R2B (U − u∞, Ω − Ω∞, −E∞),   x̂ from i to j
 /// ```
-/// # Arguments   `radius_i`, `radius_j`, `distance` of the centres: in a; size ratio within 0.01..=100
-/// # Returns     modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of j; mu·a, mu·a², mu·a³; symmetric positive definite
-/// # Accuracy    as [`scalars`]; for tests and single pairs, not for loops
-/// # Errors      [`Error::OutOfRange`]: size ratio, radii not positive, or spheres that touch
+///
+/// # Arguments
+/// - `radius_i`, `radius_j`: in a; their ratio within 0.01..=100.
+/// - `distance`: of the centres, in a.
+///
+/// # Returns
+/// The matrix of the modes `(U_x, U_y, Ω, e1, e2, e3)` of i, then of j, in mu·a, mu·a² and mu·a³:
+/// symmetric and positive definite.
+///
+/// # Accuracy
+/// As [`scalars`]; for tests and single pairs, not for loops.
+///
+/// # Errors
+/// [`Error::OutOfRange`] for the size ratio, radii that are not positive, or spheres that touch.
 ///
 /// ```
 /// use sd_core::two_sphere::two_sphere_resistance;

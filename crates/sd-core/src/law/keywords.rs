@@ -26,6 +26,9 @@ pub trait Keywords: Copy + PartialEq + 'static {
     const KEYWORDS: &'static [Keyword];
 
     /// Its index in [`Keywords::ALL`].
+    ///
+    /// # Panics
+    /// If an implementation lists no choice that is equal to it.
     fn index(self) -> usize {
         Self::ALL
             .iter()

@@ -155,6 +155,9 @@ pub struct SolvedConfiguration<S: Space = Layer> {
 
 impl SolvedConfiguration {
     /// Stresslet of sphere i as `(xx, yy, xy)`.
+    ///
+    /// # Panics
+    /// If there is no such sphere.
     pub fn stresslet(&self, i: usize) -> (f64, f64, f64) {
         strain_tensor(&self.stresslets[i])
     }

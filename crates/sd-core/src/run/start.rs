@@ -1,6 +1,9 @@
 //! Starts: random spheres without contact, in layers at any area fraction up to 0.84, in
 //! suspensions up to a volume fraction of 0.60 for equal spheres and 0.62 for sizes 1 : 1.4; as
 //! they are packed, or in thermal equilibrium.
+//!
+//! The parameters must be valid, as those of [`Params::builder`] are: only
+//! [`Snapshot::start`](crate::Snapshot::start) checks them too.
 
 mod equilibrium;
 mod given;
@@ -74,6 +77,9 @@ pub struct Start<S: Space = Layer> {
 ///
 /// # Errors
 /// [`Error::Refused`] about the number of spheres or their fraction, with what is allowed.
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 ///
 /// ```
 /// use sd_core::start;
@@ -332,6 +338,9 @@ fn number_of_large(params: &Params) -> usize {
 ///
 /// # Errors
 /// [`Error::CellTooSmall`]; [`Error::LatticeTooShort`] in a flow that is no shear.
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 pub fn radii_and_side(params: &Params) -> Result<(Vec<f64>, f64), Error> {
     let radii = match &params.sizes {
         Some(sizes) => sizes.radii(params.spheres),
@@ -402,6 +411,9 @@ fn radii(spheres: usize, size_ratio: f64, large: usize) -> Vec<f64> {
 ///
 /// # Errors
 /// Those of [`fit`] and [`layer`].
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
     let Some(given) = params.given_layer() else {
         return layer(params, seed);
@@ -430,6 +442,9 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
 /// # Errors
 /// [`Error::Refused`] above the packing limit, [`Error::CellTooSmall`], or [`Error::CannotPack`]
 /// with the area fraction reached.
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
     let by_rows = params.spheres > Params::LARGE_ABOVE;
     pack(
@@ -446,6 +461,9 @@ pub fn layer(params: &Params, seed: u64) -> Result<Start, Error> {
 /// # Errors
 /// [`Error::Refused`] above the packing limit, [`Error::CellTooSmall`], or [`Error::CannotPack`]
 /// with the volume fraction reached.
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 pub fn suspension(params: &Params, seed: u64) -> Result<Start<Bulk>, Error> {
     let fraction = params.volume_fraction.unwrap_or(0.0);
     pack(params, (fraction, "volume"), &SPHERES, true, seed)

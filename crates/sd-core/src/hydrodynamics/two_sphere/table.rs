@@ -252,9 +252,10 @@ impl NearField {
     }
 
     /// The table of equal spheres, from constants in this crate; takes 1 ms.
-    ///
-    /// # Panics
-    /// Never: the constants are complete, as tests verify.
+    #[expect(
+        clippy::missing_panics_doc,
+        reason = "the constants are complete, as tests verify"
+    )]
     pub fn equal_spheres() -> Self {
         let twice = |rows: &[[f64; 20]]| [rows, rows].concat();
         Self::from_values(
@@ -362,8 +363,11 @@ impl NearField {
     /// ```
     /// for friction `F_t t` on i, `−F_t t` on j, torques `l F_t` on both, and no strain.
     ///
-    /// # Arguments   as for [`NearField::evaluate`]
-    /// # Returns     in mu·a, positive; below ξ = 1e-8 continued linearly in `ln ξ`, beyond 54 constant
+    /// # Arguments
+    /// As for [`NearField::evaluate`].
+    ///
+    /// # Returns
+    /// K in mu·a, positive; below ξ = 1e-8 continued linearly in `ln ξ`, beyond 54 constant.
     pub fn slip_resistance(&self, radius_i: f64, radius_j: f64, gap: f64) -> f64 {
         let logarithm = (2.0 * gap / (radius_i + radius_j)).ln();
         let (interval, x) = locate(logarithm);

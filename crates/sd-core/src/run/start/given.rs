@@ -14,8 +14,11 @@ const SAME: f64 = 1e-5;
 /// those of the parameters, the largest spheres come first, and centres are in the cell.
 ///
 /// # Errors
-/// [`Refusal`] of a layer of another number of spheres, other radii, another cell, or with overlaps
-/// that the contact law cannot handle.
+/// [`Error::Refused`] for a layer of another number of spheres, other radii, another cell, or with
+/// overlaps that the contact law cannot handle; those of [`radii_and_side`].
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
 pub fn fit(given: &StartLayer, params: &Params) -> Result<StartLayer, Error> {
     let n = given.centres.len();
     if n != params.spheres {
