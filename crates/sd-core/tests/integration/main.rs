@@ -13,6 +13,7 @@ mod examples;
 mod flows;
 mod imposed_stress;
 mod incident_flow;
+mod interface;
 mod interrupted;
 mod lattices;
 mod layer;

@@ -67,7 +67,7 @@ pub(crate) fn modes_in_strain<S: Space>(
 }
 
 /// The far field in full matrices.
-pub trait FarMatrix<S: Fluid>: Sized + Sync {
+pub trait FarMatrix<S: Fluid>: Sized + Send + Sync {
     /// Accuracy of the periodic sums unless said otherwise.
     const TOLERANCE: f64;
 
