@@ -5,6 +5,18 @@ use std::fmt;
 /// Why a computation was refused or could not be finished.
 ///
 /// Fields carry what is needed to locate and to replay the failure.
+///
+/// ```
+/// use sd_core::{Error, Params};
+///
+/// let dense = Params::builder().spheres(90).area_fraction(0.9).roughness(0.01).friction(0.5);
+/// let message = match dense.shear_rate(1.0).build() {
+///     Ok(_) => "can be packed".into(),
+///     Err(Error::Refused(refusal)) => format!("{}: {}", refusal.key, refusal.allowed),
+///     Err(other) => other.to_string(),
+/// };
+/// assert_eq!(message, "area_fraction: above 0 and at most 0.84");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -37,6 +37,18 @@ const INITIAL_OVERLAP: f64 = 1e-6;
 const MIN_OVERLAP: f64 = 1e-13;
 
 /// The chosen laws, in the units of the solver.
+///
+/// ```
+/// use sd_core::contact::{Laws, Surface};
+/// use sd_core::{ContactLaws, TangentialLaw};
+///
+/// // Springs of 1e4 F_crit/a, where F_crit is 2 mu·a²·rate.
+/// let springs = ContactLaws::linear_spring(1e4, TangentialLaw::StickSlide, 0.01);
+/// let surface = Surface { roughness: 0.01, friction: 0.5, critical_load: 2.0 };
+/// let laws = Laws::new(&springs, surface);
+/// assert_eq!(laws.normal.force(0.001), 20.0);
+/// assert_eq!(laws.tangential_stiffness, 1e4);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Laws {
     /// Roughness height, friction coefficient and critical load.

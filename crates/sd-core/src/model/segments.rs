@@ -8,6 +8,26 @@ use std::f64::consts::PI;
 /// A part of a run with one imposed flow: a steady shear, or an oscillation.
 ///
 /// Values that are absent are those of the [`Params`] it belongs to.
+///
+/// ```
+/// use sd_core::Params;
+/// use sd_core::model::Segment;
+///
+/// let forwards = Segment::default();
+/// let backwards = Segment { start: 1.0, direction: Some(-1.0), ..Segment::default() };
+/// let oscillation = Segment { start: 2.0, amplitude: Some(0.1), ..Segment::default() };
+/// let params = Params::builder()
+///     .spheres(40)
+///     .area_fraction(0.6)
+///     .roughness(0.01)
+///     .friction(0.5)
+///     .shear_rate(2.0)
+///     .segments(vec![forwards, backwards, oscillation])
+///     .build()?;
+/// let imposed = params.imposed(150); // in the step after 150 steps of 0.01
+/// assert_eq!((imposed.segment, imposed.direction), (1, -1.0));
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {

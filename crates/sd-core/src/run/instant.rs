@@ -19,7 +19,8 @@ use crate::space::{IncidentFlow, Layer, Space};
 use crate::stage::{Method, StageContacts, StageSolver};
 use crate::stress::{Stress, StressWork};
 
-/// Spheres, their positions and external forces.
+/// Spheres, their positions and external forces; examples are at
+/// [`solve`](crate::instant::solve) and [`InstantContacts`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Configuration<S: Space = Layer> {
     /// Centres, in a.
@@ -41,6 +42,30 @@ pub struct Configuration<S: Space = Layer> {
 }
 
 /// The contact problem to solve.
+///
+/// ```
+/// use sd_core::cell::Cell;
+/// use sd_core::contact::{Laws, Surface};
+/// use sd_core::instant::{Configuration, InstantContacts, solve};
+/// use sd_core::modes::Vec2;
+/// use sd_core::{Hydrodynamics, Layer, NearFields, VelocityGradient};
+///
+/// // Two rough spheres that touch, in fluid at rest, pressed together by a force of 5.
+/// let pair = Configuration::<Layer> {
+///     centres: vec![Vec2::new(0.0, 0.0), Vec2::new(2.01, 0.0)],
+///     radii: vec![1.0; 2],
+///     cell: Cell::Unbounded,
+///     hydrodynamics: Hydrodynamics::StokesianDynamics,
+///     background: VelocityGradient::at_rest().into(),
+///     forces: vec![Vec2::new(5.0, 0.0), Vec2::new(-5.0, 0.0)],
+///     torques: vec![0.0; 2],
+/// };
+/// let surface = Surface { roughness: 0.01, friction: 0.5, critical_load: 0.0 };
+/// let contacts = InstantContacts::under(Laws::rigid(surface), 0.005);
+/// let solved = solve(&pair, &contacts, &NearFields::default())?;
+/// assert!((solved.contacts[0].normal_force - 5.0).abs() < 1e-5);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum InstantContacts<S: Space = Layer> {

@@ -17,7 +17,7 @@ use serde::Serialize;
 const MAX_STEPS: u64 = 1_000_000;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
-/// load 0.
+/// load 0. An example is at [`pass`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairScenario {
     /// Radius L of the second sphere, in a, in [0.01, 100].

@@ -439,6 +439,25 @@ pub fn first_layer(params: &Params, seed: u64) -> Result<Start, Error> {
 
 /// Makes the layer, which depends only on the parameters and the seed (`ChaCha8`).
 ///
+/// ```
+/// use sd_core::start;
+/// # use sd_core::{Hydrodynamics, Params};
+/// # let params = Params::builder()
+/// #     .spheres(40)
+/// #     .area_fraction(0.6)
+/// #     .roughness(0.01)
+/// #     .friction(0.5)
+/// #     .shear_rate(2.0)
+/// #     .hydrodynamics(Hydrodynamics::BallMelrose)
+/// #     .build()?;
+///
+/// let layer = start::layer(&params, 7)?;
+/// assert_eq!(layer, start::layer(&params, 7)?);
+/// let discs: f64 = layer.radii.iter().map(|a| std::f64::consts::PI * a * a).sum();
+/// assert!((discs / layer.side.powi(2) - 0.6).abs() < 1e-12);
+/// # Ok::<(), sd_core::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Refused`] above the packing limit, [`Error::CellTooSmall`], or [`Error::CannotPack`]
 /// with the area fraction reached.

@@ -26,7 +26,7 @@ const NEAR_JAMMING: f64 = 0.72;
 /// Minimum number of spheres for pairwise resistance at a single instant of a suspension.
 const MIN_SPARSE: usize = 100;
 
-/// Method of computation of a stage.
+/// Method of computation of a stage; an example is at [`memory_bytes`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Dense factor of `R_FU`, contacts reduced to dense matrices.

@@ -4,7 +4,7 @@ use crate::stress::{JAM_VISCOSITY, StressComponents};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Measurements of a step: at its first stage, or with loaded rigid contacts in its middle, where
-/// forces are their mean over the step.
+/// forces are their mean over the step. [`crate::Simulation::step`] returns one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Sample {
     /// Strain at which the step begins; in fluid at rest the time.
