@@ -309,7 +309,7 @@ fn answer_in<S: Written + Kept>(
 }
 
 /// The result in JSON; its keys are a stable interface.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Answer {
     /// Velocities minus the background at the own centre.
     pub(crate) velocity_disturbance: Vec<Vec<f64>>,
@@ -347,7 +347,7 @@ pub struct Answer {
 }
 
 /// One candidate pair in JSON.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub(crate) struct Pair {
     pub(crate) i: usize,
     pub(crate) j: usize,

@@ -19,6 +19,7 @@ use crate::near_field_cache;
 use crate::store::{Claim, Store, StoreError};
 use crate::system::lock;
 use sd_core::{NearFields, Threads};
+use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -65,6 +66,19 @@ pub struct Options<'o> {
     pub stop: &'o Stop,
     /// The progress display.
     pub progress: &'o Progress,
+}
+
+impl fmt::Debug for Options<'_> {
+    /// The numbers and the display: observers need no text.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Options")
+            .field("workers", &self.workers)
+            .field("threads", &self.threads)
+            .field("wall_limit", &self.wall_limit)
+            .field("stop", &self.stop)
+            .field("progress", &self.progress)
+            .finish_non_exhaustive()
+    }
 }
 
 /// State shared by the threads of a run.

@@ -26,6 +26,7 @@ const IN_LATTICE: u8 = 2;
 
 /// Why bytes are not a usable frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FrameError {
     /// A format of an earlier version, without velocities.
     #[error("a frame of an earlier version, without velocities")]

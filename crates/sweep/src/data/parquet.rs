@@ -9,6 +9,7 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type as Field;
+use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -16,6 +17,12 @@ use std::sync::Arc;
 /// numbers doubles, missing values null. The metadata hold `NAME.unit` and `NAME.meaning` of every
 /// column.
 pub struct ParquetFile<W: Write + Send>(SerializedFileWriter<W>);
+
+impl<W: Write + Send> fmt::Debug for ParquetFile<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("ParquetFile").field(&self.0).finish()
+    }
+}
 
 impl<W: Write + Send> ParquetFile<W> {
     /// Starts a file of tables with the columns of `like`; `about` is metadata of the file.

@@ -222,6 +222,7 @@ pub(crate) fn interned(text: &str) -> Value {
 
 /// Why a combination of values is invalid.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum InvalidCombination {
     /// Required axes without a value.
     #[error("no value is given of {}", .0.iter().map(|axis| axis.key).collect::<Vec<_>>().join(", "))]

@@ -30,6 +30,7 @@ pub struct Checkpoint {
 
 /// Why bytes are not a usable checkpoint.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum BadCheckpoint {
     /// Too short, or something else.
     #[error("not a checkpoint")]

@@ -20,7 +20,7 @@ pub struct Selection {
 }
 
 /// The part of a store that is shown.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub struct Excerpt<'s> {
     /// The store.
     pub store: &'s Store,

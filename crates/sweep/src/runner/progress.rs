@@ -10,6 +10,7 @@ use crate::text::visible::visible;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sd_core::Params;
 use serde_json::json;
+use std::fmt;
 use std::io::Write;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -74,6 +75,15 @@ pub struct Progress {
     reported: Mutex<Vec<ReportedFailure>>,
     log: Mutex<Box<dyn Write + Send>>,
     begun: Instant,
+}
+
+impl fmt::Debug for Progress {
+    /// Its style alone: the rest changes all the time, under locks.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Progress")
+            .field("style", &self.style)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Progress of the campaign in units of estimated cost.
