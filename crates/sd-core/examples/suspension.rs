@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Shears a suspension up to a strain, printing every tenth step; its last viscosity.
-pub fn shear(
+pub(crate) fn shear(
     spheres: usize,
     volume_fraction: f64,
     law: &str,

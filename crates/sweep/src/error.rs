@@ -143,6 +143,7 @@ impl Error {
                 | Physics::NoSpheres
                 | Physics::Overlap { .. }
                 | Physics::CellTooSmall { .. }
+                | Physics::LatticeTooShort { .. }
                 | Physics::BadPair { .. } => exit::BAD_INPUT,
                 _ => exit::FAILED,
             },
@@ -211,14 +212,20 @@ mod tests {
     }
 
     #[test]
-    fn bad_numbers_of_a_sphere_are_bad_input() {
+    fn bad_spheres_and_lattices_are_bad_input() {
         let refused = sd_core::Error::OfSphere {
             field: "radii",
             sphere: 0,
             value: -1.0,
             allowed: "positive and finite",
         };
-        assert_eq!(Error::from(refused).exit_code(), exit::BAD_INPUT);
+        let short = sd_core::Error::LatticeTooShort {
+            shortest: 3.0,
+            needed: 6.0,
+        };
+        for error in [refused, short] {
+            assert_eq!(Error::from(error).exit_code(), exit::BAD_INPUT);
+        }
     }
 
     #[test]

@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Forces of pairs (i, j) with i < j, ordered by (i, j).
 ///
-/// A list that is collected gets this order, whatever it had. In one that is made otherwise, a pair
-/// out of its place may not be found, and then counts as one without a force.
+/// A list that is collected gets this order, whatever it had.
 ///
 /// ```
 /// use sd_core::Layer;
@@ -29,6 +28,28 @@ impl<S: Space> FromIterator<(u32, u32, S::Tangent)> for PairForces<S> {
 }
 
 impl<S: Space> PairForces<S> {
+    /// The first pair that these spheres cannot have, or whose force is not finite, or that is not
+    /// after the one before it; with the reason.
+    pub(crate) fn fault(&self, spheres: usize) -> Option<([usize; 2], &'static str)> {
+        let mut last = None;
+        for &(i, j, ref force) in &self.0 {
+            let reason = if i >= j {
+                "must have its first sphere before its second"
+            } else if j as usize >= spheres {
+                "names a sphere that is not there"
+            } else if !S::is_finite(force) {
+                "has a force that is not finite"
+            } else if last >= Some((i, j)) {
+                "is out of order, or there twice"
+            } else {
+                last = Some((i, j));
+                continue;
+            };
+            return Some(([i as usize, j as usize], reason));
+        }
+        None
+    }
+
     /// The force of a pair, zero if it has none.
     pub(crate) fn of(&self, contact: &Contact<S>) -> S::Tangent {
         let found = self

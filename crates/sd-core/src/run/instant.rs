@@ -249,6 +249,12 @@ fn move_under<S: Fluid>(
                 *time_span,
                 "positive and finite",
             )?;
+            let spheres = stage.resistance.radii().len();
+            for list in [springs, rolling_springs] {
+                if let Some(([i, j], reason)) = list.fault(spheres) {
+                    return Err(Error::BadPair { i, j, reason });
+                }
+            }
             let mut memory = ContactMemory {
                 springs: Springs::new(springs.clone()),
                 rolling_springs: Springs::new(rolling_springs.clone()),

@@ -163,17 +163,12 @@ fn forces<S: Space>(
     if springs.len() > PAIR_LIMIT {
         return Err((name, format!("at most {PAIR_LIMIT} pairs")));
     }
-    let mut forces: Vec<_> = springs
-        .into_iter()
-        .map(|Spring(i, j, force)| (i, j, force))
-        .collect();
-    if let Some(spring) = forces.iter().find(|f| f.0 >= f.1) {
-        let [i, j] = [spring.0, spring.1];
+    if let Some(Spring(i, j, _)) = springs.iter().find(|spring| spring.0 >= spring.1) {
         return Err((
             name,
             format!("pairs are [i, j, …] with i < j, not [{i}, {j}, …]"),
         ));
     }
-    forces.sort_unstable_by_key(|f| (f.0, f.1));
-    Ok(PairForces(forces))
+    let forces = springs.into_iter();
+    Ok(forces.map(|Spring(i, j, force)| (i, j, force)).collect())
 }

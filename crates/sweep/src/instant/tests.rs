@@ -307,6 +307,21 @@ fn springs_are_pairs_and_forces() {
     };
     let given = friction("[[0, 1, 0.1]]");
     assert!((given - friction("[]")).abs() > 1e-3, "{given}");
+    for (springs, part) in [
+        (
+            "[[0, 2, 0.1]]",
+            "pair [0, 2] names a sphere that is not there",
+        ),
+        (
+            "[[0, 1, 0.1], [0, 1, 0.2]]",
+            "pair [0, 1] is out of order, or there twice",
+        ),
+    ] {
+        let text = spring_pair(springs);
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes()).unwrap();
+        let error = solve(&configuration, &contact, &NearFields::default()).unwrap_err();
+        assert_eq!(error.to_string(), part);
+    }
     assert!(message(&spring_pair("[[0, 1]]")).contains("a spring is [i, j, force]"));
     assert!(message(&spring_pair("[[1, 0, 0.1]]")).contains("i < j"));
     let longer = spring_pair("[[0, 1, 1.0, 0.1]]");
