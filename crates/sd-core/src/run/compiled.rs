@@ -243,8 +243,8 @@ impl<S: RunSpace> Simulation<S> {
 /// Solves one instant.
 ///
 /// # Errors
-/// Bad lengths, radii, a net force on a layer, overlaps, a cell too small, pairs out of range, an
-/// indefinite matrix.
+/// Bad lengths, radii, a net force on a layer, overlaps, a cell too small, pairs out of range,
+/// springs of no pair or out of order, an indefinite matrix.
 ///
 /// ```
 /// use sd_core::cell::Cell;
