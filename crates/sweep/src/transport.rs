@@ -5,7 +5,7 @@ use crate::model::axes::{AXES, Identity, identity};
 use crate::model::campaign::Campaign;
 use rayon::prelude::*;
 use sd_core::cell::Cell;
-use sd_core::model::SolverSettings;
+use sd_core::model::{Refusal, SolverSettings};
 use sd_core::products::Resistance;
 use sd_core::transport::{ShortTime, short_time};
 use sd_core::{Bulk, Error, Hydrodynamics, NearFields, Params, start};
@@ -107,7 +107,8 @@ impl TransportPoint {
 /// not those that a precision may ask for.
 ///
 /// # Errors
-/// Those of a start and of its resistance; the first one in the order of the runs.
+/// Those of a start and of its resistance, and hydrodynamic friction; the first one in the order of
+/// the runs.
 pub(crate) fn transport(
     campaign: &Campaign,
     tables: &NearFields,
@@ -143,6 +144,17 @@ pub(crate) fn transport(
 
 /// The transport of the start of a run.
 fn of_start(params: &Params, seed: u64, tables: &NearFields) -> Result<ShortTime, Error> {
+    let friction = params.contact.laws().hydrodynamic_friction;
+    if friction > 0.0 {
+        return Err(Refusal {
+            key: "hydrodynamic_friction",
+            value: friction.to_string(),
+            problem: "resists sliding, which short-time transport does not have".into(),
+            allowed: "0 there: these numbers are of smooth spheres".into(),
+            because: None,
+        }
+        .into());
+    }
     let start = start::suspension(params, seed)?;
     let cell = Cell::<Bulk>::equal_sides(start.side, 0.0)?;
     let mut resistance = Resistance::new(

@@ -14,7 +14,7 @@ use super::quantity::Range;
 /// F0, in units in which it is a property of the material while Γ varies.
 pub static REPULSION: Quantity = Quantity {
     key: "repulsion",
-    unit: "F_crit",
+    unit: "F",
     meaning: "repulsion F0",
     range: Range::from_to(0.0, 1e6),
     note: "between spheres of radius a, in F_crit, or kT/a if `colloid_unit` = \"thermal\"",

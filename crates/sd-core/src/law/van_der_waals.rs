@@ -6,7 +6,8 @@
 //!
 //! along the line of centres, at every gap g within lubrication range, in addition to a contact
 //! law, which it does not affect: friction depends only on the contact force. The energy is that of
-//! Derjaguin's approximation, `−A a_ij/(24 g)` with the Hamaker constant A, kept finite by δ.
+//! Derjaguin's approximation, kept finite by δ: `−A a_ij/(24 g)`, so that A is twice the Hamaker
+//! constant.
 //! Source: Singh, Pednekar, Chun, Denn & Morris, Phys. Rev. Lett. 122, 098004 (2019).
 
 use super::Quantity;
@@ -16,7 +17,7 @@ use super::quantity::Range;
 pub static VAN_DER_WAALS: Quantity = Quantity {
     key: "van_der_waals",
     unit: "F a",
-    meaning: "Hamaker constant A",
+    meaning: "strength A of van der Waals attraction, twice the Hamaker constant",
     range: Range::from_to(0.0, 1e6),
     note: "in F_crit a, or kT if `colloid_unit` = \"thermal\"",
 };
@@ -76,8 +77,25 @@ mod tests {
             let slope = (law.energy(gap - e, 1.2) - law.energy(gap + e, 1.2)) / (2.0 * e);
             assert!((slope / law.at(gap, 1.2) - 1.0).abs() < 1e-7, "{gap}");
         }
-        // Hamaker's at gaps far above δ, by Derjaguin.
-        let far = law.energy(2.0, 1.2) / (-5.0 * 1.2 / (24.0 * 2.0));
-        assert!((far - 1.0).abs() < 1e-4, "{far}");
+    }
+
+    #[test]
+    fn energy_is_that_of_hamaker_with_half_of_the_constant() {
+        let law = VanDerWaals {
+            energy: 5.0,
+            length: 1e-9,
+        };
+        // Two spheres of radii a and b at a distance r, Physica 4, 1058 (1937).
+        let exact = |gap: f64, a: f64, b: f64| {
+            let (sum, difference) = (a + b, a - b);
+            let outside = gap * (gap + 2.0 * sum);
+            let inside = (sum + gap).powi(2) - difference * difference;
+            -2.5 / 6.0 * (2.0 * a * b * (1.0 / outside + 1.0 / inside) + (outside / inside).ln())
+        };
+        for [a, b] in [[1.0, 1.0], [1.0, 1.4]] {
+            let radius = 2.0 * a * b / (a + b);
+            let ratio = law.energy(1e-5, radius) / exact(1e-5, a, b);
+            assert!((ratio - 1.0).abs() < 1e-3, "{ratio}");
+        }
     }
 }

@@ -64,7 +64,7 @@ pub struct ContactLaws {
     pub repulsion: f64,
     /// Decay length l of the repulsion, in a, above 0; 0 without repulsion.
     pub repulsion_length: f64,
-    /// Hamaker constant A of van der Waals attraction, from 0.
+    /// Strength A of van der Waals attraction, twice the Hamaker constant, from 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub van_der_waals: f64,
     /// δ of van der Waals attraction, in a, above 0; 0 without it.

@@ -117,6 +117,16 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
             });
         }
         segments::check(params)?;
+        let oscillates = params.segments.iter().any(|one| one.amplitude.is_some());
+        if oscillates && let Some(ratio) = params.macroscopic_friction {
+            return Err(Refusal {
+                key: "imposed_macroscopic_friction",
+                value: ratio.to_string(),
+                problem: "would have the pressure follow the stress of an oscillation, which vanishes twice a cycle".into(),
+                allowed: "`viscous_number`, whose pressure is constant, or segments without `amplitude`".into(),
+                because: Some("segments"),
+            });
+        }
         if params.flows().iter().any(Params::has_free_rate) {
             return Err(Refusal {
                 key: "segments",
@@ -126,11 +136,13 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
                 because: Some("shear_stress"),
             });
         }
-        return params.flows().into_iter().try_for_each(|mut flow| {
+        params.flows().into_iter().try_for_each(|mut flow| {
             // A value may have a meaning in one segment and none in another.
             canonicalise(&mut flow);
             check(&flow)
-        });
+        })?;
+        let slowest = params.slowest_steps();
+        return slowest.iter().try_for_each(check_brownian);
     }
     check_suspension(params)?;
     check_flow(params)?;
@@ -308,7 +320,9 @@ fn check_brownian(params: &Params) -> Result<(), Refusal> {
             key: "time_step",
             value: params.time_step.to_string(),
             problem: "lets a gap of the roughness diffuse too far".into(),
-            allowed: format!("at most roughness Pe/80 = {longest:.3e}, at rest roughness/80"),
+            allowed: format!(
+                "at most roughness Pe/80 = {longest:.3e}, at rest roughness/80; in an oscillation Pe is that of its slowest step"
+            ),
             because: Some(key),
         });
     }
@@ -639,7 +653,8 @@ fn merge_plateaus(params: &mut Params) {
         };
     }
     let acts = params.friction != 0.0 && params.contact.laws().normal.touches();
-    if !acts && !params.contact.laws().needs_critical_load() {
+    let needs_load = params.contact.laws().needs_critical_load() || params.thermal_load > 0.0;
+    if !acts && !needs_load {
         params.shear_rate = 0.0;
     }
 }

@@ -486,6 +486,17 @@ impl Params {
             .collect()
     }
 
+    /// The parameters of the slowest step of each segment that oscillates.
+    pub(crate) fn slowest_steps(&self) -> Vec<Self> {
+        let steps = self.segments.iter().filter_map(|one| {
+            let quarter = one.quarter(self.time_step)?;
+            Some(one.first_step(self.time_step) + quarter - 1)
+        });
+        steps
+            .map(|step| self.in_step(&self.imposed(step)))
+            .collect()
+    }
+
     /// Strain of the cell once `steps` of the run are done, backwards counted as negative.
     ///
     /// ```
@@ -547,6 +558,9 @@ impl Params {
         };
         (self.shear_rate, self.shear_stress) = segment.shear(run);
         self.shear_rate *= imposed.rate_share;
+        // kT and the pressure are those of the largest rate of a cycle.
+        self.peclet = run.peclet * imposed.rate_share;
+        self.viscous_number = run.viscous_number.map(|number| number * imposed.rate_share);
         if let Some(laws) = self.contact.chosen_laws()
             && laws.stiffness_unit == StiffnessUnit::Flow
         {

@@ -193,7 +193,7 @@ pub fn check(params: &Params) -> Result<(), Error> {
 
 /// Refuses a suspension whose pairs are listed only when their asperities overlap: contacts act
 /// between pairs within the cutoff of lubrication.
-fn check_cutoff(params: &Params, radii: &[f64]) -> Result<(), Error> {
+pub(super) fn check_cutoff(params: &Params, radii: &[f64]) -> Result<(), Error> {
     let (Some(numbers), Some(_)) = (params.hydrodynamics.leading_order(), params.volume_fraction)
     else {
         return Ok(());

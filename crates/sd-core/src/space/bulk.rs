@@ -77,7 +77,6 @@ impl Space for Bulk {
     const TANGENTS: usize = 2;
     /// Equal spheres on a face-centred lattice have 42 before the next shell.
     const RESERVED_NEIGHBOURS: usize = 54;
-    /// Equal spheres have twelve at most.
     const UPRIGHT: Quaternion = [1.0, 0.0, 0.0, 0.0];
     type Vector = Vector3<f64>;
     type Point = [f64; 3];

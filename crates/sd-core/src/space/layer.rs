@@ -15,7 +15,6 @@ impl Space for Layer {
     const TANGENTS: usize = 1;
     /// Equal spheres have 18 at most.
     const RESERVED_NEIGHBOURS: usize = 20;
-    /// Equal spheres have six at most. Unequal ones hardly have more.
     const UPRIGHT: f64 = 0.0;
     type Vector = Vector2<f64>;
     type Point = [f64; 2];

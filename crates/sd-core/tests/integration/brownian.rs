@@ -288,6 +288,37 @@ fn a_stress_on_brownian_spheres_has_limits() {
     let loaded = stressed().peclet(f64::INFINITY).thermal_load(2.0);
     let energy = loaded.time_step(0.001).build().unwrap().thermal_energy();
     assert!((energy.unwrap() - 0.5).abs() < 1e-12);
+    // Without friction, too, the temperature is in units of the load and keeps the rate.
+    let smooth = Params::builder()
+        .spheres(40)
+        .area_fraction(0.4)
+        .roughness(0.1)
+        .friction(0.0);
+    let smooth = smooth.shear_rate(0.5).thermal_load(20.0).time_step(0.001);
+    let smooth = smooth.hydrodynamics(LUBRICATION).build().unwrap();
+    assert_eq!(smooth.shear_rate, 0.5);
+    let energy = smooth.thermal_energy().unwrap();
+    assert!((energy / (6.0 * PI / 10.0) - 1.0).abs() < 1e-12, "{energy}");
+}
+
+#[test]
+fn a_layer_under_a_stress_leaves_the_offset_of_its_strain() {
+    let params = under_stress(40, 10.0)
+        .area_fraction(0.4)
+        .roughness(0.1)
+        .time_step(0.01)
+        .build()
+        .unwrap();
+    let mut run = Simulation::<Layer>::new(&params, 3, &NearFields::default()).unwrap();
+    for _ in 0..100 {
+        run.step().unwrap();
+    }
+    let layer = run.snapshot().layer(&params).unwrap();
+    let offset = run.strain() * layer.side;
+    let wrapped = offset - layer.side * (offset / layer.side + 0.5).floor();
+    assert!((layer.offset - wrapped).abs() < 1e-9, "{}", layer.offset);
+    // The time is another number.
+    assert!((run.strain() - 1.0).abs() > 0.1, "{}", run.strain());
 }
 
 #[test]

@@ -623,7 +623,8 @@ fn flows_that_the_space_or_the_start_does_not_have_are_refused() {
     let sheared = layer(FlowType::Shear, 40, 0.6);
     let given = Snapshot::<Layer>::start(&sheared, 1)
         .unwrap()
-        .layer(&sheared);
+        .layer(&sheared)
+        .unwrap();
     let begun = Params {
         flow: FlowType::PlanarExtension,
         start: Some(given.into()),

@@ -286,7 +286,7 @@ fn run_from_the_end_of_another_continues_like_that() {
     ] {
         for at_stress in [params(contact), at_rate(&params(contact), 10.0)] {
             let (_, mut whole) = run(&at_stress, 9, 60);
-            let layer = whole.snapshot().layer(&at_stress);
+            let layer = whole.snapshot().layer(&at_stress).unwrap();
             assert_eq!(layer.springs.is_empty(), contact != springs);
             let second = Params {
                 start: Some(layer.into()),

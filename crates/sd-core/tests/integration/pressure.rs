@@ -185,6 +185,21 @@ fn gradient(params: Params) -> Params {
 }
 
 #[test]
+fn no_layer_begins_in_the_cell_of_one_that_dilated_along_the_gradient() {
+    let params = Params {
+        pressure: PressureKind::Gradient,
+        ..layer(0.1)
+    };
+    let mut run = Simulation::<Layer>::new(&params, 1, &NearFields::default()).unwrap();
+    run.snapshot().layer(&params).unwrap();
+    for _ in 0..5 {
+        run.step().unwrap();
+    }
+    let error = run.snapshot().layer(&params).unwrap_err().to_string();
+    assert!(error.contains("not square"), "{error}");
+}
+
+#[test]
 fn contacts_bear_the_pressure_across_the_gradient() {
     for friction in [0.0, 0.5] {
         let params = gradient(suspension(0.03, 0.5, friction));

@@ -8,6 +8,7 @@ use sd_core::{
     ContactLaws, ContactScheme, Hydrodynamics, Layer, NearFields, Params, Sample, Simulation,
     Snapshot, TangentialLaw, VelocityGradient,
 };
+use std::f64::consts::PI;
 
 /// A dense layer of rough rigid spheres with friction.
 fn layer(segments: &[Segment]) -> Params {
@@ -149,9 +150,46 @@ fn oscillation_takes_the_time_of_a_sine() {
     assert!((cycle - 0.2 * std::f64::consts::TAU).abs() < 1e-12);
 }
 
+#[test]
+fn temperature_and_pressure_are_constant_over_an_oscillation() {
+    let shaken = |params: Params| Params {
+        segments: vec![Segment {
+            amplitude: Some(0.2),
+            ..Segment::default()
+        }],
+        ..params
+    };
+    // kT, in units of the rate of a step, times that rate.
+    let hot = shaken(Params {
+        peclet: 1000.0,
+        ..layer(&[])
+    });
+    let pressed = shaken(Params {
+        viscous_number: Some(0.1),
+        ..layer(&[])
+    });
+    for step in 0..80 {
+        let share = hot.imposed(step).rate_share;
+        let of_step = |params: &Params| params.in_step(&params.imposed(step));
+        let energy = share * of_step(&hot).thermal_energy().unwrap();
+        assert!((energy / (6.0 * PI / 1000.0) - 1.0).abs() < 1e-12, "{step}");
+        let pressure = share / of_step(&pressed).viscous_number.unwrap();
+        assert!((pressure / 10.0 - 1.0).abs() < 1e-12, "{step}");
+    }
+    // Steps that are short enough at the largest rate are not at the turning points.
+    hot.validate().unwrap();
+    let steady = Params {
+        peclet: 100.0,
+        ..layer(&[])
+    };
+    steady.validate().unwrap();
+    let error = shaken(steady).validate().unwrap_err().to_string();
+    assert!(error.contains("its slowest step"), "{error}");
+}
+
 /// The viscosity of the layer at the end of a run, without contacts.
 fn without_contacts(snapshot: &Snapshot, params: &Params) -> f64 {
-    let StartLayer { side, offset, .. } = snapshot.layer(params);
+    let StartLayer { side, offset, .. } = snapshot.layer(params).unwrap();
     let configuration: Configuration = Configuration {
         centres: snapshot
             .centres
@@ -278,7 +316,7 @@ fn a_segment_goes_on_as_a_run_that_begins_with_the_layer() {
             steps(&mut run, count(start, 0.01));
             let flow = whole.flows().swap_remove(number);
             let second = Params {
-                start: Some(run.snapshot().layer(&whole).into()),
+                start: Some(run.snapshot().layer(&whole).unwrap().into()),
                 segments: vec![Segment {
                     amplitude: segment.amplitude,
                     ..Segment::default()

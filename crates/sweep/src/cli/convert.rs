@@ -47,7 +47,15 @@ struct Converted {
 
 impl Converted {
     fn of(point: &Point) -> Self {
-        let units = PublishedUnits::of(&point.params);
+        let mut params = point.params.clone();
+        // Under an imposed pressure the spheres have found their own.
+        if let Some(fraction) = point.number("fraction") {
+            match &mut params.volume_fraction {
+                Some(volume) => *volume = fraction,
+                None => params.area_fraction = fraction,
+            }
+        }
+        let units = PublishedUnits::of(&params);
         let rate = point.shear_rate();
         let viscosity = point.viscosity.as_ref();
         let axes = AXES.iter().map(|axis| {

@@ -13,18 +13,26 @@ use std::path::{Path, PathBuf};
 /// Checks the files of a command that reads `inputs`, each with the option that names it.
 ///
 /// # Errors
-/// [`Error::Argument`] on standard output beside `--json`, and on a file that must stay.
+/// [`Error::Argument`] on standard output beside `--json`, on a file that must stay, and on one that
+/// an earlier option writes.
 pub(crate) fn check_outputs(
     files: &[(&'static str, &Option<PathBuf>)],
     inputs: &[&Path],
     output: &Output<'_>,
 ) -> Result<(), Error> {
-    for (argument, path) in files {
+    for (at, (argument, path)) in files.iter().enumerate() {
         let Some(path) = path else { continue };
         let message = if path.as_os_str() != "-" {
             let is_input = inputs.iter().any(|input| is_same_file(input, path));
             let input = is_input.then(|| "it is what this command reads".to_owned());
-            match input.or_else(|| reason_to_stay(path)) {
+            let earlier = files[..at].iter().find(|(_, other)| {
+                let other = other.as_ref();
+                other.is_some_and(|other| {
+                    other == path || other.with_extension("units.csv") == *path
+                })
+            });
+            let twice = earlier.map(|(other, _)| format!("{other} writes it"));
+            match input.or(twice).or_else(|| reason_to_stay(path)) {
                 Some(reason) => {
                     format!(
                         "{} is not written: {reason}; name another file",

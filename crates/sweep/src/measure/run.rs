@@ -3,6 +3,7 @@
 use super::steady::rise;
 use super::{Distribution, Steadiness, mean, ratio};
 use sd_core::Params;
+use sd_core::model::FlowType;
 use sd_core::simulation::Counters;
 
 /// What the result of a run is made from: its samples are added in their order, and not kept.
@@ -146,8 +147,14 @@ impl RunData<'_> {
         })
     }
 
-    /// Whether its averages are of a shear in one direction, at a rate or under a stress.
-    fn is_steady_shear(&self) -> bool {
+    /// Whether its averages are of a shear, and not of an extension.
+    fn is_shear(&self) -> bool {
+        let last = self.params.segments.last();
+        last.and_then(|one| one.flow).unwrap_or(self.params.flow) == FlowType::Shear
+    }
+
+    /// Whether its averages are of a flow in one direction, at a rate or under a stress.
+    fn is_steady_flow(&self) -> bool {
         let last = self.params.segments.last();
         !self.params.at_rest && last.is_none_or(|segment| segment.amplitude.is_none())
     }
@@ -163,11 +170,13 @@ impl RunData<'_> {
     /// ∫ P dt/∫ rate dt = ∫ (P/rate) dγ/∫ dγ
     /// ```
     ///
+    /// In a flow that is no shear, which has no gradient, the pressure is the particle pressure.
     /// `None` where the stresslets make up more than half of it: they lack the fluid's pressure.
     pub(super) fn steady_pressure_22(&self) -> Option<f64> {
-        let pressure = self
-            .mean("pressure_22")
-            .filter(|_| self.is_steady_shear())?;
+        if !self.is_shear() {
+            return self.pressure().filter(|_| self.is_steady_flow());
+        }
+        let pressure = self.mean("pressure_22").filter(|_| self.is_steady_flow())?;
         let of_fluid = self.mean("sigma_yy_hydrodynamic")?.abs();
         (of_fluid <= 0.5 * pressure.abs()).then_some(pressure)
     }
@@ -175,7 +184,7 @@ impl RunData<'_> {
     /// A mean normal stress over that along the flow, where that is a pressure and not of the
     /// stresslets for the most part.
     pub(super) fn normal_stress_ratio(&self, name: &str) -> Option<f64> {
-        let along = self.mean("sigma_xx").filter(|_| self.is_steady_shear())?;
+        let along = self.mean("sigma_xx").filter(|_| self.is_steady_flow())?;
         if self.mean("sigma_xx_hydrodynamic")?.abs() > 0.5 * along.abs() {
             return None;
         }
@@ -184,7 +193,7 @@ impl RunData<'_> {
 
     /// A mean stress over the shear stress, in a shear in one direction.
     pub(super) fn over_stress(&self, name: &str) -> Option<f64> {
-        let stress = self.mean(name).filter(|_| self.is_steady_shear())?;
+        let stress = self.mean(name).filter(|_| self.is_steady_flow())?;
         ratio(stress, self.viscosity?.mean)
     }
 

@@ -60,9 +60,13 @@ impl Axis {
         std::iter::once(self.symbol()).chain(others.map(|(name, _)| *name))
     }
 
-    /// The axis of this name: its key, or one of the other names.
+    /// The axis of this name: its key, that of an imposed value in a campaign file, or one of the
+    /// other names.
     pub fn named(name: &str) -> Option<&'static Self> {
-        let has_name = |axis: &&Self| axis.other_names().any(|other| other == name);
+        let has_name = |axis: &&Self| {
+            axis.key.strip_prefix("imposed_") == Some(name)
+                || axis.other_names().any(|other| other == name)
+        };
         Self::of_key(name).or_else(|| AXES.iter().find(has_name))
     }
 

@@ -3,6 +3,7 @@
 
 use crate::model::spaces::{AnySnapshot, of_either};
 use sd_core::instant::look_ahead;
+use sd_core::law::Keywords as _;
 use sd_core::simulation::SchemeMemory;
 use sd_core::{ContactScheme, Params, Snapshot, Space, VelocityGradient};
 use serde_json::json;
@@ -15,7 +16,15 @@ pub(crate) fn replay(p: &Params, snapshot: &AnySnapshot) -> String {
 fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
     let imposed = run.imposed(snapshot.steps);
     let p = &run.in_step(&imposed);
-    let load = snapshot.critical_load.unwrap_or(p.critical_load());
+    // Of Brownian spheres under a stress it is in units of that.
+    let of_stress = p
+        .shear_stress
+        .filter(|_| run.has_free_rate())
+        .map(f64::recip);
+    let load = snapshot
+        .critical_load
+        .or(of_stress)
+        .unwrap_or(p.critical_load());
     // At Γ = 0 the load is infinite, which JSON cannot represent; without friction it does not
     // matter.
     let (friction, load) = if load.is_finite() {
@@ -68,10 +77,13 @@ fn replay_in<S: Space>(run: &Params, snapshot: &Snapshot<S>) -> String {
             "rate_of_strain": rate_of_strain,
             "angular_velocity": angular_velocity,
         },
-        "hydrodynamics": p.hydrodynamics,
+        "hydrodynamics": p.hydrodynamics.word(),
         "contact": contact,
     });
-    if run.is_sheared() && snapshot.height == 1.0 {
+    if let Some(numbers) = p.hydrodynamics.leading_order() {
+        input["lubrication"] = json!(numbers);
+    }
+    if run.is_sheared() && snapshot.height == 1.0 && !run.has_free_rate() {
         input["cell"] = json!(vec![snapshot.side; S::DIMENSIONS]);
         input["offset"] = json!(at_start + run.net_strain(snapshot.steps) * snapshot.side);
         let cross_strain = run.cross_strain(snapshot.steps);

@@ -75,6 +75,16 @@ impl FitReport {
         replicates: usize,
     ) -> Result<Self, ReportError> {
         let report = Report::of(store, selection)?;
+        if report
+            .points
+            .iter()
+            .any(|point| point.params.imposes_pressure())
+        {
+            return Err(ReportError::Refused(
+                "a fit needs points at given fractions, and these are under an imposed pressure"
+                    .into(),
+            ));
+        }
         let mut runs: HashMap<Vec<Tag>, PointRuns> = HashMap::new();
         let mut order: Vec<Vec<Tag>> = Vec::new();
         for run in selected_runs(store, selection)? {

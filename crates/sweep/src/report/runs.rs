@@ -148,8 +148,14 @@ fn table_of(
     table.extend(axes.iter().map(|axis| axis_column(axis, of_rows())));
     table.append(&mut sample_table(sampled));
     if let Some((run, _)) = run {
-        // The rate of every sample is its own.
-        let rates = sampled.iter().map(|(_, sample)| Some(sample.shear_rate));
+        // The rate of every sample is its own; stresses of Brownian spheres under a stress are in
+        // units of that.
+        let stress = run.params.shear_stress;
+        let stress = stress.filter(|_| run.params.has_free_rate());
+        let of_stress = stress.map(|stress| 6.0 * PI * stress);
+        let rates = sampled
+            .iter()
+            .map(|(_, sample)| of_stress.or(Some(sample.shear_rate)));
         let rows = rates.map(|rate| At::new(&run.params, rate));
         for column in &mut table {
             units.convert(column, rows.clone());

@@ -16,7 +16,7 @@ use super::error::ReportError;
 use crate::data::{Cells, DataColumn};
 use crate::model::axes::Axis;
 use sd_core::Params;
-use sd_core::law::StiffnessUnit;
+use sd_core::law::{ColloidUnit, StiffnessUnit};
 use std::f64::consts::PI;
 
 /// The units of tables and figures; by default those of the program.
@@ -41,6 +41,8 @@ pub(super) struct At {
     shear_rate: Option<f64>,
     /// Whether stiffnesses are multiples of 6π mu a rate, and not of F_crit/a.
     by_flow: bool,
+    /// Unit of the forces of colloids, in F_crit; `None` where it is unknown.
+    of_colloids: Option<f64>,
 }
 
 impl At {
@@ -49,6 +51,7 @@ impl At {
         Self {
             shear_rate,
             by_flow: params.contact.laws().stiffness_unit == StiffnessUnit::Flow,
+            of_colloids: unit_of_colloids(params),
         }
     }
 
@@ -57,8 +60,22 @@ impl At {
         Self {
             shear_rate,
             by_flow: false,
+            of_colloids: Some(1.0),
         }
     }
+}
+
+/// The unit of the forces of colloids, in F_crit: kT/a over that, if they are given in kT/a.
+fn unit_of_colloids(params: &Params) -> Option<f64> {
+    if params.contact.laws().colloid_unit != ColloidUnit::Thermal {
+        return Some(1.0);
+    }
+    if params.thermal_load > 0.0 {
+        return Some(params.thermal_load.recip());
+    }
+    let of_stress = |stress| 6.0 * PI * stress;
+    let rate = params.shear_stress.map_or(params.shear_rate, of_stress);
+    Some(rate / params.peclet).filter(|unit| unit.is_finite() && *unit > 0.0)
 }
 
 /// The name of shear rates Γ among units.
@@ -143,6 +160,8 @@ impl Units {
         let rate = rate.filter(|rate| rate.is_finite() && *rate > 0.0);
         Some(match unit {
             "F_crit" => ("N", Some(load)),
+            "F" => ("N", at.of_colloids.map(|unit| unit * load)),
+            "F a" => ("J", at.of_colloids.map(|unit| unit * load * radius)),
             "F_crit/a²" => ("Pa", Some(load / (radius * radius))),
             "F/a" if at.by_flow => ("N/m", rate.map(|rate| 6.0 * PI * viscosity * radius * rate)),
             "F/a" => ("N/m", Some(load / radius)),
@@ -323,6 +342,25 @@ mod tests {
         ] {
             let error = Units::parse(text).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn forces_of_colloids_may_be_in_units_of_the_temperature() {
+        let mut params = crate::test_support::params();
+        (params.shear_rate, params.peclet) = (2.0, 10.0);
+        let mut laws = params.contact.laws();
+        let units = Units::parse("a=1um,mu=1mPas,f_crit=10pN").unwrap();
+        for (unit, load) in [
+            (ColloidUnit::CriticalLoad, 1e-11),
+            (ColloidUnit::Thermal, 2e-12),
+        ] {
+            laws.colloid_unit = unit;
+            params.contact = sd_core::ContactScheme::Laws(laws);
+            let at = At::new(&params, Some(2.0));
+            // kT/a = F_crit Γ/Pe.
+            assert!((units.factor("F", at).unwrap() / load - 1.0).abs() < 1e-12);
+            assert!((units.factor("F a", at).unwrap() / (1e-6 * load) - 1.0).abs() < 1e-12);
         }
     }
 

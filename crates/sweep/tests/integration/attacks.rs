@@ -473,6 +473,15 @@ fn no_output_replaces_a_store_a_campaign_or_the_log_of_a_store() {
         &["structure", file, "--parquet", file],
         &["fit", file, "--csv", file],
         &["export", file, "1", "--out", file],
+        &["report", file, "--csv", "new.csv", "--runs", "new.csv"],
+        &[
+            "report",
+            file,
+            "--csv",
+            "new.csv",
+            "--runs",
+            "new.units.csv",
+        ],
     ] {
         let output = command(at, arguments).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();

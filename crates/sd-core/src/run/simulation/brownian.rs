@@ -89,7 +89,7 @@ impl Brownian {
         if self.drawn == Some(number) {
             return Ok(());
         }
-        (self.drawn, self.step) = (Some(number), span);
+        self.step = span;
         self.thermal_energy = thermal_energy;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         // Every step has numbers of its own, so that a run continues from its seed and step.
@@ -107,6 +107,7 @@ impl Brownian {
             let rest = (drawn.rest + volume).max(0.0).sqrt();
             self.stress = (drawn.force + scale * rest * normals.next()) / volume;
         }
+        self.drawn = Some(number);
         Ok(())
     }
 

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Frame<S: Space = Layer> {
-    /// Strain of the sampled stage, at the start or the middle of the step; in fluid at rest the
-    /// time.
+    /// Strain of the sampled stage, at the start or the middle of the step; in fluid at rest, and
+    /// under a stress on Brownian spheres, the time.
     pub strain: f64,
     /// Side of the square or cubic cell, or of one with the content of the lattice, in a.
     pub side: f64,

@@ -45,7 +45,7 @@ impl<S: Space> SchemeMemory<S> {
         {
             let springs = |stretches: &[(u32, u32, S::Tangent)]| {
                 let forces = stretches.iter().map(|&(i, j, x)| (i, j, x * stiffness));
-                Springs::new(PairForces(forces.collect()))
+                Springs::new(forces.collect::<PairForces<S>>())
             };
             memory.springs = springs(&start.springs);
             memory.rolling_springs = springs(&start.rolling_springs);
@@ -85,15 +85,15 @@ impl<S: Space> SchemeMemory<S> {
                     &memory.rolling_springs.forces,
                     &memory.warm_start.rolling,
                 ];
-                let mut springs = springs.iter().flat_map(|list| &list.0);
-                if !(forces.iter().all(|f| there(&(f.0, f.1)))
-                    && springs.clone().all(|f| there(&(f.0, f.1))))
-                {
+                if !forces.iter().all(|f| there(&(f.0, f.1))) {
                     return Some("contacts of missing spheres");
                 }
-                let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3))
-                    && springs.all(|f| S::is_finite(&f.2));
-                (!finite).then_some("not all numbers are finite")
+                let finite = forces.iter().all(|f| f.2.is_finite() && S::is_finite(&f.3));
+                if !finite {
+                    return Some("not all numbers are finite");
+                }
+                let faulty = springs.iter().any(|list| list.fault(spheres).is_some());
+                faulty.then_some("springs of missing spheres, out of order or not finite")
             }
             (
                 Self::Procedure {

@@ -27,7 +27,7 @@ const FIRST_VISCOSITY: f64 = 10.0;
 /// Number of solves of a stage after which the set of frictional contacts is fixed: at a jump of
 /// the law, no load may balance the stress.
 const MAX_DECISIONS: u32 = 6;
-/// Number of solves of a stage after which it counts as unconverged.
+/// Number of solves of a stage after which what its stress lacks is added to its residual.
 const MAX_SOLVES: u32 = 60;
 /// Largest excess of the stress of Brownian spheres, over the sum of its parts: what is left is far
 /// below the noise.

@@ -81,6 +81,12 @@ pub struct Snapshot<S: Space = Layer> {
 }
 
 /// Default of [`Snapshot::height`].
+/// Whether the spheres are Brownian in any part of a run.
+fn is_thermal(params: &Params) -> bool {
+    let flows = params.flows();
+    flows.iter().any(|flow| flow.thermal_energy().is_some())
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -88,6 +94,10 @@ fn one() -> f64 {
 impl Snapshot {
     /// The start layer for another run in shear. `params` are those of this run, which must be
     /// sheared too.
+    ///
+    /// # Errors
+    /// [`Error::Snapshot`] of a run whose cell is not square: in extension, or dilated along the
+    /// gradient alone.
     ///
     /// ```
     /// use sd_core::{Layer, NearFields, Simulation};
@@ -104,13 +114,18 @@ impl Snapshot {
     /// let tables = NearFields::default();
     /// let mut first = Simulation::<Layer>::new(&params, 1, &tables)?;
     /// first.step()?;
-    /// let start = Some(first.snapshot().layer(&params).into());
+    /// let start = Some(first.snapshot().layer(&params)?.into());
     /// let faster = Params { shear_rate: 20.0, start, ..params };
     /// let second = Simulation::<Layer>::new(&faster, 1, &tables)?;
     /// assert_eq!(second.radii(), first.radii());
     /// # Ok::<(), sd_core::Error>(())
     /// ```
-    pub fn layer(&self, params: &Params) -> StartLayer {
+    pub fn layer(&self, params: &Params) -> Result<StartLayer, Error> {
+        if !params.is_sheared() || self.height != 1.0 {
+            return Err(Error::Snapshot {
+                reason: "its cell is not square, and layers begin in square ones",
+            });
+        }
         let before = params.given_layer().map_or(0.0, |layer| layer.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
         let stiffness = ShearControl::new(&last, self.critical_load)
@@ -123,8 +138,13 @@ impl Snapshot {
             }
             SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
         };
-        let offset = before + params.net_strain(self.steps) * self.side;
-        StartLayer {
+        let travelled = if params.has_free_rate() {
+            self.travelled[0]
+        } else {
+            params.net_strain(self.steps) * self.side
+        };
+        let offset = before + travelled;
+        Ok(StartLayer {
             side: self.side,
             offset: offset - self.side * (offset / self.side + 0.5).floor(),
             radii: self.radii.clone(),
@@ -133,7 +153,7 @@ impl Snapshot {
             origin: None,
             springs: stretches(|memory| &memory.springs),
             rolling_springs: stretches(|memory| &memory.rolling_springs),
-        }
+        })
     }
 }
 
@@ -209,6 +229,7 @@ impl<S: Starts> Snapshot<S> {
         params.validate()?;
         S::check(params)?;
         let start = S::start(params, seed)?;
+        start::check_cutoff(params, &start.radii)?;
         let mut memory = SchemeMemory::new(&params.contact);
         let first = params.in_step(&params.imposed(0));
         let shear_control = ShearControl::new(&first, None);
@@ -229,7 +250,7 @@ impl<S: Starts> Snapshot<S> {
             near_pairs: Vec::new(),
             far_field: Vec::new(),
             critical_load: None,
-            noise_seed: params.thermal_energy().map(|_| seed),
+            noise_seed: is_thermal(params).then_some(seed),
             counters: Counters::default(),
         })
     }
@@ -250,7 +271,7 @@ impl<S: Starts> Snapshot<S> {
         if !(self.shifts.is_empty() || self.shifts.len() == n) {
             return refuse("shifts of another number of spheres");
         }
-        if self.noise_seed.is_some() != params.thermal_energy().is_some() {
+        if self.noise_seed.is_some() != is_thermal(params) {
             return refuse("Brownian motion in one of snapshot and parameters alone");
         }
         if let Some(reason) = self.memory.fault(&params.contact, n) {
@@ -272,6 +293,10 @@ impl<S: Starts> Snapshot<S> {
             .centres
             .iter()
             .all(|x| x.as_ref().iter().all(|x| x.is_finite()))
+            && self
+                .shifts
+                .iter()
+                .all(|x| x.as_ref().iter().all(|x| x.is_finite()))
             && self.far_field.iter().all(|x| x.is_finite())
             && self.orientations.iter().all(S::is_orientation)
             && self.travelled.iter().all(|x| x.is_finite());
@@ -284,6 +309,7 @@ impl<S: Starts> Snapshot<S> {
         {
             return refuse("an invalid critical load");
         }
+        start::check_cutoff(params, &self.radii)?;
         let (radii, side) = start::radii_and_side(params)?;
         let mut own = self.radii.clone();
         if params.sizes.is_some() {
@@ -295,7 +321,8 @@ impl<S: Starts> Snapshot<S> {
                 .iter()
                 .all(|x| *x > 0.0 && x.is_finite())
             && self.viscosity.is_none_or(|x| x > 0.0 && x.is_finite());
-        if own != radii || !is_free && self.side.to_bits() != side.to_bits() {
+        let is_given = self.side.to_bits() == side.to_bits() && self.height == 1.0;
+        if own != radii || !(is_free || is_given) {
             return refuse("radii or cell inconsistent with the parameters");
         }
         Ok(())

@@ -266,6 +266,7 @@ impl<S: Starts> Simulation<S> {
             self.restore_extent(self.before.extent);
             self.restore_contacts();
             self.impose(self.steps);
+            self.shear_control.begin_step(&self.params);
             let overlaps = matches!(error, Error::Overlap { .. });
             // Smaller steps do not help where no motion is admissible.
             let jams = jammed || self.is_held();

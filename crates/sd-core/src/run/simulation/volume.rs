@@ -199,14 +199,19 @@ impl<S: Starts> Simulation<S> {
         Some(self.dilations.growth())
     }
 
+    /// Share of the imposed pressure that acts: it rises over a strain from the start.
+    fn risen(&self) -> f64 {
+        let strain = self.dilations.start + self.params.time_step;
+        (strain / RISE).min(1.0)
+    }
+
     /// The pressure that is imposed on the present stage, if one is.
     pub(super) fn imposed_pressure(&self) -> Option<ImposedPressure> {
         let by_stress = |ratio: f64| self.extent.viscosity / ratio;
         let by_rate = self.params.viscous_number.map(f64::recip);
         let pressure = by_rate.or_else(|| self.params.macroscopic_friction.map(by_stress))?;
-        let risen = (self.dilations.start + self.params.time_step) / RISE;
         Some(ImposedPressure {
-            pressure: pressure * risen.min(1.0),
+            pressure: pressure * self.risen(),
             volume: S::volume(self.content(), self.solver.resistance.radii()),
             resistance: pressure / self.settings.volume_rate,
             kind: self.params.pressure,
@@ -362,10 +367,10 @@ impl<S: Starts> Simulation<S> {
     }
 
     /// The viscosity at which a suspension counts as at rest, where the ratio of stress and
-    /// pressure is imposed.
+    /// pressure is imposed; none while the pressure rises.
     pub(super) fn arrest_viscosity(&self) -> Option<f64> {
         let ratio = self.params.macroscopic_friction?;
-        Some(ratio / ARREST_NUMBER)
+        (self.risen() >= 1.0).then_some(ratio / ARREST_NUMBER)
     }
 
     /// Refuses a cell that an imposed pressure has made too narrow.

@@ -6,7 +6,7 @@ use crate::model::checkpoint::Checkpoint;
 use crate::model::spaces::InSpace;
 use crate::store::{LastState as Run, Store};
 use sd_core::Params;
-use sd_core::model::{StartFrom, StartLayer};
+use sd_core::model::{PressureKind, StartFrom, StartLayer};
 use std::path::Path;
 
 /// Whether a run belongs to the point with these values. Points that share their runs count as one:
@@ -87,13 +87,24 @@ pub(super) fn layers(
             ),
         ]);
     }
-    if !first.params.is_sheared() {
+    let params = &first.params;
+    let reason = if !params.is_sheared() {
+        Some(("are no shear", "`flow` = \"shear\""))
+    } else if params.imposes_pressure() && params.pressure == PressureKind::Gradient {
+        Some((
+            "dilate along the gradient alone",
+            "`pressure` = \"isotropic\"",
+        ))
+    } else {
+        None
+    };
+    if let Some((reason, other)) = reason {
         return Err([
             format!(
-                "the runs of that point of {} are no shear, and their cells are not square",
+                "the runs of that point of {} {reason}, and their cells are not square",
                 store.display()
             ),
-            "a point with `flow` = \"shear\", or no `start`".to_owned(),
+            format!("a point with {other}, or no `start`"),
         ]);
     }
     runs.iter()
@@ -102,7 +113,10 @@ pub(super) fn layers(
                 let origin = Some(origin(&run.params, end.snapshot.steps()));
                 match end.snapshot {
                     InSpace::Layer(end) => {
-                        let layer = end.layer(&run.params);
+                        let layer = end.layer(&run.params).map_err(|error| {
+                            let run = format!("the run with seed {} in {}", run.seed, store.display());
+                            [format!("{run}: {error}"), "another point, or no `start`".to_owned()]
+                        })?;
                         Ok((run.seed, StartLayer { origin, ..layer }))
                     }
                     InSpace::Suspension(_) => Err([

@@ -45,6 +45,13 @@ fn fields<T: serde::de::DeserializeOwned + std::fmt::Debug>() -> Vec<String> {
 }
 
 #[test]
+fn axes_have_the_names_that_files_have() {
+    for key in ["viscous_number", "macroscopic_friction", "pressure"] {
+        assert_eq!(Axis::named(key).unwrap().key, format!("imposed_{key}"));
+    }
+}
+
+#[test]
 fn every_parameter_is_an_axis() {
     // Points that differ in a parameter that is no axis would be averaged together.
     for key in [fields::<Params>(), fields::<ContactLaws>()].concat() {
