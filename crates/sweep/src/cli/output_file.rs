@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 /// Checks the files of a command that reads `inputs`, each with the option that names it.
 ///
 /// # Errors
-/// [`Error::Argument`] on standard output beside `--json`, on a file that must stay, and on one that
-/// an earlier option writes.
+/// [`Error::Argument`] on standard output beside `--json`, on a file that must stay, and on one
+/// that an earlier option writes.
 pub(crate) fn check_outputs(
     files: &[(&'static str, &Option<PathBuf>)],
     inputs: &[&Path],

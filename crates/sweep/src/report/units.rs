@@ -349,7 +349,7 @@ mod tests {
     fn forces_of_colloids_may_be_in_units_of_the_temperature() {
         let mut params = crate::test_support::params();
         (params.shear_rate, params.peclet) = (2.0, 10.0);
-        let mut laws = params.contact.laws();
+        let mut laws = *params.contact.laws();
         let units = Units::parse("a=1um,mu=1mPas,f_crit=10pN").unwrap();
         for (unit, load) in [
             (ColloidUnit::CriticalLoad, 1e-11),

@@ -1,5 +1,5 @@
-//! The layers of the crate: a room imports only rooms below it, a file of the store only files below
-//! it, and no files import each other in a circle.
+//! The layers of the crate: a room imports only rooms below it, a file of the store only files
+//! below it, and no files import each other in a circle.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
