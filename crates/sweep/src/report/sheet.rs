@@ -9,6 +9,7 @@ use crate::model::axes::{AXES, Axis};
 use crate::text::format::{NumberFormat, significant, uncertain};
 use crate::text::table::styled;
 use comfy_table::CellAlignment;
+use sd_core::Params;
 
 /// Default width of the terminal in columns.
 const DEFAULT_WIDTH: usize = 80;
@@ -218,6 +219,7 @@ impl Report {
             "coordination" | "largest_cluster" | "percolating_y" | "core_fraction" => {
                 self.points.iter().any(|point| point.number(name).is_some())
             }
+            "fraction" => self.params().any(Params::imposes_pressure),
             "jammed" => self.counts.jammed > 0,
             "arrested_fraction" => self.counts.arrested > 0,
             "failed" => self.counts.failed > 0,

@@ -43,6 +43,7 @@ fn runs_at_rest_under_a_ratio_of_stress_and_pressure_are_called_arrested() {
         "{table}"
     );
     assert!(table.contains(&shown), "{table}");
+    assert!(table.contains(" fraction "), "{table}");
     let status = sweep(at, &["status", "creep.toml"]);
     let words = format!("1 arrested, at a mean fraction of {shown}");
     assert!(status.contains(&words), "{status}");

@@ -28,6 +28,8 @@ fn the_table_fits_eighty_columns_and_splits_no_number() {
     assert_eq!(rows(&usual), 20, "a line for each point");
     let wide = lines(&["--wide"]);
     assert!(width(&wide) > 80 && wide.iter().any(|line| line.contains("unconverged")));
+    // That of runs that find their own.
+    assert!(!wide.iter().any(|line| line.contains(" fraction ")));
     let si = lines(&["--format", "si"]);
     assert!(rows(&si) == 0 && si.iter().any(|line| line.contains(')')));
 }
