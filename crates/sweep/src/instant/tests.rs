@@ -1,9 +1,11 @@
 mod suspensions;
 
 use super::*;
+use crate::model::replay::replay;
+use crate::model::spaces::AnySnapshot;
 use proptest::prelude::*;
-use sd_core::VelocityGradient;
 use sd_core::modes::Vec2;
+use sd_core::{Params, Simulation, VelocityGradient};
 
 fn message(text: &str) -> String {
     read_in::<Layer>(text.as_bytes()).unwrap_err().to_string()
@@ -367,5 +369,33 @@ proptest! {
         if let Ok((configuration, contact)) = read_in::<Layer>(value.to_string().as_bytes()) {
             let _ = solve(&configuration, &contact, &NearFields::default());
         }
+    }
+}
+
+#[test]
+fn replays_are_read_and_have_the_cell_of_their_state() {
+    let lubrication = Hydrodynamics::Lubrication(LeadingOrder::DEFAULT);
+    let some = || {
+        let spheres = Params::builder().spheres(60).area_fraction(0.4);
+        let spheres = spheres.roughness(0.05).friction(0.5).time_step(1e-3);
+        spheres.hydrodynamics(lubrication)
+    };
+    let thermal = some().shear_stress(2.0).thermal_load(1.0);
+    for builder in [some().shear_rate(1.0), thermal] {
+        let params = builder.build().unwrap();
+        let mut run = Simulation::<Layer>::new(&params, 1, &NearFields::default()).unwrap();
+        for _ in 0..50 {
+            run.step().unwrap();
+        }
+        let snapshot = run.snapshot();
+        let cell = snapshot.cell(&params).unwrap();
+        let text = replay(&params, &AnySnapshot::Layer(snapshot));
+        let (configuration, contact) = read_in::<Layer>(text.as_bytes()).unwrap();
+        assert_eq!(configuration.hydrodynamics, lubrication);
+        let vectors = [&configuration.cell, &cell].map(|cell| cell.lattice().unwrap().vectors());
+        for (given, own) in vectors[0].iter().zip(vectors[1]) {
+            assert!((given - own).norm() < 1e-9, "{vectors:?}");
+        }
+        solve(&configuration, &contact, &NearFields::default()).unwrap();
     }
 }
