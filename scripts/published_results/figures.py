@@ -127,7 +127,7 @@ def beside():
     lines = {
         "published": theirs,
         "ours, ν = 1": usual.query("friction == 1 and repulsion == 1"),
-        "ours, ν = 10 and 0.583 of the repulsion": usual.query("friction == 10 and repulsion == 0.583"),
+        "ours, ν = 10 and 0.568 of the repulsion": usual.query("friction == 10 and repulsion == 0.568"),
     }
 
     def draw(ax, c):
