@@ -5,7 +5,7 @@
 //! lattice is carried along, which few lattices survive for long.
 
 use crate::error::Error;
-use crate::model::{FlowType, Params};
+use crate::model::{FlowType, Hydrodynamics, Params};
 use crate::space::cell::{Cell, Lattice};
 use crate::space::lattice::RecurrentLattice;
 use crate::space::{Space, VelocityGradient};
@@ -73,6 +73,20 @@ impl<S: Space> CellPath<S> {
         Ok(Self::best(run, side)?.map(|(_, shortest)| shortest))
     }
 
+    /// Whether a run has the lattices of a shorter one, whose segments are its first, until that
+    /// ends, and a far field that is planned for the same cell.
+    ///
+    /// # Errors
+    /// Those of [`Cell::periodic`].
+    pub(crate) fn begins_like(run: &Params, shorter: &Params, side: f64) -> Result<bool, Error> {
+        let [whole, begun] = [Self::best(run, side)?, Self::best(shorter, side)?];
+        if run.hydrodynamics == Hydrodynamics::StokesianDynamics {
+            return Ok(whole == begun);
+        }
+        Ok(whole.map(|(path, _)| path) == begun.map(|(path, _)| path))
+    }
+
+    /// The path with the longest shortest vector, at the start of the run, and its length.
     fn best(run: &Params, side: f64) -> Result<Option<(Self, f64)>, Error> {
         if run.is_sheared() {
             return Ok(None);

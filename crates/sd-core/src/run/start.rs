@@ -396,6 +396,25 @@ pub(crate) fn first_cell<S: Space>(params: &Params, side: f64) -> Result<Cell<S>
     }
 }
 
+/// Whether a run has the cells of a shorter one, whose segments are its first, until that ends.
+/// Only then is a state of the shorter run one of the longer too, with the same bits.
+///
+/// It has them if it is sheared throughout. Otherwise the cell at the start is chosen for all
+/// segments together, and one more may change it. Parameters that [`check`] refuses have no cells.
+///
+/// # Panics
+/// May panic if [`Params::validate`] refuses the parameters.
+pub fn begins_like(run: &Params, shorter: &Params) -> bool {
+    if run.is_sheared() {
+        return true;
+    }
+    let begins = radii_and_side(run).and_then(|(_, side)| match run.volume_fraction {
+        Some(_) => CellPath::<Bulk>::begins_like(run, shorter, side),
+        None => CellPath::<Layer>::begins_like(run, shorter, side),
+    });
+    begins.unwrap_or(false)
+}
+
 /// Radii of mean 1, the large ones first.
 fn radii(spheres: usize, size_ratio: f64, large: usize) -> Vec<f64> {
     let mut radii = vec![1.0; spheres];

@@ -16,7 +16,7 @@ use crate::model::protocol::Protocol;
 use crate::system::process;
 use rusqlite::Connection;
 use sd_core::simulation::Counters;
-use sd_core::{Params, Sample};
+use sd_core::{Params, Sample, start};
 use serde::Deserialize;
 
 /// The new end of a run, and its samples if they are all at hand.
@@ -166,7 +166,7 @@ pub(super) fn count_shorter_runs(
 }
 
 /// Calls `take` for every new run in segments whose beginning was computed, with the run, its key,
-/// and the case and end of that beginning.
+/// and the case and end of that beginning. A shorter run in other cells is no beginning of it.
 fn each_shorter_run(
     connection: &Connection,
     campaign: &Campaign,
@@ -197,6 +197,7 @@ fn each_shorter_run(
             if let Some((of, end)) = end
                 && !end.jammed
                 && end.computed <= most
+                && start::begins_like(&case.params, &known.params)
             {
                 take((id, &key), of, &end)?;
                 break;

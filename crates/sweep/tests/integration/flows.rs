@@ -178,3 +178,54 @@ fn extension_goes_from_the_file_to_reports_pictures_and_exports() {
         assert!(point["g_r"]["r"].as_array().unwrap().len() > 3);
     }
 }
+
+/// A campaign of suspensions and layers whose segments have these flows.
+fn in_segments(flows: &[&str]) -> String {
+    let segment = |flow: &&str| format!("[[protocol.segment]]\nstrain = 0.12\n{flow}\n");
+    let segments: String = flows.iter().map(segment).collect();
+    let common = "friction = 0.5\nroughness = 0.01\nshear_rate = inf\nseeds = 1\nspheres = 60";
+    format!(
+        "name = \"flows\"\n[protocol]\n{segments}\
+         [[grid]]\nvolume_fraction = 0.4\nhydrodynamics = \"lubrication\"\n{common}\n\
+         [[grid]]\narea_fraction = 0.6\nhydrodynamics = \"stokesian-dynamics\"\n{common}\n"
+    )
+}
+
+/// Runs this version of the campaign. Returns the share of its work that was done before.
+fn run_with(at: &Path, flows: &[&str]) -> f64 {
+    std::fs::write(at.join("flows.toml"), in_segments(flows)).unwrap();
+    let is_new = !at.join("results").exists();
+    let done = if is_new {
+        0.0
+    } else {
+        let status = sweep(at, &["status", "flows.toml", "--json"]);
+        let status: serde_json::Value = serde_json::from_str(&status).unwrap();
+        status["work_done"].as_f64().unwrap()
+    };
+    sweep(at, &["run", "flows.toml", "--quiet"]);
+    done
+}
+
+#[test]
+fn a_segment_of_another_flow_has_runs_begin_anew_in_their_own_cell() {
+    let [shear, planar] = ["flow = \"shear\"", "flow = \"planar-extension\""];
+    let mixture = "flow = { shear = 1.0, extension = 0.7 }";
+    let back = "flow = \"planar-extension\"\ndirection = -1";
+    // The last column is the share of three segments that is done when there are two.
+    for (flows, continued) in [
+        ([shear, planar, back], 2.0 / 3.0),
+        ([planar, mixture, shear], 0.0),
+        ([mixture, planar, planar], 2.0 / 3.0),
+    ] {
+        // Segments are added one by one, and removed one by one.
+        let [added, removed] = [folder("flows.toml", ""), folder("flows.toml", "")];
+        let done = [1, 2, 3].map(|count| run_with(added.path(), &flows[..count]));
+        let first = [3, 2, 1].map(|count| run_with(removed.path(), &flows[..count]));
+        assert_eq!(first, [0.0; 3], "{flows:?}");
+        assert_eq!(done[..2], [0.0; 2], "{flows:?}");
+        assert!((done[2] - continued).abs() < 1e-9, "{flows:?}: {done:?}");
+        let samples = samples(added.path());
+        assert_eq!(samples.len(), 2 * (6 + 12 + 18), "{flows:?}");
+        assert_eq!(samples, self::samples(removed.path()), "{flows:?}");
+    }
+}
