@@ -38,5 +38,6 @@ pub(crate) use average::{Curve, RunStructure, Structure};
 pub(crate) use clusters::clusters;
 pub(crate) use network::{Link, Network};
 pub use outside::OutsideFrame;
+pub(crate) use pairs::reach;
 pub(crate) use sampled::{Reference, sampled};
 pub(crate) use scalars::{NAMED, observe};

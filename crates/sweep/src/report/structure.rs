@@ -15,14 +15,17 @@ use crate::measure::{Estimate, PointRun};
 use crate::model::axes::{AXES, Axis};
 use crate::model::case::State;
 use crate::model::spaces::of_either;
-use crate::store::Store;
-use crate::structure::{NAMED, Network, OutsideFrame, Reference, RunStructure, Structure, sampled};
+use crate::store::{Store, StoredFrame};
+use crate::structure::{
+    NAMED, Network, OutsideFrame, Reference, RunStructure, Structure, reach, sampled,
+};
 use crate::text::choices::choices;
 use crate::text::format::{count, counted, short};
 use sd_core::Params;
 use sd_core::model::Keywords as _;
 use serde_json::{Value as Json, json};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::f64::consts::PI;
 
 /// Structure of the points of a campaign.
@@ -120,10 +123,11 @@ impl StructureReport {
     ) -> Result<Self, ReportError> {
         let (report, runs, places) = Report::with_runs(store, selection)?;
         let key = case.map(|case| store.key_of(case)).transpose()?;
-        // Points may share runs.
-        let mut known: HashMap<&str, Option<RunStructure>> = HashMap::new();
+        // Points may share runs. A first pass finds how far all frames of a point reach.
+        let mut reaches: HashMap<&str, Option<f64>> = HashMap::new();
         let mut left_out = Vec::new();
-        let mut of_point: Vec<Vec<RunStructure>> = vec![Vec::new(); report.points.len()];
+        let mut meant = Vec::new();
+        let mut least = vec![f64::INFINITY; report.points.len()];
         for (run, place) in runs.iter().zip(places) {
             let is_meant = match &key {
                 Some(key) => run.key == *key,
@@ -132,18 +136,33 @@ impl StructureReport {
             if !is_meant {
                 continue;
             }
-            if !known.contains_key(run.key.as_str()) {
-                let discard = run.discard().unwrap_or(report.discard);
-                let structure = match of_run(store, run, discard)? {
-                    Ok(structure) => structure,
+            // Strains are sums of steps.
+            let discard = run.discard().unwrap_or(report.discard);
+            let first = count(discard / run.params.time_step) as u64;
+            if !reaches.contains_key(run.key.as_str()) {
+                let reach = match store.has_frames(&run.key, first)? {
+                    Ok(()) => Some(reach_of(&frames(store, run, first)?)?),
                     Err(from) => {
-                        left_out.push((run.key.clone(), from));
+                        let strain = from.map(|step| step as f64 * run.params.time_step);
+                        left_out.push((run.key.clone(), strain));
                         None
                     }
                 };
-                known.insert(&run.key, structure);
+                reaches.insert(&run.key, reach);
             }
-            of_point[place].extend(known[run.key.as_str()].clone());
+            if let Some(reach) = reaches[run.key.as_str()] {
+                least[place] = least[place].min(reach);
+                meant.push((run, place, first));
+            }
+        }
+        let mut known: HashMap<(&str, u64), Option<RunStructure>> = HashMap::new();
+        let mut of_point: Vec<Vec<RunStructure>> = vec![Vec::new(); report.points.len()];
+        for (run, place, first) in meant {
+            let key = (run.key.as_str(), least[place].to_bits());
+            if let Entry::Vacant(vacant) = known.entry(key) {
+                vacant.insert(of_run(run, &frames(store, run, first)?, least[place])?);
+            }
+            of_point[place].extend(known[&key].clone());
         }
         let points = of_point.iter().enumerate();
         let points = points.filter_map(|(place, runs)| Some((place, Structure::of(runs)?)));
@@ -444,34 +463,39 @@ fn object(table: &[DataColumn], row: usize, structure: &Structure) -> Json {
 /// [`ReportError::Refused`] on frames that are no spheres in a cell, and without any.
 pub fn outside_structure(runs: &[Vec<OutsideFrame>]) -> Result<Json, ReportError> {
     let refused = |error: sd_core::Error| ReportError::Refused(error.to_string());
-    let of_run = |frames: &Vec<_>| RunStructure::of_outside(frames).map_err(refused);
-    let runs = runs.iter().filter_map(|frames| of_run(frames).transpose());
-    let runs: Vec<RunStructure> = runs.collect::<Result<_, _>>()?;
+    let runs = RunStructure::of_outside(runs).map_err(refused)?;
     let none = || ReportError::Refused("there are no frames".into());
     let rows = [(0, Structure::of(&runs).ok_or_else(none)?)];
     Ok(object(&numbers(Vec::new(), &rows), 0, &rows[0].1))
 }
 
-/// The structure of a run from its frames after a strain. The inner error is that some are missing,
-/// with the strain of the first one there.
-fn of_run(
-    store: &Store,
-    run: &PointRun,
-    discard: f64,
-) -> Result<Result<Option<RunStructure>, Option<f64>>, ReportError> {
-    let time_step = run.params.time_step;
-    // Strains are sums of steps.
-    let first = count(discard / time_step) as u64;
-    if let Err(from) = store.has_frames(&run.key, first)? {
-        return Ok(Err(from.map(|step| step as f64 * time_step)));
+/// The frames of a run from a step on.
+fn frames(store: &Store, run: &PointRun, first: u64) -> Result<Vec<StoredFrame>, ReportError> {
+    let mut frames = store.frames(&run.key, 1)?;
+    frames.retain(|kept| kept.step >= first);
+    Ok(frames)
+}
+
+/// The smallest reach of the cells of these frames, in a.
+fn reach_of(frames: &[StoredFrame]) -> Result<f64, ReportError> {
+    let mut least = f64::INFINITY;
+    for kept in frames {
+        let found = of_either!(&kept.frame, frame => frame.cell().map(|cell| reach(&cell)));
+        least = least.min(found.map_err(|error| ReportError::Refused(error.to_string()))?);
     }
+    Ok(least)
+}
+
+/// The structure of a run from its frames, of which none has a smaller reach.
+fn of_run(
+    run: &PointRun,
+    frames: &[StoredFrame],
+    reach: f64,
+) -> Result<Option<RunStructure>, ReportError> {
     let mut segments = run.params.segments.iter();
     let has_cross_shear = segments.any(|segment| segment.cross_shear.is_some());
     let mut sums: Option<RunStructure> = None;
-    for kept in store.frames(&run.key, 1)? {
-        if kept.step < first {
-            continue;
-        }
+    for kept in frames {
         of_either!(&kept.frame, frame => {
             let network = Network::try_from(frame)
                 .map_err(|error| ReportError::Refused(error.to_string()))?;
@@ -481,7 +505,7 @@ fn of_run(
                 has_cross_shear,
             };
             let found = sampled(frame, &network, reference);
-            let sums = sums.get_or_insert_with(|| RunStructure::new(&network));
+            let sums = sums.get_or_insert_with(|| RunStructure::new(&network, reach));
             sums.add(&network, &found);
             sums.add_profiles(frame, reference.direction);
         });
@@ -489,7 +513,7 @@ fn of_run(
     if let Some(sums) = &mut sums {
         sums.diffusivities = ["diffusivity_yy", "diffusivity_zz"].map(|name| run.number(name));
     }
-    Ok(Ok(sums))
+    Ok(sums)
 }
 
 /// The edges of bins with these centres, which vary slowly.

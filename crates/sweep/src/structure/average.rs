@@ -1,11 +1,10 @@
 //! Sums over the frames of a run, and means over runs with their intervals.
 
-use super::bins::Bins;
 use super::clusters::clusters;
 use super::contacts::{Contacts, contacts, deviator, force_bins};
 use super::network::Network;
-use super::pairs::{ANGLES, Pairs, angle_bins, pairs, radial_bins, radial_bins_with_angle};
-use super::profiles::Profile;
+use super::pairs::{ANGLES, Distances, Pairs, angle_bins, pairs};
+use super::profiles::{Profile, middles};
 use super::scalars::{NAMED, SCALARS, scalars};
 use crate::measure::Estimate;
 use sd_core::Space;
@@ -24,8 +23,7 @@ pub(crate) struct RunStructure {
     frames: u64,
     /// Radius of the smallest sphere, in a.
     smallest: f64,
-    radial_bins: Bins,
-    with_angle_bins: Bins,
+    distances: Distances,
     pairs: Pairs,
     contacts: Contacts,
     /// Fraction of spheres in clusters of each size.
@@ -39,18 +37,18 @@ pub(crate) struct RunStructure {
 }
 
 impl RunStructure {
-    /// Empty sums for cells of this kind.
-    pub(crate) fn new<S: Space>(network: &Network<S>) -> Self {
-        let radial_bins = radial_bins(&network.cell);
-        let with_angle_bins = radial_bins_with_angle(&network.cell);
+    /// Empty sums for cells of this kind, of which none has a smaller reach: the cell may change
+    /// from frame to frame, and differ between runs that are averaged, which need the same bins.
+    pub(crate) fn new<S: Space>(network: &Network<S>, reach: f64) -> Self {
+        let distances = Distances::within(reach);
         let forces = vec![0.0; force_bins().len()];
         Self {
             dimensions: S::DIMENSIONS,
             frames: 0,
             smallest: network.radii.iter().copied().fold(1.0, f64::min),
             pairs: Pairs {
-                radial: vec![0.0; radial_bins.len()],
-                with_angle: vec![0.0; with_angle_bins.len() * ANGLES],
+                radial: vec![0.0; distances.radial.len()],
+                with_angle: vec![0.0; distances.with_angle.len() * ANGLES],
             },
             contacts: Contacts {
                 angles: vec![0.0; ANGLES],
@@ -63,8 +61,7 @@ impl RunStructure {
             scalars: [(0.0, 0); SCALARS],
             profiles: Vec::new(),
             diffusivities: [None; 2],
-            radial_bins,
-            with_angle_bins,
+            distances,
         }
     }
 
@@ -87,7 +84,7 @@ impl RunStructure {
     /// Adds the network and the sampled numbers of a frame.
     pub(crate) fn add<S: Space>(&mut self, network: &Network<S>, sampled: &StructureSample) {
         self.frames += 1;
-        let found = pairs(network);
+        let found = pairs(network, &self.distances);
         add(&mut self.pairs.radial, &found.radial);
         add(&mut self.pairs.with_angle, &found.with_angle);
         let found = contacts(network);
@@ -172,7 +169,7 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
-    /// Averages the runs of a point; `None` without frames.
+    /// Averages the runs of a point, of the same reach; `None` without frames.
     pub(crate) fn of(runs: &[RunStructure]) -> Option<Self> {
         let runs: Vec<&RunStructure> = runs.iter().filter(|run| run.frames > 0).collect();
         let first = *runs.first()?;
@@ -201,7 +198,8 @@ impl Structure {
         // The same bins for all runs, whose smallest spheres may differ.
         let smallest = runs.iter().map(|run| run.smallest).fold(1.0, f64::min);
         let nearest = first
-            .with_angle_bins
+            .distances
+            .with_angle
             .place(2.0 * smallest - OVERLAP + 1e-9)
             .unwrap_or(0);
         let diffusivities = [0, 1].map(|axis| {
@@ -225,11 +223,11 @@ impl Structure {
             frames: runs.iter().map(|run| run.frames).sum(),
             scalars: scalars.collect(),
             radial: Curve {
-                x: first.radial_bins.middles(),
+                x: first.distances.radial.middles(),
                 y: per_frame(|run| &run.pairs.radial),
             },
             with_angle: (
-                first.with_angle_bins.middles().split_off(nearest),
+                first.distances.with_angle.middles().split_off(nearest),
                 angles.clone(),
                 with_angle
                     .chunks(ANGLES)
@@ -286,14 +284,24 @@ impl Structure {
     }
 }
 
-/// Velocity and fraction along the axis of a profile; empty where there is none.
+/// Velocity and fraction along the axis of a profile, in the mean cell; empty where there is none.
 fn profiles(runs: &[&RunStructure], place: usize) -> [Curve; 2] {
     let of: [fn(&Profile) -> Vec<f64>; 2] = [Profile::velocity, Profile::fraction];
-    let first = runs.first().and_then(|run| run.profiles.get(place));
+    let sides = runs
+        .iter()
+        .filter_map(|run| Some(run.profiles.get(place)?.side));
+    // A running mean, which equal sides do not change.
+    let side = sides.zip(1_u32..).fold(0.0, |mean, (side, number)| {
+        mean + (side - mean) / f64::from(number)
+    });
     of.map(|of| {
         let each = |run: &&RunStructure| run.profiles.get(place).map(of);
         Curve {
-            x: first.map(Profile::middles).unwrap_or_default(),
+            x: if side > 0.0 {
+                middles(side)
+            } else {
+                Vec::new()
+            },
             y: bands(&runs.iter().map(each).collect::<Vec<_>>()),
         }
     })

@@ -2,7 +2,7 @@
 
 use super::constraints::hyperstaticity;
 use super::order::{concentration, layering, psi_6, q_6};
-use super::{Network, RunStructure};
+use super::{Network, RunStructure, reach};
 use sd_core::cell::{Cell, Lattice};
 use sd_core::contact::ContactState;
 use sd_core::simulation::StructureSample;
@@ -24,26 +24,42 @@ pub struct OutsideFrame {
 }
 
 impl RunStructure {
-    /// The structure of a run of another program; `None` without frames.
+    /// The structure of each run of another program that has frames.
     ///
     /// # Errors
     /// [`Error::Refused`] about a lattice, and [`Error::Length`] about a list of another length.
-    pub(crate) fn of_outside(frames: &[OutsideFrame]) -> Result<Option<Self>, Error> {
-        let mut sums: Option<Self> = None;
-        for frame in frames {
-            match frame.lattice.len() {
-                4 => add::<Layer>(&mut sums, frame)?,
-                _ => add::<Bulk>(&mut sums, frame)?,
-            }
+    pub(crate) fn of_outside(runs: &[Vec<OutsideFrame>]) -> Result<Vec<Self>, Error> {
+        let mut least = f64::INFINITY;
+        for frame in runs.iter().flatten() {
+            least = least.min(match frame.lattice.len() {
+                4 => reach(&network::<Layer>(frame)?.cell),
+                _ => reach(&network::<Bulk>(frame)?.cell),
+            });
         }
-        Ok(sums)
+        let of_run = |frames: &Vec<OutsideFrame>| {
+            let mut sums: Option<Self> = None;
+            for frame in frames {
+                match frame.lattice.len() {
+                    4 => add::<Layer>(&mut sums, frame, least)?,
+                    _ => add::<Bulk>(&mut sums, frame, least)?,
+                }
+            }
+            Ok(sums)
+        };
+        runs.iter()
+            .filter_map(|run| of_run(run).transpose())
+            .collect()
     }
 }
 
-/// Adds a frame to sums, which it begins.
-fn add<S: Space>(sums: &mut Option<RunStructure>, frame: &OutsideFrame) -> Result<(), Error> {
+/// Adds a frame to sums up to that reach, which it begins.
+fn add<S: Space>(
+    sums: &mut Option<RunStructure>,
+    frame: &OutsideFrame,
+    reach: f64,
+) -> Result<(), Error> {
     let network = network::<S>(frame)?;
-    let sums = sums.get_or_insert_with(|| RunStructure::new(&network));
+    let sums = sums.get_or_insert_with(|| RunStructure::new(&network, reach));
     sums.add(&network, &sampled(frame, &network));
     Ok(())
 }
@@ -177,10 +193,10 @@ mod tests {
             },
         ] {
             assert!(
-                RunStructure::of_outside(std::slice::from_ref(&bad)).is_err(),
+                RunStructure::of_outside(&[vec![bad.clone()]]).is_err(),
                 "{bad:?}"
             );
         }
-        assert!(RunStructure::of_outside(&[]).unwrap().is_none());
+        assert!(RunStructure::of_outside(&[vec![]]).unwrap().is_empty());
     }
 }

@@ -19,30 +19,42 @@ const IN_PLANE: f64 = 0.25;
 /// The pair distributions of one instant.
 #[derive(Debug, Clone)]
 pub(super) struct Pairs {
-    /// g(r) in each bin of [`radial_bins`].
+    /// g(r) in each bin of [`Distances::radial`].
     pub(super) radial: Vec<f64>,
-    /// g(r, θ) in each bin of [`radial_bins_with_angle`] and of the angle, the angles of a distance
+    /// g(r, θ) in each bin of [`Distances::with_angle`] and of the angle, the angles of a distance
     /// one after the other.
     pub(super) with_angle: Vec<f64>,
 }
 
 /// Distance below which all pairs are found by their nearest images, in a; 0 without a cell.
-fn reach<S: Space>(cell: &Cell<S>) -> f64 {
+pub(crate) fn reach<S: Space>(cell: &Cell<S>) -> f64 {
     cell.lattice().map_or(0.0, Lattice::reach)
 }
 
-/// Distances of g(r), in a: of width 0.001 around contact of equal spheres, where their first peak
-/// is, and of 0.02 beyond and down to 1, where smaller spheres touch.
-pub(super) fn radial_bins<S: Space>(cell: &Cell<S>) -> Bins {
-    Bins::equal(0.0, 1.0, 10)
-        .and_then(1.9, 0.02)
-        .and_then(2.1, 1e-3)
-        .and_then(reach(cell).min(FARTHEST), 0.02)
+/// The bins of the distances of pairs, the same for all frames that are averaged.
+#[derive(Debug, Clone)]
+pub(super) struct Distances {
+    /// Pairs farther apart are not counted, in a.
+    reach: f64,
+    /// Those of g(r), in a: of width 0.001 around contact of equal spheres, where their first peak
+    /// is, and of 0.02 beyond and down to 1, where smaller spheres touch.
+    pub(super) radial: Bins,
+    /// Those of g(r, θ), in a: of width 0.05, from contact of spheres of half the mean radius.
+    pub(super) with_angle: Bins,
 }
 
-/// Distances of g(r, θ), in a: of width 0.05, from contact of spheres of half the mean radius.
-pub(super) fn radial_bins_with_angle<S: Space>(cell: &Cell<S>) -> Bins {
-    Bins::equal(1.0, 2.0, 20).and_then(reach(cell).min(FARTHEST_WITH_ANGLE), 0.05)
+impl Distances {
+    /// Bins up to the smallest [`reach`] of the frames: beyond it some of them lack pairs.
+    pub(super) fn within(reach: f64) -> Self {
+        Self {
+            reach,
+            radial: Bins::equal(0.0, 1.0, 10)
+                .and_then(1.9, 0.02)
+                .and_then(2.1, 1e-3)
+                .and_then(reach.min(FARTHEST), 0.02),
+            with_angle: Bins::equal(1.0, 2.0, 20).and_then(reach.min(FARTHEST_WITH_ANGLE), 0.05),
+        }
+    }
 }
 
 /// Angles from the flow direction towards the gradient direction, in [0, π).
@@ -69,9 +81,8 @@ fn shell<S: Space>(from: f64, to: f64) -> f64 {
 }
 
 /// Pair distributions of spheres in a periodic cell, normalized to 1 for uncorrelated spheres.
-pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
-    let bins = radial_bins(&network.cell);
-    let with_angle = radial_bins_with_angle(&network.cell);
+pub(super) fn pairs<S: Space>(network: &Network<S>, distances: &Distances) -> Pairs {
+    let (bins, with_angle) = (&distances.radial, &distances.with_angle);
     let angles = angle_bins();
     let mut radial = vec![0.0; bins.len()];
     let mut both = vec![0.0; with_angle.len() * ANGLES];
@@ -82,14 +93,13 @@ pub(super) fn pairs<S: Space>(network: &Network<S>) -> Pairs {
             with_angle: both,
         };
     };
-    let reach = reach(&network.cell);
     for i in 0..n {
         for j in i + 1..n {
             let (separation, _) = network
                 .cell
                 .nearest(network.centres[j] - network.centres[i]);
             let distance = S::norm_squared(&separation).sqrt();
-            if distance >= reach {
+            if distance >= distances.reach {
                 continue;
             }
             if let Some(place) = bins.place(distance) {

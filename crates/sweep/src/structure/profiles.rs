@@ -7,62 +7,76 @@ use std::f64::consts::PI;
 /// Rows into which a side of the cell is divided.
 const ROWS: usize = 20;
 
+/// Area or volume of a cell of this side.
+fn content<S: Space>(side: f64) -> f64 {
+    side.powi(if S::DIMENSIONS == 2 { 2 } else { 3 })
+}
+
+/// Middles of the rows of a cell of this side, in a.
+pub(super) fn middles(side: f64) -> Vec<f64> {
+    let each = (0..ROWS).map(|row| (row as f64 + 0.5) / ROWS as f64 * side);
+    each.collect()
+}
+
 /// Sums over the frames of a run, by rows of the cell across one axis.
 #[derive(Debug, Clone)]
 pub(super) struct Profile {
     /// The axis along which it is: 1 for the gradient, 2 for the vorticity.
     axis: usize,
-    side: f64,
+    /// Mean side of the cell, in a.
+    pub(super) side: f64,
+    /// Side of the first frame, in a.
+    first: f64,
     frames: f64,
     /// Spheres with their centres in each row, the sum of their velocities, and of their areas or
-    /// volumes.
+    /// volumes in a cell scaled to the side of the first frame.
     rows: [[f64; 3]; ROWS],
-    /// Area or volume of a row.
+    /// Area or volume of a row of the first frame.
     content: f64,
 }
 
 impl Profile {
-    /// An empty profile along an axis of cells of this side.
+    /// An empty profile along an axis of cells, the first of this side.
     pub(super) fn new<S: Space>(axis: usize, side: f64) -> Self {
-        let dimensions = if S::DIMENSIONS == 2 { 2 } else { 3 };
         Self {
             axis,
             side,
+            first: side,
             frames: 0.0,
             rows: [[0.0; 3]; ROWS],
-            content: side.powi(dimensions) / ROWS as f64,
+            content: content::<S>(side) / ROWS as f64,
         }
     }
 
     /// Adds a frame; `direction` is the sense of its shear.
     pub(super) fn add<S: Space>(&mut self, frame: &Frame<S>, direction: f64) {
         self.frames += 1.0;
+        // A running mean, which equal sides do not change.
+        self.side += (frame.side - self.side) / self.frames;
+        let scale = content::<S>(self.first / frame.side);
         let spheres = frame.centres.iter().zip(&frame.velocities);
         for ((x, u), &radius) in spheres.zip(&frame.radii) {
-            let place = (x[self.axis] / self.side).rem_euclid(1.0);
+            let place = (x[self.axis] / frame.side).rem_euclid(1.0);
             let row = crate::text::format::count((place * ROWS as f64).floor()).min(ROWS - 1);
             // The velocity in the row of the cell, of which the sphere may be an image.
             let carried = if self.axis == 1 {
-                place * self.side
+                place * frame.side
             } else {
                 0.0
             };
             let velocity = u[0] + direction * (carried - x[1]);
-            let content = if S::DIMENSIONS == 2 {
+            let sphere = if S::DIMENSIONS == 2 {
                 PI * radius * radius
             } else {
                 4.0 / 3.0 * PI * radius.powi(3)
             };
-            for (sum, value) in self.rows[row].iter_mut().zip([1.0, velocity, content]) {
+            for (sum, value) in self.rows[row]
+                .iter_mut()
+                .zip([1.0, velocity, sphere * scale])
+            {
                 *sum += value;
             }
         }
-    }
-
-    /// Middles of the rows, in a.
-    pub(super) fn middles(&self) -> Vec<f64> {
-        let each = (0..ROWS).map(|row| (row as f64 + 0.5) / ROWS as f64 * self.side);
-        each.collect()
     }
 
     /// Mean velocity of the spheres in each row, along the gradient with the linear profile, along
@@ -99,7 +113,11 @@ mod tests {
         let mut profile = Profile::new::<Layer>(1, side);
         profile.add(&frame, 1.0);
         profile.add(&frame, 1.0);
-        let (y, velocity, fraction) = (profile.middles(), profile.velocity(), profile.fraction());
+        let (y, velocity, fraction) = (
+            middles(profile.side),
+            profile.velocity(),
+            profile.fraction(),
+        );
         assert_eq!((y[4], y[15]), (2.25, 7.75));
         assert!((velocity[4] - 2.5).abs() < 1e-12 && (velocity[15] - 8.0).abs() < 1e-12);
         assert!(velocity[0].is_nan());
@@ -108,5 +126,36 @@ mod tests {
         assert!((fraction[15] - 6.0 * one).abs() < 1e-12 && fraction[0] == 0.0);
         let mean = fraction.iter().sum::<f64>() / fraction.len() as f64;
         assert!((mean - 9.0 * PI * 0.25 / 100.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn in_a_cell_that_changes_the_profile_has_the_mean_fraction_and_the_flow_of_the_mean_cell() {
+        let sides = [10.0, 12.0, 17.0];
+        let mut profile = Profile::new::<Layer>(1, sides[0]);
+        let mut wanted = 0.0;
+        for side in sides {
+            // A sphere in the middle of each row, carried along, some of them seen by their images.
+            let heights = middles(side).into_iter().zip(0..);
+            let heights: Vec<f64> = heights.map(|(y, k)| y + side * f64::from(k % 3)).collect();
+            let frame = Frame::<Layer> {
+                side,
+                radii: vec![0.5; ROWS],
+                centres: heights.iter().map(|y| [1.0, *y]).collect(),
+                velocities: heights.iter().map(|y| [*y, 0.0]).collect(),
+                ..Frame::default()
+            };
+            profile.add(&frame, 1.0);
+            wanted += ROWS as f64 * PI * 0.25 / (side * side) / 3.0;
+        }
+        assert!((profile.side - 13.0).abs() < 1e-12);
+        for fraction in profile.fraction() {
+            assert!(
+                (fraction - wanted).abs() < 1e-12,
+                "{fraction} and not {wanted}"
+            );
+        }
+        for (velocity, y) in profile.velocity().into_iter().zip(middles(profile.side)) {
+            assert!((velocity - y).abs() < 1e-12, "{velocity} at {y}");
+        }
     }
 }

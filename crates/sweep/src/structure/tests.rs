@@ -1,9 +1,9 @@
 //! Lattices with known structure, also across the border of the sheared cell; a random gas.
 
-use super::pairs::{ANGLES, pairs, radial_bins};
+use super::pairs::{ANGLES, Distances, Pairs, pairs};
 use super::*;
 use rand::{RngExt as _, SeedableRng as _};
-use sd_core::cell::Cell;
+use sd_core::cell::{Cell, Lattice};
 use sd_core::contact::ContactState;
 use sd_core::simulation::StructureSample;
 use sd_core::{Bulk, Layer, Space};
@@ -48,8 +48,14 @@ fn hexagonal(columns: u32, rows: u32, cells_over: f64) -> Network<Layer> {
     touching(cell, centres, 2.01, ContactState::Sticking)
 }
 
+/// The pairs of a network as far as it reaches, and the bins of their distances.
+fn own_pairs<S: Space>(network: &Network<S>) -> (Pairs, Distances) {
+    let distances = Distances::within(reach(&network.cell));
+    (pairs(network, &distances), distances)
+}
+
 fn of<S: Space>(network: &Network<S>) -> Structure {
-    let mut run = RunStructure::new(network);
+    let mut run = RunStructure::new(network, reach(&network.cell));
     run.add(network, &StructureSample::NONE);
     run.add(network, &StructureSample::NONE);
     Structure::of(&[run.clone(), run]).unwrap()
@@ -122,9 +128,9 @@ fn pair_distribution_counts_the_neighbours_of_lattices() {
     let within = |network: &Network<Layer>, far: f64| {
         let n = network.spheres() as f64;
         let density = (n - 1.0) / network.cell.content().unwrap();
-        let found = pairs(network);
-        let bins = radial_bins(&network.cell);
-        let shells = bins
+        let (found, distances) = own_pairs(network);
+        let shells = distances
+            .radial
             .ends()
             .zip(found.radial)
             .filter(|((_, high), _)| *high <= far);
@@ -144,11 +150,9 @@ fn pair_distribution_counts_the_neighbours_of_lattices() {
         assert!((found - neighbours).abs() < 1e-9, "{far}: {found}");
     }
     // The first peak is where spheres touch, to 1e-3 a.
-    let bins = radial_bins(&network.cell);
-    let peak = (0..bins.len())
-        .find(|&k| pairs(&network).radial[k] > 0.0)
-        .unwrap();
-    assert!((bins.middles()[peak] - 2.0).abs() < 1e-3);
+    let (found, distances) = own_pairs(&network);
+    let peak = found.radial.iter().position(|g| *g > 0.0).unwrap();
+    assert!((distances.radial.middles()[peak] - 2.0).abs() < 1e-3);
     // A square layer: 4, 8, 12 neighbours, a core of the same, and directions 0 and 90 degrees.
     let cell = Cell::<Layer>::equal_sides(20.0, 4.0).unwrap();
     let square = (0..10).flat_map(|row| (0..10).map(move |column| (row, column)));
@@ -186,7 +190,7 @@ fn a_random_gas_has_no_structure() {
                 })
                 .collect();
             let gas = Network::<Layer>::new(cell, centres, vec![1.0; 200], []);
-            let mut run = RunStructure::new(&gas);
+            let mut run = RunStructure::new(&gas, reach(&gas.cell));
             run.add(&gas, &StructureSample::NONE);
             run
         })
@@ -225,6 +229,87 @@ fn a_random_gas_has_no_structure() {
 }
 
 #[test]
+fn a_random_gas_has_no_structure_where_its_cell_changes() {
+    // Sheared cells that change their size and inclined ones that change their shape, whose sides
+    // differ between the runs too.
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+    let mut least = f64::INFINITY;
+    let runs: Vec<Vec<Network<Layer>>> = (0..2)
+        .map(|run| {
+            let mut of_frame = |frame: u32| {
+                let side = 20.0 - f64::from(run) - f64::from(frame % 7);
+                let skew = 0.1 * f64::from(frame % 4);
+                let vectors = [[side, skew * side].into(), [skew * side, side].into()];
+                let cell = if frame.is_multiple_of(2) {
+                    Cell::equal_sides(side, skew * side).unwrap()
+                } else {
+                    Lattice::new(&vectors).unwrap().into()
+                };
+                least = least.min(reach(&cell));
+                let vectors = cell.lattice().unwrap().vectors();
+                let mut of_axis = |k: usize| vectors[k] * random.random_range(0.0..1.0);
+                let centres = (0..150).map(|_| of_axis(0) + of_axis(1)).collect();
+                Network::new(cell, centres, vec![1.0; 150], [])
+            };
+            (0..200).map(&mut of_frame).collect()
+        })
+        .collect();
+    let distances = Distances::within(least);
+    // Pairs that are expected in a shell of unit content, in all frames.
+    let density = |network: &Network<Layer>| 0.5 * 150.0 * 149.0 / network.cell.content().unwrap();
+    let density: f64 = runs.iter().flatten().map(density).sum();
+    let sums = runs.iter().map(|frames| {
+        let mut sums = RunStructure::new(&frames[0], least);
+        for gas in frames {
+            sums.add(gas, &StructureSample::NONE);
+        }
+        sums
+    });
+    let structure = Structure::of(&sums.collect::<Vec<_>>()).unwrap();
+    let is_one = |g: f64, [low, high]: [f64; 2]| {
+        let expected = density * PI * (high * high - low * low);
+        let error = (g - 1.0) * expected.sqrt();
+        assert!(error.abs() < 5.0, "g = {g} from {low} to {high}");
+    };
+    assert_eq!(structure.radial.y.len(), distances.radial.len());
+    for (band, (low, high)) in structure.radial.y.iter().zip(distances.radial.ends()) {
+        is_one(band.unwrap().mean, [low, high]);
+    }
+    // The bins of the angle begin below contact of the smallest sphere.
+    let rows = structure.with_angle.2.iter().rev();
+    let ends: Vec<_> = distances.with_angle.ends().collect();
+    for (row, (low, high)) in rows.zip(ends.into_iter().rev()) {
+        is_one(row.iter().sum::<f64>() / ANGLES as f64, [low, high]);
+    }
+}
+
+#[test]
+fn pairs_are_counted_at_their_distance_where_the_cell_changes() {
+    let networks = [20.0, 14.0, 17.0].map(|side| {
+        let cell = Cell::<Layer>::equal_sides(side, 0.0).unwrap();
+        let centres = vec![[1.0, 1.0].into(), [6.03, 1.0].into()];
+        Network::<Layer>::new(cell, centres, vec![1.0; 2], [])
+    });
+    let mut run = RunStructure::new(&networks[0], 7.0);
+    for network in &networks {
+        run.add(network, &StructureSample::NONE);
+    }
+    let structure = Structure::of(&[run]).unwrap();
+    let (distances, _, rows) = &structure.with_angle;
+    assert!(structure.radial.x.last().unwrap() < &7.0 && distances.last().unwrap() < &6.0);
+    for (r, g) in structure.radial.x.iter().zip(&structure.radial.y) {
+        assert_eq!(g.unwrap().mean > 0.0, (r - 5.03).abs() < 0.01, "{r}");
+    }
+    for (r, row) in distances.iter().zip(rows) {
+        assert_eq!(
+            row.iter().any(|g| *g > 0.0),
+            (r - 5.03).abs() < 0.025,
+            "{r}"
+        );
+    }
+}
+
+#[test]
 fn a_simple_cubic_suspension_has_six_contacts_and_percolates_along_all_axes() {
     let cell = Cell::<Bulk>::equal_sides(10.0, 4.0).unwrap();
     let places = (0..125).map(|k| [k % 5, (k / 5) % 5, k / 25].map(|x| 2.0 * f64::from(x) + 0.4));
@@ -243,10 +328,11 @@ fn a_simple_cubic_suspension_has_six_contacts_and_percolates_along_all_axes() {
     assert_eq!(structure.scalar("rigid_fraction"), None);
     assert!(structure.fabric_deviator.unwrap().mean < 1e-12);
     let n = 125.0;
-    let bins = radial_bins(&network.cell);
-    let shells = bins
+    let (found, distances) = own_pairs(&network);
+    let shells = distances
+        .radial
         .ends()
-        .zip(pairs(&network).radial)
+        .zip(found.radial)
         .filter(|((_, high), _)| *high <= 2.1);
     let density = (n - 1.0) / 1000.0;
     let neighbours: f64 = shells
