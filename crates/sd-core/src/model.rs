@@ -202,7 +202,21 @@ fn half() -> f64 {
 }
 
 impl Params {
-    /// Most spheres of a layer or configuration.
+    /// Number of large spheres, of two sizes.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a fraction of n, rounded"
+    )]
+    pub(crate) fn number_of_large(&self) -> usize {
+        if self.size_ratio == 1.0 {
+            0
+        } else {
+            (self.large_fraction * self.spheres as f64).round() as usize
+        }
+    }
+
+    /// Most spheres of a run or of a configuration.
     pub const MAX_SPHERES: usize = parameters::MAX_SPHERES;
     /// The spheres of a start layer with more than this number are numbered row by row, so that the
     /// factors of its sparse matrices are small.

@@ -11,6 +11,7 @@ pub(super) use choices::set_volume_fraction;
 pub(crate) use quantities::{FRICTION, MAX_SPHERES, ROUGHNESS};
 use quantities::{SHEAR_RATE, SHEAR_STRESS};
 
+use super::sizes::no_sphere;
 use super::{
     ContactLaws, ContactScheme, FlowType, Hydrodynamics, Params, PressureKind, Surface, segments,
 };
@@ -123,7 +124,7 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
                 key: "imposed_macroscopic_friction",
                 value: ratio.to_string(),
                 problem: "would have the pressure follow the stress of an oscillation, which vanishes twice a cycle".into(),
-                allowed: "`viscous_number`, whose pressure is constant, or segments without `amplitude`".into(),
+                allowed: "`viscous_number`, whose pressure is constant, or segments without `oscillation`".into(),
                 because: Some("segments"),
             });
         }
@@ -150,12 +151,34 @@ pub(super) fn check(params: &Params) -> Result<(), Refusal> {
     for parameter in &PARAMETERS {
         parameter.check(params)?;
     }
+    check_two_sizes(params)?;
     if let Some(sizes) = &params.sizes {
         sizes.check(params.spheres)?;
     }
     check_together(params)?;
     check_brownian(params)?;
     check_step(params)
+}
+
+/// Refuses two sizes of which the spheres are too few to have both.
+fn check_two_sizes(params: &Params) -> Result<(), Refusal> {
+    if params.size_ratio == 1.0 || params.sizes.is_some() {
+        return Ok(());
+    }
+    let (spheres, large) = (params.spheres, params.number_of_large());
+    for (size, number, fraction) in [
+        ("the large size", large, params.large_fraction),
+        (
+            "the small size",
+            spheres - large,
+            1.0 - params.large_fraction,
+        ),
+    ] {
+        if number == 0 && fraction > 0.0 {
+            return Err(no_sphere(spheres, size, fraction, "large_fraction"));
+        }
+    }
+    Ok(())
 }
 
 impl Quantity {

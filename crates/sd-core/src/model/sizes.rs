@@ -69,6 +69,20 @@ fn refuse(value: impl Into<String>, problem: &str, allowed: impl Into<String>) -
     }
 }
 
+/// The refusal of so few spheres that none has a size.
+pub(super) fn no_sphere(n: usize, size: &str, fraction: f64, because: &'static str) -> Refusal {
+    Refusal {
+        key: "spheres",
+        value: n.to_string(),
+        problem: format!("leaves no sphere of {size}, whose fraction of the number is {fraction}"),
+        allowed: format!(
+            "about {} spheres or more, or another fraction",
+            (0.5 / fraction).ceil()
+        ),
+        because: Some(because),
+    }
+}
+
 impl Sizes {
     /// Species in canonical form: in order, each radius once.
     ///
@@ -220,8 +234,20 @@ impl Sizes {
         radii
     }
 
-    /// Refuses radii of N spheres that are too small or too large.
+    /// Refuses radii of N spheres that are too small or too large, and species without a sphere.
     pub(super) fn check(&self, n: usize) -> Result<(), Refusal> {
+        if let Kind::Species(species) = &self.0 {
+            let radii = self.unscaled_radii(n);
+            let absent = |[radius, _]: &&[f64; 2]| !radii.contains(radius);
+            if let Some([radius, fraction]) = species.iter().find(absent) {
+                return Err(no_sphere(
+                    n,
+                    &format!("radius {radius}"),
+                    *fraction,
+                    "sizes",
+                ));
+            }
+        }
         let radii = self.radii(n);
         let (Some(largest), Some(smallest)) = (radii.first(), radii.last()) else {
             return Ok(());

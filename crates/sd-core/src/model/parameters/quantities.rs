@@ -2,7 +2,7 @@
 
 use crate::law::{Quantity, Range};
 
-/// Most spheres of a layer or configuration.
+/// Most spheres of a run or of a configuration.
 pub(crate) const MAX_SPHERES: usize = 50_000;
 
 /// N.

@@ -1,6 +1,6 @@
 //! A given start layer: check against the parameters, and conversion to the form of a start.
 
-use super::radii_and_side;
+use super::first_cell::radii_and_side;
 use crate::error::Error;
 use crate::model::{DEEPEST_OVERLAP, Params, Refusal, StartLayer};
 use crate::space::cell::Cell;

@@ -35,6 +35,22 @@ pub(super) struct Density {
     pub(super) balanced: f64,
 }
 
+/// Packing limits of discs.
+pub(super) const DISCS: Density = Density {
+    easy: 0.80,
+    closest: 0.906_899_682_117_108_9, // π/√12
+    shakes: 100,
+    balanced: 0.0,
+};
+
+/// Packing limits of spheres.
+pub(super) const SPHERES: Density = Density {
+    easy: 0.55,
+    closest: 0.740_480_489_693_061, // π/√18
+    shakes: 10,
+    balanced: 1e-4,
+};
+
 /// Spheres during packing into a cell.
 pub(super) struct Packing<S: Space> {
     cell: Cell<S>,
