@@ -98,8 +98,8 @@
 //! layer; for a suspension, tensors and tangent planes are three-dimensional: friction is then a
 //! vector, its bound a disc.
 //!
-//! The crate reads no file, prints nothing and starts no thread; a run depends only on [`Params`]
-//! and a seed.
+//! The crate reads no file, prints nothing and starts no threads but those of [`Threads`]; a run
+//! depends only on [`Params`] and a seed.
 //!
 //! # Units and symbols
 //! Mean radius a, viscosity μ and shear rate are 1. x is the flow, y the gradient, z the vorticity.
@@ -146,13 +146,13 @@
 //! threads         work of one run divided among threads, with the same bits
 //! law             constitutive laws of contact: pure functions of numbers, one file each
 //! model           what decides a run: every parameter and choice declared once, ranged, validated
-//! linalg          dense matrices, lu, cholesky (dense, tiled, sparse), gmres, anderson:
-//!                 the only module that names the linear-algebra library
-//! space           what differs between a layer and a suspension: vectors, modes, tangents, orientations, the flow; the sheared cell, pairs and
-//!                 lists of them, written once for both; the six planar modes of a sphere in a layer
+//! linalg          dense matrices, lu, cholesky (dense, tiled, sparse), gmres, anderson, lanczos,
+//!                 polynomials: the only module that names the linear-algebra library
+//! space           what differs between a layer and a suspension: vectors, modes, tangents, orientations; linear and incident flows, lattices
+//!                 and the cell, pairs and lists of them, written once for both; the six planar modes of a sphere in a layer
 //! hydrodynamics   free_space: mobility of one and of two spheres; two_sphere: near field of a pair; far_field: mobility of
 //!                 all spheres; resistance: their sum, held dense or pair by pair; iterative: the far field put on top of
-//!                 Ball-Melrose by iteration, for many spheres. All generic in the space, but for the sums of the far field
+//!                 Ball-Melrose by iteration, for many spheres; inverse_mobility: solves with the mobility. All generic in the space, but for the sums of the far field
 //!                 and its mobilities
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; contact_solver: the pairs that take part;
 //!                 problem: the one contact problem, its states, and its dense and sparse linear algebra

@@ -4,6 +4,7 @@ use crate::contact::laws::{Laws, Span};
 use crate::contact::{ContactMemory, SolvePass, Surface};
 use crate::error::Error;
 use crate::hydrodynamics::resistance::{NearFields, Resistance};
+use crate::hydrodynamics::two_sphere::check_size_ratio;
 use crate::model::Hydrodynamics;
 use crate::model::parameters::{FRICTION, ROUGHNESS};
 use crate::run::steppers::{RungeKutta, State};
@@ -15,6 +16,8 @@ use serde::Serialize;
 
 /// Maximum number of steps for the spheres to pass.
 const MAX_STEPS: u64 = 1_000_000;
+/// Longest time step, in which a sphere of radius 1 alone moves by a quarter of its radius.
+const LONGEST_STEP: f64 = 5.0;
 
 /// The scenario: radii 1 and L, forces +1 and −1 along x, from (−X, Y) and (X, −Y); critical
 /// load 0. An example is at [`pass`].
@@ -28,7 +31,7 @@ pub struct PairScenario {
     pub offset: f64,
     /// X, in a, positive.
     pub start: f64,
-    /// Time step, in mu·a²/force, positive.
+    /// Time step, in mu·a²/force, at most 5.
     pub time_step: f64,
 }
 
@@ -240,9 +243,7 @@ fn check(scenario: &PairScenario) -> Result<(), Error> {
         start,
         time_step,
     } = *scenario;
-    if !(0.01..=100.0).contains(&size_ratio) {
-        return refuse("size_ratio", size_ratio, "0.01 to 100");
-    }
+    check_size_ratio(size_ratio)?;
     if let Some((roughness, friction)) = contact {
         ROUGHNESS.check(ROUGHNESS.key, roughness)?;
         if roughness == 0.0 {
@@ -260,8 +261,8 @@ fn check(scenario: &PairScenario) -> Result<(), Error> {
     if !(start > 0.0 && start <= 1000.0) {
         return refuse("start", start, "above 0 and at most 1000");
     }
-    if !(time_step > 0.0 && time_step.is_finite()) {
-        return refuse("time_step", time_step, "positive and finite");
+    if !(time_step > 0.0 && time_step <= LONGEST_STEP) {
+        return refuse("time_step", time_step, "above 0 and at most 5");
     }
     // Alone, a sphere of radius r moves by 1/(6π r) in a unit of time, together they are slower.
     let speed = (1.0 + 1.0 / size_ratio) / (6.0 * std::f64::consts::PI);

@@ -130,8 +130,9 @@ impl<S: Fluid> Mobility<S> {
     /// - `centres`: one per sphere, in a; any images.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides; [`Error::OfSphere`] for
-    /// a position that is not finite; [`Error::Overlap`]. The positions are then those before.
+    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of another area or volume;
+    /// [`Error::OfSphere`] for a position that is not finite; [`Error::Overlap`]. The positions are
+    /// then those before.
     pub fn set_positions(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         check_centres::<S>(centres, self.radii.len())?;
         // Surfaces that touch have a gap of zero: up to that, M is positive definite.
@@ -290,10 +291,14 @@ impl<S: Fluid> Resistance<S> {
     /// - `centres`: one per sphere, in a; any images.
     ///
     /// # Errors
-    /// [`Error::Length`]; [`Error::OutOfRange`] for a cell of other sides; [`Error::OfSphere`] for
-    /// a position that is not finite; [`Error::Overlap`]. The positions are then those before.
+    /// [`Error::Length`]; [`Error::CellTooSmall`] and [`Error::LatticeTooShort`];
+    /// [`Error::OutOfRange`] for a cell of another area or volume under full Stokesian Dynamics;
+    /// [`Error::OfSphere`] for a position that is not finite; [`Error::Overlap`]. The positions are
+    /// then those before.
     pub fn set_positions(&mut self, cell: &Cell<S>, centres: &[S::Vector]) -> Result<(), Error> {
         check_centres::<S>(centres, self.centres.len())?;
+        let range = crate::hydrodynamics::resistance::Resistance::<S>::range(self.hydrodynamics);
+        cell.check_range(self.stage.resistance.radii(), range)?;
         self.stage.resistance.forget_pattern();
         if let Err(error) = self.stage.assemble(cell, centres) {
             self.stage.resistance.forget_pattern();

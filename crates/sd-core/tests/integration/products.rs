@@ -404,6 +404,10 @@ fn bad_input_is_refused_with_the_sphere_and_the_number() {
     let wide = Cell::equal_sides(14.0, 0.0).unwrap();
     let error = layer.set_positions(&wide, &spheres.centres).unwrap_err();
     assert!(matches!(error, Error::OutOfRange { .. }), "{error}");
+    let thin = Cell::equal_sides(3.0, 0.0).unwrap();
+    let mut near = spheres.resistance(Hydrodynamics::BallMelrose);
+    let error = near.set_positions(&thin, &spheres.centres).unwrap_err();
+    assert!(matches!(error, Error::CellTooSmall { .. }), "{error}");
 
     let mut far = mobility(&spheres);
     let ones = vec![1.0; 6 * n];

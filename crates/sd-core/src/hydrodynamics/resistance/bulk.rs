@@ -23,9 +23,9 @@ impl Fluid for Bulk {
     /// The values of the layer cause more fill-in: a Ball-Melrose instant of 1000 spheres at φ =
     /// 0.45 then takes 0.09 s instead of 0.035 s.
     const REACHES: [Reach; 2] = [Reach {
-        needed: 2.02,
-        taken: 2.05,
-        ahead: 0.01,
+        required: 2.02,
+        included: 2.05,
+        contact_margin: 0.01,
     }; 2];
 
     #[inline(always)]

@@ -26,16 +26,16 @@ impl Fluid for Layer {
         // Pairs in contact or close to it: the factor is then small, which gives more but cheaper
         // iterations.
         Reach {
-            needed: 2.1,
-            taken: 2.2,
-            ahead: 0.08,
+            required: 2.1,
+            included: 2.2,
+            contact_margin: 0.08,
         },
         // Includes first neighbours: each iteration then reduces the residual by a factor of about
         // thirty.
         Reach {
-            needed: 2.4,
-            taken: 2.7,
-            ahead: 0.08,
+            required: 2.4,
+            included: 2.7,
+            contact_margin: 0.08,
         },
     ];
 

@@ -138,12 +138,14 @@ impl<S: Fluid> PairwiseResistance<S> {
         let closer = |pair: &Neighbours<S>, limit: f64| {
             pair.distance < 0.5 * limit * (radii[pair.i] + radii[pair.j])
         };
-        let Reach { needed, taken, .. } = self.reach;
+        let Reach {
+            required, included, ..
+        } = self.reach;
         // An empty pattern is rebuilt each time: a snapshot does not distinguish it from a missing
         // one.
-        let serves = self.number(pairs, |pair| closer(pair, needed));
+        let serves = self.number(pairs, |pair| closer(pair, required));
         if !serves || self.pattern_pairs.is_empty() {
-            let near = pairs.iter().filter(|pair| closer(pair, taken));
+            let near = pairs.iter().filter(|pair| closer(pair, included));
             let pattern_pairs: Vec<PairKey> = near.map(Neighbours::key).collect();
             let pattern = NearPattern::new(radii.len(), &pattern_pairs)?;
             let replaced_pairs = std::mem::replace(&mut self.pattern_pairs, pattern_pairs);

@@ -63,9 +63,9 @@ pub struct Snapshot<S: Space = Layer> {
     /// determine the order of elimination.
     #[serde(default)]
     pub near_pairs: Vec<PairKey>,
-    /// Initial guess of the next solve of an iterated far field, `[12N + 4]`: force modes of the
-    /// last solution and associated values, in single precision. Empty before the first step, and
-    /// without iteration.
+    /// Initial guess of the next solve of an iterated far field, `[12N + 4]`, in a suspension
+    /// `[22N + 4]`: force modes of the last solution and associated values, in single precision.
+    /// Empty before the first step, and without iteration.
     #[serde(default)]
     pub far_field: Vec<f32>,
     /// F_crit at the last stage, in mu·a²·rate, under an imposed stress; forces of tangential
@@ -80,13 +80,13 @@ pub struct Snapshot<S: Space = Layer> {
     pub counters: Counters,
 }
 
-/// Default of [`Snapshot::height`].
 /// Whether the spheres are Brownian in any part of a run.
 fn is_thermal(params: &Params) -> bool {
     let flows = params.flows();
     flows.iter().any(|flow| flow.thermal_energy().is_some())
 }
 
+/// Default of [`Snapshot::height`].
 fn one() -> f64 {
     1.0
 }
@@ -126,7 +126,6 @@ impl Snapshot {
                 reason: "its cell is not square, and layers begin in square ones",
             });
         }
-        let before = params.given_layer().map_or(0.0, |layer| layer.offset);
         let last = params.in_step(&params.imposed(self.steps.saturating_sub(1)));
         let stiffness = ShearControl::new(&last, self.critical_load)
             .laws(&last)
@@ -138,12 +137,7 @@ impl Snapshot {
             }
             SchemeMemory::Laws(_) | SchemeMemory::Procedure { .. } => Vec::new(),
         };
-        let travelled = if params.has_free_rate() {
-            self.travelled[0]
-        } else {
-            params.net_strain(self.steps) * self.side
-        };
-        let offset = before + travelled;
+        let [offset, _] = self.offsets(params);
         Ok(StartLayer {
             side: self.side,
             offset: offset - self.side * (offset / self.side + 0.5).floor(),
@@ -175,13 +169,7 @@ impl<S: Space> Snapshot<S> {
                 let [along, cross] = self.travelled;
                 return Cell::periodic(sides, along)?.with_cross_offset(cross);
             }
-            let before = params.given_layer().map_or(0.0, |layer| layer.offset);
-            if params.has_free_rate() {
-                let [along, _] = self.travelled;
-                return Cell::equal_sides(self.side, before + along);
-            }
-            let offset = before + params.net_strain(self.steps) * self.side;
-            let cross = params.cross_strain(self.steps) * self.side;
+            let [offset, cross] = self.offsets(params);
             return Cell::equal_sides(self.side, offset)?.with_cross_offset(cross);
         };
         path.enter(params, imposed.segment)?;
@@ -192,6 +180,22 @@ impl<S: Space> Snapshot<S> {
         } else {
             cell
         })
+    }
+
+    /// Distances along x and z by which the images above have moved in a sheared cell of equal
+    /// sides, in a, not wrapped.
+    fn offsets(&self, params: &Params) -> [f64; 2] {
+        let before = params.given_layer().map_or(0.0, |layer| layer.offset);
+        let [along, cross] = if params.has_free_rate() {
+            self.travelled
+        } else {
+            let strains = [
+                params.net_strain(self.steps),
+                params.cross_strain(self.steps),
+            ];
+            strains.map(|strain| strain * self.side)
+        };
+        [before + along, cross]
     }
 
     pub(super) fn extent(&self, params: &Params) -> Extent {
