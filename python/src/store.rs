@@ -382,11 +382,14 @@ impl Store {
         let references = references.iter().map(|name| Reference::named(name));
         let drawing = Drawing {
             kind: word("kind", kind)?,
-            number: quantity.map(number).transpose().map_err(raise)?,
+            number: quantity
+                .map(|name| number("quantity", name))
+                .transpose()
+                .map_err(raise)?,
             along: along.map(axis).transpose()?,
             against: match against {
                 Some(Abscissa::Column(name)) => {
-                    Some(Against::Number(number(&name).map_err(raise)?))
+                    Some(Against::Number(number("against", &name).map_err(raise)?))
                 }
                 Some(Abscissa::Below(jamming)) => Some(Against::Below(jamming)),
                 None => None,

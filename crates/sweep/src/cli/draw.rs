@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// spheres in front. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml --trajectory\n  sweep draw sweeps/quickstart.toml 1 --strain 3.2 --out layer.svg\n  \
                   sweep draw results/quickstart.sqlite 3f9a --colour cluster --out clusters.svg\n  \
                   sweep draw suspension.sqlite 1 --slab 0..4 --out slab.svg"
 )]

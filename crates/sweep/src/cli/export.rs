@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// and meanings of tables go to files beside them.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml --trajectory\n  sweep export results/quickstart.sqlite 1 --out layer.xyz\n  sweep export results/quickstart.sqlite 3f9a --format csv --out layer.csv"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]

@@ -18,8 +18,8 @@ use std::path::PathBuf;
 /// prefactor; with 95 % intervals by bootstrap over seeds. See docs/fit.md. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep fit sweeps/figure-14.toml\n  sweep fit sweeps/figure-14.toml --where c=0.57..0.75 --figure fit.svg --csv residuals.csv\n  \
-                  sweep fit sweeps/figure-15.toml --where friction=0.3 --json"
+    after_help = "Examples:\n  sweep fit sweeps/flow-curve.toml\n  sweep fit sweeps/flow-curve.toml --where c=0.7..0.76 --figure fit.svg --csv residuals.csv\n  \
+                  sweep fit sweeps/flow-curve.toml --json"
 )]
 pub(crate) struct Arguments {
     #[command(flatten)]

@@ -115,8 +115,8 @@ fn text(plan: &Plan, width: Option<u16>) -> Result<String, std::fmt::Error> {
     if let Some(expected) = &plan.precision {
         writeln!(
             out,
-            "a precision is requested at {} points, of which {} are finished: {} to {} seeds in all, about {} if runs scatter by {} % ({})",
-            expected.points,
+            "a precision is requested at {}, of which {} are finished: {} to {} seeds in all, about {} if runs scatter by {} % ({})",
+            counted(expected.points, "point"),
             expected.settled,
             expected.at_least,
             expected.at_most,

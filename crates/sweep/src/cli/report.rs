@@ -32,11 +32,10 @@ use std::path::PathBuf;
                   sweep report sweeps/quickstart.toml --where shear_rate=0.1,inf --csv -\n  \
                   sweep report sweeps/quickstart.toml --columns viscosity,n1,n2,particle_pressure,shear_tangential_contact\n  \
                   sweep report results/figure-11.sqlite --figure contacts.svg --kind contacts --where shear_rate=inf\n  \
-                  sweep report results/figure-15.sqlite --figure panels.svg --panels area_fraction\n  \
-                  sweep report results/figure-14.sqlite results/figure-15.sqlite --figure both.svg\n  \
+                  sweep report results/figure-14.sqlite --figure panels.svg --panels area_fraction\n  \
                   sweep report sweeps/quickstart.toml --runs runs.parquet --samples samples.csv\n  \
                   sweep report sweeps/quickstart.toml --units a=1um,mu=1mPas,f_crit=10pN --format si\n  \
-                  sweep report results/figure-15.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
+                  sweep report results/figure-14.sqlite --figure dense.svg --quantity viscosity_median --where area_fraction=0.8\n\n\
                   The store is a SQLite file with a view for other programs, `runs` (a row per run):\n\
                   sqlite3 -header results/quickstart.sqlite 'SELECT * FROM runs'"
 )]

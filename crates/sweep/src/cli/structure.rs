@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// over runs, with 95 % intervals. docs/structure.md defines the numbers. Reads only.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  sweep structure sweeps/quickstart.toml\n  sweep structure results/quickstart.sqlite 3\n  \
+    after_help = "Examples:\n  sweep run sweeps/quickstart.toml --trajectory\n  sweep structure sweeps/quickstart.toml\n  sweep structure results/quickstart.sqlite 3\n  \
                   sweep structure sweeps/quickstart.toml --where shear_rate=inf --curves curves.csv --csv numbers.csv\n  \
                   sweep structure sweeps/quickstart.toml --figure angles.svg --kind contact-angle\n  \
                   sweep structure sweeps/quickstart.toml --json"

@@ -19,10 +19,8 @@ use std::path::PathBuf;
 /// with 95 % intervals. `start = "equilibrium"` makes starts in thermal equilibrium.
 /// docs/transport.md defines the numbers. Writes nothing.
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  sweep transport sweeps/suspension-random.toml\n  \
-                  sweep transport sweeps/suspension-random.toml --json"
-)]
+#[command(after_help = "Examples:\n  sweep transport sweeps/suspension.toml\n  \
+                  sweep transport sweeps/suspension.toml --json")]
 pub(crate) struct Arguments {
     /// The campaign file
     campaign: PathBuf,

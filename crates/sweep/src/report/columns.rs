@@ -169,10 +169,10 @@ fn known(option: &'static str, name: &str) -> Result<Column, ReportError> {
 ///
 /// # Errors
 /// [`ReportError::Argument`] on a name that none has.
-pub fn number(name: &str) -> Result<&'static Number, ReportError> {
-    match known("quantity", &name.replace('-', "_"))? {
+pub fn number(option: &'static str, name: &str) -> Result<&'static Number, ReportError> {
+    match known(option, &name.replace('-', "_"))? {
         Column::Axis(_) | Column::Interval(_) => Err(ReportError::argument(
-            "quantity",
+            option,
             format!("{name} is drawn as the interval of its number: name that"),
         )),
         Column::Number(number) => Ok(number),

@@ -479,8 +479,12 @@ fn every_subcommand_has_examples_that_are_commands() {
     use clap::{CommandFactory as _, Parser as _};
     for subcommand in sweep::cli::Cli::command().get_subcommands() {
         let name = subcommand.get_name();
-        let help = subcommand.get_after_help().map(ToString::to_string);
-        let help = help.unwrap_or_default();
+        let helps = [
+            subcommand.get_after_help(),
+            subcommand.get_after_long_help(),
+        ];
+        let helps = helps.map(|help| help.map(ToString::to_string).unwrap_or_default());
+        let help = helps.join("\n");
         let examples: Vec<&str> = help
             .lines()
             .map(|line| line.trim_start_matches("Example:").trim())

@@ -74,6 +74,7 @@ fn keys_are_those_declared() {
     );
     let mut words = String::new();
     for axis in AXES.iter() {
+        let key = axis.written_key().unwrap_or(axis.key);
         match &axis.form {
             Form::Number(number) => {
                 let quantity = number.quantity;
@@ -104,8 +105,7 @@ fn keys_are_those_declared() {
                 }
                 writeln!(
                     page,
-                    "| `{}` | {} | {} | {} | {default} | {} |",
-                    axis.key,
+                    "| `{key}` | {} | {} | {} | {default} | {} |",
                     cell(axis.symbol()),
                     cell(axis.unit),
                     cell(&range),
@@ -114,7 +114,7 @@ fn keys_are_those_declared() {
                 .unwrap();
             }
             Form::Choice(choice) => {
-                writeln!(words, "\n### `{}`\n", axis.key).unwrap();
+                writeln!(words, "\n### `{key}`\n").unwrap();
                 writeln!(
                     words,
                     "{}; by default `{}`.\n",

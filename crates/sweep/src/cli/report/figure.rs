@@ -36,6 +36,7 @@ pub(crate) struct FigureArguments {
         long,
         value_name = "FRACTION",
         requires = "figure",
+        value_parser = fraction,
         conflicts_with = "against",
         hide_short_help = true
     )]
@@ -64,6 +65,12 @@ pub(super) struct FigureRequest<'a> {
     path: &'a Path,
     drawing: Drawing,
     cases: &'a [String],
+}
+
+/// An area or volume fraction.
+fn fraction(text: &str) -> Result<f64, String> {
+    let fraction = text.parse().ok().filter(|x: &f64| *x > 0.0 && *x < 1.0);
+    fraction.ok_or_else(|| "write a fraction above 0 and below 1".into())
 }
 
 impl FigureArguments {
@@ -126,10 +133,14 @@ impl FigureArguments {
             cases: &self.case,
             drawing: Drawing {
                 kind,
-                number: self.quantity.as_deref().map(number).transpose()?,
+                number: self
+                    .quantity
+                    .as_deref()
+                    .map(|name| number("quantity", name))
+                    .transpose()?,
                 along: self.along,
                 against: match (&self.against, self.jamming) {
-                    (Some(name), _) => Some(Against::Number(number(name)?)),
+                    (Some(name), _) => Some(Against::Number(number("against", name)?)),
                     (None, jamming) => jamming.map(Against::Below),
                 },
                 references: self

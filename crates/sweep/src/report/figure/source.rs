@@ -287,7 +287,10 @@ impl Against {
                 let factor = units.factor(number.unit, point.at());
                 factor.zip(point.number(number.name)).map(|(a, b)| a * b)
             }
-            Self::Below(jamming) => read("fraction", point).map(|[own, ..]| jamming - own),
+            Self::Below(jamming) => {
+                let below = read("fraction", point).map(|[own, ..]| jamming - own);
+                below.filter(|distance| *distance > 0.0)
+            }
         };
         place.unwrap_or(f64::NAN)
     }
