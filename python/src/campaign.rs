@@ -75,7 +75,7 @@ pub(crate) fn one_case(params: &Bound<'_, PyDict>, seed: u64) -> PyResult<(Param
     let text = text_of("layer", protocol, vec![Value::Table(grid)])?;
     let mut campaign = sweep::campaign::parse("params", text).map_err(raise_without_place)?;
     let case = campaign.cases.pop();
-    let none = || PyValueError::new_err("params: one run is wanted");
+    let none = || PyValueError::new_err("params must describe one run");
     Ok((case.ok_or_else(none)?.1.params, besides))
 }
 
@@ -362,7 +362,7 @@ fn threads(given: Option<usize>) -> PyResult<usize> {
         None => Ok(std::thread::available_parallelism().map_or(1, NonZeroUsize::get)),
         Some(workers) if (1..=WORKER_LIMIT).contains(&workers) => Ok(workers),
         Some(workers) => Err(PyValueError::new_err(format!(
-            "workers: {workers} is out of range: 1 to {WORKER_LIMIT}"
+            "workers must be a whole number from 1 to {WORKER_LIMIT}, got {workers}"
         ))),
     }
 }

@@ -42,7 +42,9 @@ mod workers;
 
 pub(crate) use crate::model::checkpoint::can_be_kept;
 pub use crate::model::checkpoint::{BadCheckpoint, Checkpoint};
-pub use check::{Checked, Finding, accept_changes, check};
+#[doc(hidden)]
+pub use check::accept_changes;
+pub use check::{Checked, Finding, check};
 pub use claims::{Claim, NewRows};
 pub use database::Store;
 pub(crate) use database::{shorten_lock_wait, snapshot};

@@ -171,6 +171,7 @@ fn of_start(params: &Params, seed: u64, tables: &NearFields) -> Result<ShortTime
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sd_core::ContactLaws;
 
     #[test]
     fn only_a_far_field_holds_spheres_back() {
@@ -203,5 +204,21 @@ mod tests {
         assert_eq!(without.infinite("self_diffusion"), None);
         assert_eq!(without.infinite("sedimentation"), None);
         assert!(without.json()["self_diffusion_infinite"].is_null());
+    }
+
+    #[test]
+    fn spheres_whose_sliding_is_resisted_have_no_transport() {
+        let mut laws = ContactLaws::PAPER;
+        laws.hydrodynamic_friction = 0.1;
+        let params = Params {
+            volume_fraction: Some(0.2),
+            contact: laws.into(),
+            ..crate::test_support::params()
+        };
+        let refused = of_start(&params, 1, &NearFields::default()).unwrap_err();
+        assert!(
+            refused.to_string().contains("hydrodynamic_friction = 0.1"),
+            "{refused}"
+        );
     }
 }

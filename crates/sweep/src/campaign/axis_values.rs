@@ -58,7 +58,7 @@ pub(super) fn flow(written: Entry<'_>) -> Result<FlowType, Problem> {
                     let Some(written) = table.get(key) else {
                         return Ok(0.0);
                     };
-                    number(written, key, &ANY, "a rate from 0")
+                    number(written, key, &ANY, "from 0")
                 };
                 FlowType::mixture(rate("shear")?, rate("extension")?).map_err(refused)
             },

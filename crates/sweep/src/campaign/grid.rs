@@ -2,7 +2,7 @@
 
 use super::axis_values::{SIZES, axis_values};
 use super::error::Problem;
-use super::imposed_keys::{IMPOSED, keys_of};
+use super::imposed_keys::keys_of;
 use super::protocol::WrittenProtocol;
 use super::reader::{Faults, Located, Reader, Values};
 use super::seeds::{SEEDS, Seeds};
@@ -47,7 +47,8 @@ impl<'t> Grid<'t> {
         faults: &'t Faults,
     ) -> Self {
         let known = AXES.iter().map(|axis| axis.key);
-        let known: Vec<&str> = known.chain([SEEDS]).chain(IMPOSED).collect();
+        let written = AXES.iter().filter_map(Axis::written_key);
+        let known: Vec<&str> = known.chain([SEEDS]).chain(written).collect();
         let table = Reader::new(entries, span, "[[grid]]", &known, faults);
         let mut shear = AXES.iter().filter(|axis| axis.is_of_shear());
         let imposes = shear.any(|axis| table.get(axis.key).is_some());

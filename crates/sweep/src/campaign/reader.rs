@@ -236,7 +236,15 @@ const ABSENT: [(&[&str], &str); 3] = [
 /// The fault of an unknown key, with a suggestion.
 fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&str]) -> Problem {
     let written = shortened(written);
-    let mut allowed = format!("keys of {name}: {}", known.join(", "));
+    // Of two names of a key that in files.
+    let is_column =
+        |key: &&&str| Axis::of_key(key).is_some_and(|axis| axis.written_key().is_some());
+    let listed: Vec<&str> = known
+        .iter()
+        .filter(|key| !is_column(key))
+        .copied()
+        .collect();
+    let mut allowed = format!("keys of {name}: {}", listed.join(", "));
     if ["dimension", "dimensions", "dim"].contains(&written) {
         allowed = format!(
             "a layer is chosen by its `area_fraction`, a suspension by its `volume_fraction`; {allowed}"
@@ -258,10 +266,12 @@ fn unknown_key(written: &str, span: &ops::Range<usize>, name: &str, known: &[&st
             "distributions are values of `sizes`, as in sizes = {{ lognormal = 0.2 }}; {allowed}"
         );
     }
-    if known.contains(&"grid") && Axis::of_key(written).is_some() {
+    let is_of_grids = Axis::of_key(written).is_some();
+    if is_of_grids {
         allowed = format!("a key of grids: write it below a line [[grid]]; {allowed}");
     }
-    let meant = nearest(written, known.iter().copied()).map(|name| format!("`{name}`"));
+    let meant = nearest(written, known.iter().copied()).filter(|_| !is_of_grids);
+    let meant = meant.map(|name| format!("`{name}`"));
     Problem::at(span, format!("unknown key `{written}` in {name}"), allowed)
         .labelled("not a key of this table")
         .of_key(written)

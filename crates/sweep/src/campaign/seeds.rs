@@ -4,6 +4,7 @@ use super::CASE_LIMIT;
 use super::error::Problem;
 use super::imposed_keys::keys_of;
 use super::reader::{Reader, listed, values, whole, wrong_type};
+use super::time_unit::{PECLET, has_rest};
 use crate::data::Value;
 use crate::model::axes::{AXES, Axis};
 use crate::model::precision::{Precision, Quantity};
@@ -126,6 +127,15 @@ fn precision(table: &Reader<'_>, grid: &Reader<'_>) -> Precision {
     if quantity == Quantity::Fraction && !AXES.iter().any(is_free) {
         let problem = "the fraction is given, and every run has it exactly";
         let allowed = "`fraction` where the pressure is imposed, by `viscous_number` or `macroscopic_friction`";
+        let problem = Problem::at(&table.place(QUANTITY), problem, allowed).of_key(QUANTITY);
+        grid.faults.push(problem);
+    }
+    if quantity != Quantity::Pressure && has_rest(grid.get(PECLET)) {
+        let problem = format!(
+            "the {} of fluid at rest, `peclet` = 0, is 0 but for noise, and no mean of it is precise",
+            quantity.name().replace('_', " ")
+        );
+        let allowed = "`pressure` there, or seeds as a list";
         let problem = Problem::at(&table.place(QUANTITY), problem, allowed).of_key(QUANTITY);
         grid.faults.push(problem);
     }

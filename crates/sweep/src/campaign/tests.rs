@@ -395,6 +395,11 @@ fn names_that_are_used_elsewhere_lead_to_those_of_the_file() {
             "the same finite `peclet` in every grid",
         ),
         (
+            "[protocol]",
+            "[protocol]\nfriction = 0.2",
+            "write it below a line [[grid]]",
+        ),
+        (
             "spheres = 90",
             "spheres = 90\nlognormal = 0.2",
             "as in sizes = { lognormal = 0.2 }",

@@ -3,7 +3,7 @@
 use super::axis_values::axis_values;
 use super::error::Problem;
 use super::protocol::TIME_UNIT;
-use super::reader::{Faults, Located, Reader};
+use super::reader::{Entry, Faults, Located, Reader};
 use super::segments::SEGMENT;
 use crate::data::Value;
 use crate::model::axes::Axis;
@@ -13,7 +13,7 @@ use toml::de::DeTable;
 /// Its words, the default first.
 const WORDS: [&str; 2] = ["strain", "diffusion"];
 /// The axis that relates both.
-const PECLET: &str = "peclet";
+pub(super) const PECLET: &str = "peclet";
 
 /// Strain in one unit of time of the file; at a Péclet number of 0, where nothing is sheared, times
 /// stay times.
@@ -23,12 +23,11 @@ pub(super) fn in_strain(
     faults: &Faults,
 ) -> f64 {
     let is_diffusion = protocol.word(TIME_UNIT, &WORDS) == Some(WORDS[1]);
-    let numbers = grids.iter().map(|(_, grid)| peclets(grid));
+    let numbers = grids.iter().map(|(_, grid)| peclets(grid.get(PECLET)));
     let numbers: Vec<Option<Vec<Located<Value>>>> = numbers.collect();
     let given = || numbers.iter().flatten().flatten();
-    let is_zero = |number: &&Located<Value>| number.value == Value::Number(0.0);
     if !is_diffusion {
-        if let Some(zero) = given().find(is_zero) {
+        if let Some(zero) = given().find(|number| is_rest(number)) {
             let problem = "`peclet` = 0 is fluid at rest, whose times are no strains";
             let allowed = "`time_unit = \"diffusion\"` in [protocol]: times are then in a²/D0";
             faults.push(Problem::at(&zero.span, problem, allowed).of_key(PECLET));
@@ -62,9 +61,17 @@ pub(super) fn in_strain(
     }
 }
 
+/// Whether a grid with these Péclet numbers has fluid at rest.
+pub(super) fn has_rest(written: Option<Entry<'_>>) -> bool {
+    peclets(written).is_some_and(|numbers| numbers.iter().any(is_rest))
+}
+
+fn is_rest(number: &Located<Value>) -> bool {
+    number.value == Value::Number(0.0)
+}
+
 /// The Péclet numbers of a grid, whose faults are recorded where it is read.
-fn peclets(grid: &DeTable<'_>) -> Option<Vec<Located<Value>>> {
-    let written = grid.get(PECLET)?;
-    let values = axis_values(written, Axis::of_key(PECLET)?, &Faults::default())?;
+fn peclets(written: Option<Entry<'_>>) -> Option<Vec<Located<Value>>> {
+    let values = axis_values(written?, Axis::of_key(PECLET)?, &Faults::default())?;
     Some(values.all)
 }

@@ -299,6 +299,20 @@ mod tests {
     }
 
     #[test]
+    fn an_extension_has_no_gradient_and_its_pressure_is_that_of_the_spheres() {
+        let params = Params {
+            volume_fraction: Some(0.5),
+            flow: FlowType::PlanarExtension,
+            ..params()
+        };
+        let run = RunData::of(&params, &stressed(&[(5.0, [-9.0, -3.0, -6.0])]), 0);
+        close(&run, "pressure", 6.0);
+        close(&run, "viscous_number", 1.0 / 6.0);
+        close(&run, "macroscopic_friction", 5.0 / 6.0);
+        close(&run, "normal_viscosity", 6.0);
+    }
+
+    #[test]
     fn free_rates_have_the_viscosity_of_their_mean() {
         let params = Params {
             volume_fraction: Some(0.5),

@@ -60,12 +60,16 @@ impl Axis {
         std::iter::once(self.symbol()).chain(others.map(|(name, _)| *name))
     }
 
-    /// The axis of this name: its key, that of an imposed value in a campaign file, or one of the
-    /// other names.
+    /// Its key in a campaign file where that differs: a file has `pressure` where the column is
+    /// `imposed_pressure`, beside the measured one.
+    pub fn written_key(&self) -> Option<&'static str> {
+        self.key.strip_prefix("imposed_")
+    }
+
+    /// The axis of this name: its key, that in a campaign file, or one of the other names.
     pub fn named(name: &str) -> Option<&'static Self> {
         let has_name = |axis: &&Self| {
-            axis.key.strip_prefix("imposed_") == Some(name)
-                || axis.other_names().any(|other| other == name)
+            axis.written_key() == Some(name) || axis.other_names().any(|other| other == name)
         };
         Self::of_key(name).or_else(|| AXES.iter().find(has_name))
     }
@@ -170,7 +174,7 @@ impl Axis {
     /// Whether a point has no value on it: it has the alternative, or no pressure is imposed, whose
     /// viscous number is not the 0 that stands for it.
     pub(crate) fn is_absent(&self, params: &Params) -> bool {
-        let may_be = self.is_alternative() || self.key.starts_with("imposed_");
+        let may_be = self.is_alternative() || self.written_key().is_some();
         may_be && !self.means_something(params)
     }
 

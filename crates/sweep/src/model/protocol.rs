@@ -49,12 +49,13 @@ impl PlannedSegment {
 
     /// Description of the imposed shear.
     pub(crate) fn imposed_words(&self) -> String {
+        let flow = self.imposed.flow.map(|flow| flow.to_string());
         let mut words = vec![match self.imposed.amplitude {
-            Some(amplitude) => format!("oscillation γ0 {}", short(amplitude, 6)),
-            None => self
-                .imposed
-                .flow
-                .map_or("shear".to_owned(), |flow| flow.to_string()),
+            Some(amplitude) => {
+                let flow = flow.map_or_else(String::new, |flow| flow + " ");
+                format!("{flow}oscillation γ0 {}", short(amplitude, 6))
+            }
+            None => flow.unwrap_or_else(|| "shear".to_owned()),
         }];
         let back = self.imposed.direction.filter(|direction| *direction < 0.0);
         words.extend(back.map(|_| "backwards".to_owned()));

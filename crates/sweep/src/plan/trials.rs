@@ -47,7 +47,9 @@ pub(super) fn time<'c>(cases: impl Iterator<Item = &'c Case>, costs: &mut Costs)
         if !second.is_empty() {
             let mean = second.iter().sum::<f64>() / second.len() as f64;
             costs.learn(p, Source::Trial, 1.0, mean);
-            least = least.min(trial.strain);
+            if !p.at_rest && !p.has_free_rate() {
+                least = least.min(trial.strain);
+            }
         } else if let Some(error) = trial.error {
             warnings.push(error);
         } else if trial.doing == "start" || (trial.doing == "step" && *is_timed) {

@@ -177,7 +177,7 @@ impl FitReport {
         let unsteady = self.trends().flatten().count() as u64;
         let unsteady = (unsteady > 0).then(|| {
             format!(
-                "{} fitted here with runs that are not steady or ordering; `sweep report` says what changes, and --where leaves points out",
+                "{} fitted here with runs that are not steady or ordering; `sweep report` says what changes, and a selection (where) leaves points out",
                 counted(unsteady, "point")
             )
         });

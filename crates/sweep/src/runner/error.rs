@@ -9,7 +9,7 @@ pub enum RunnerError {
     /// Threads or signal handlers that could not be created.
     #[error("cannot start {what}: {reason}")]
     #[diagnostic(help(
-        "nothing was computed; close other programs of yours, or give fewer --workers"
+        "nothing was computed; close other programs of yours, or compute with fewer workers"
     ))]
     Start {
         /// The resource.

@@ -319,7 +319,8 @@ impl Store {
     }
 }
 
-/// Accepts the present contents of a store as written, for intended changes by other programs.
+/// Accepts the present contents of a store as written: for tests and benches, which change stores
+/// by hand.
 ///
 /// # Errors
 /// An I/O or SQLite error.

@@ -223,7 +223,7 @@ pub(crate) struct LastState {
     #[serde(deserialize_with = "json")]
     pub(crate) params: Params,
     pub(crate) seed: u64,
-    /// A checkpoint without samples.
+    /// The checkpoint of that state.
     pub(crate) state: Vec<u8>,
 }
 
@@ -261,7 +261,7 @@ pub struct Finished {
     pub cpu_time_s: f64,
     /// Number of times it was resumed from a checkpoint.
     pub resumed: u32,
-    /// A checkpoint of its last state, without samples, from which a longer run continues.
+    /// The checkpoint of its last state, from which a longer run continues.
     pub last_state: Vec<u8>,
 }
 

@@ -408,7 +408,7 @@ impl Counts {
 
     /// Adds a case in a state, which may be that of an [arrest](State::is_arrest).
     pub(crate) fn add(&mut self, state: State, is_arrest: bool) {
-        *self.of(state) += 1;
+        *self.count_mut(state) += 1;
         self.arrested += u64::from(is_arrest);
     }
 
@@ -422,7 +422,7 @@ impl Counts {
     }
 
     /// Number of cases in a state.
-    fn of(&mut self, state: State) -> &mut u64 {
+    fn count_mut(&mut self, state: State) -> &mut u64 {
         match state {
             State::Done => &mut self.done,
             State::Jammed => &mut self.jammed,

@@ -37,3 +37,16 @@ fn a_peclet_number_of_zero_is_fluid_at_rest() {
     assert_eq!(campaign.protocol.strain, 1.0);
     assert_eq!(params.time_step, 1e-4);
 }
+
+#[test]
+fn no_precision_of_a_shear_stress_is_requested_of_fluid_at_rest() {
+    let precise = |quantity: &str| {
+        let seeds = format!("seeds = {{ precision = 0.1{quantity} }}");
+        parse_text(&thermal("0").replace("seeds = 4", &seeds))
+    };
+    for quantity in ["", ", quantity = \"normal_stress_difference\""] {
+        let refused = precise(quantity).unwrap_err().to_string();
+        assert!(refused.contains("is 0 but for noise"), "{refused}");
+    }
+    precise(", quantity = \"pressure\"").unwrap();
+}

@@ -54,9 +54,16 @@ pub(super) fn figure_data(
     let has_result = |curve: &Curve| curve.points.iter().any(|point| !point.1.is_nan());
     if !data.curves.iter().any(has_result) {
         source.check_scale(&quantities)?;
-        return Err(refused(
-            "there are no results to draw yet; `sweep status` shows the progress of the campaign",
-        ));
+        let are_averaged = report.points.iter().any(|point| point.seeds > 0);
+        return Err(refused(if are_averaged && !kind.is_in_time() {
+            format!(
+                "none of these points has a value of this figure, the {}",
+                quantities.label
+            )
+        } else {
+            "there are no results to draw yet; `sweep status` shows the progress of the campaign"
+                .into()
+        }));
     }
     data.curves.retain(|curve| !curve.points.is_empty());
     // In a state diagram each state has a fixed colour, even if others are absent.
