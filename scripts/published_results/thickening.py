@@ -74,7 +74,7 @@ def with_logarithms(design, runs):
         runs[f"{name}_median"].where(near, runs[name]).where(counts) for name in ["viscosity", "viscosity_stresslet"]
     )
     logarithms = {ALL: viscosity, STRESSLETS: stresslet, RATIO: viscosity / stresslet}
-    return runs.assign(**{name: np.log(values) for name, values in logarithms.items()})
+    return runs.copy().assign(**{name: np.log(values) for name, values in logarithms.items()})
 
 
 def runs_of(design, runs, model, rate, fraction, friction):
