@@ -142,7 +142,8 @@ impl<'r> FigureSource<'r> {
                 .iter()
                 .any(|of| read(of.1, point).is_some())
         };
-        if points.any(|point| is_known(point) && !self.has_scale(quantities.unit, point)) {
+        let lacks_scale = |point| is_known(point) && !self.has_scale(quantities.unit, point);
+        if self.units.are_requested() && points.any(lacks_scale) {
             return Err(Units::without_scale());
         }
         Ok(())
