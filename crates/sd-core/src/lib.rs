@@ -152,8 +152,8 @@
 //!                 and the cell, pairs and lists of them, written once for both; the six planar modes of a sphere in a layer
 //! hydrodynamics   free_space: mobility of one and of two spheres; two_sphere: near field of a pair; far_field: mobility of
 //!                 all spheres; resistance: their sum, held dense or pair by pair; iterative: the far field put on top of
-//!                 Ball-Melrose by iteration, for many spheres; inverse_mobility: solves with the mobility. All generic in the space, but for the sums of the far field
-//!                 and its mobilities
+//!                 Ball-Melrose by iteration, for many spheres; inverse_mobility: solves with the mobility. All generic in the
+//!                 space, but for the sums of the far field and its mobilities
 //! contact         forces between rough surfaces. laws: the entries of a law at a stage; contact_solver: the pairs that take part;
 //!                 problem: the one contact problem, its states, and its dense and sparse linear algebra
 //! procedure       the paper's steps, apart from the laws

@@ -69,7 +69,8 @@ fn refuse(value: impl Into<String>, problem: &str, allowed: impl Into<String>) -
     }
 }
 
-/// The refusal of so few spheres that none has a size.
+/// The refusal of so few spheres that none has a size: its share of n, rounded, is 0 below one
+/// half.
 pub(super) fn no_sphere(n: usize, size: &str, fraction: f64, because: &'static str) -> Refusal {
     Refusal {
         key: "spheres",

@@ -165,7 +165,7 @@ fn known(option: &'static str, name: &str) -> Result<Column, ReportError> {
     })
 }
 
-/// The number of points of this name, for a figure.
+/// The number of points of this name, for a figure; errors are about the option that names it.
 ///
 /// # Errors
 /// [`ReportError::Argument`] on a name that none has.
