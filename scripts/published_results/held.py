@@ -16,13 +16,14 @@ from scipy.stats import t as student
 
 from . import jamming
 from .place import RESULTS, ROOT
-from .steady import drifts, trend
-from .thickening import ABOVE
+from .steady import marks_of, trend, with_marks
+from .thickening import ABOVE, SUSPENSIONS
 
 STATES, QUANTITIES = "held-states.csv", "held-quantities.csv"
-RUNS, PLATEAUS, ONE_SIZE = "cause-of-thickening-bulk-runs.csv", jamming.PLATEAUS, "suspension.csv"
+RUNS, POINTS = "cause-of-thickening-bulk-runs.csv", "cause-of-thickening-bulk.csv"
+PLATEAUS, ONE_SIZE = jamming.PLATEAUS, "suspension.csv"
 HIGH_FREQUENCY = "suspension-random.csv"
-SOURCES = [RUNS, PLATEAUS, ONE_SIZE, HIGH_FREQUENCY, jamming.FITS]
+SOURCES = [RUNS, POINTS, PLATEAUS, ONE_SIZE, HIGH_FREQUENCY, jamming.FITS]
 _REFERENCES = ROOT / "crates" / "sweep" / "src" / "report" / "references.json"
 # Numbers of other publications, from memory too: name, source.
 SIEROU = ("Sierou & Brady 2002, from memory", 7.0)
@@ -75,8 +76,10 @@ def mean(values):
 
 
 def _of_runs(runs):
-    """The states of a campaign with a table of its runs: ratios are means over runs."""
+    """The states of a campaign with a table of its runs, with the marks of their points: ratios are means
+    over runs."""
     counts = (runs["state"] == "done") & runs["doubts"].isna() & (runs["shear_rate"] == ABOVE)
+    counts &= runs["spheres"] == SUSPENSIONS.spheres
     sticks = runs["tangential"].isin(["coulomb", "stick-slide"]) & (runs["hydrodynamics"] == "ball-melrose")
     runs = runs[counts & sticks & ~runs["stiffness"].isin([1e3, 1e4, 1e6])]
     keys = ["hydrodynamics", "stiffness", "friction", "volume_fraction"]
@@ -90,9 +93,7 @@ def _of_runs(runs):
             "n2_over_stress": group["n2"] / group["viscosity"],
         }
         row = dict(zip(keys, key))
-        yield row | {"seeds": len(group), "not_steady": float(drifts(group)), "ordering": 0.0}, {
-            name: mean(values) for name, values in numbers.items()
-        }
+        yield row | {"seeds": len(group)} | marks_of(group), {name: mean(values) for name, values in numbers.items()}
 
 
 def _of_points(points):
@@ -114,9 +115,8 @@ def _of_points(points):
         for name in list(numbers):
             if name in row and not math.isnan(row[name]):
                 numbers[name] = row[name], row[f"{name}_ci95"]
-        found = trend(row.to_dict(), "viscosity")
         keys = {key: row[key] for key in ["hydrodynamics", "stiffness", "friction", "volume_fraction", "seeds"]}
-        yield keys | {"not_steady": float(found == "not steady"), "ordering": float(found == "ordering")}, numbers
+        yield keys | marks_of(pd.DataFrame([row])), numbers
 
 
 def states(runs, plateaus):
@@ -205,7 +205,8 @@ def there(folder=RESULTS):
 def read(folder=RESULTS):
     """Both tables, by their files."""
     plateaus = pd.read_csv(folder / PLATEAUS)
-    of_states = states(pd.read_csv(folder / RUNS, low_memory=False), plateaus)
+    runs = with_marks(pd.read_csv(folder / RUNS, low_memory=False), pd.read_csv(folder / POINTS))
+    of_states = states(runs, plateaus)
     others = [pd.read_csv(folder / name) for name in [ONE_SIZE, HIGH_FREQUENCY]]
     reference = pd.read_csv(folder / HIGH_FREQUENCY.replace(".csv", ".reference.csv"))
     return {STATES: of_states, QUANTITIES: quantities(plateaus, *others, jamming.read(folder), of_states, reference)}

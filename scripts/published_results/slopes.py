@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from .place import RESULTS
-from .steady import trend
+from .steady import marks_of
 
 CAMPAIGNS = ["discontinuous", "hydrodynamic-friction"]
 # The axes that name a curve.
@@ -33,7 +33,6 @@ def slopes(points):
             slope = math.log(other["viscosity"] / one["viscosity"]) / width
             half = np.hypot(*(row["viscosity_ci95"] / row["viscosity"] for row in [one, other])) / width
             low, high = slope - half, slope + half
-            trends = [trend(row.to_dict(), "viscosity") for row in [one, other]]
             yield {
                 **dict(zip(AXES, key)),
                 "stresses": f"{one['shear_stress']:g} to {other['shear_stress']:g}",
@@ -41,8 +40,7 @@ def slopes(points):
                 "slope_in_stress_ci95": half,
                 **{name: of_rate(s) for name, s in [("beta", slope), ("beta_low", low), ("beta_high", high)]},
                 "seeds": min(one["seeds"], other["seeds"]),
-                "not_steady": float("not steady" in trends),
-                "ordering": float("ordering" in trends),
+                **marks_of(pd.DataFrame([one, other])),
             }
 
 

@@ -1,14 +1,8 @@
-"""Whether the runs behind a row of a published file are in steady state.
-
-The program marks points in the columns `not_steady` and `ordering`. Files that it wrote before it had
-these are judged by the first of its rules: the viscosity of the two halves of the averaged strain
-differs significantly, by Student's test of 1 % over at least three runs.
+"""Whether the runs behind a row of a published file are in steady state: the program marks points in the
+columns `not_steady` and `ordering`.
 """
 
-import math
 import re
-
-from scipy.stats import t as student
 
 MARKS = {"not steady": "†", "ordering": "‡"}
 # Columns that are no averages over the strain, or are the drift itself.
@@ -19,43 +13,42 @@ _NO_AVERAGES = {
 }
 # Words of a sentence that says so.
 _SAYS_SO = re.compile(r"\bnot\s+(?:in\s+)?steady\b|\bunsteady\b|\bordering\b")
-# Fewest runs of the test, and its level.
-_RUNS, _LEVEL = 3, 0.995
 
 
-def _number(row, column):
+def column(mark):
+    """The column of the program that has a mark."""
+    return mark.replace(" ", "_")
+
+
+def _is_marked(row, mark):
     try:
-        return float(row[column])
+        return float(row[column(mark)]) == 1
     except (KeyError, ValueError):
-        return math.nan
-
-
-def trend(row, column):
-    """`not steady` or `ordering` if that is known of an average in a column, else None."""
-    if column in _NO_AVERAGES:
-        return None
-    for mark in reversed(MARKS):
-        if _number(row, mark.replace(" ", "_")) == 1:
-            return mark
-    runs, drift, half = (_number(row, name) for name in ["seeds", "drift", "drift_ci95"])
-    if "not_steady" in row or not runs >= _RUNS:
-        return None
-    return "not steady" if _is_significant(drift, half, runs) else None
-
-
-def _is_significant(mean, half, runs):
-    """Whether a mean over runs with this half interval of 95 % differs from 0 at the level of the test."""
-    return runs >= _RUNS and abs(mean) > half * student.ppf(_LEVEL, runs - 1) / student.ppf(0.975, runs - 1)
-
-
-def drifts(runs):
-    """Whether the viscosity of the runs of a point drifts, from a table with a row for each."""
-    parts = runs.reindex(columns=[f"viscosity_part_{k}" for k in range(1, 5)]).dropna().to_numpy()
-    if len(parts) < _RUNS:
         return False
-    rises = parts[:, 2:].mean(axis=1) - parts[:, :2].mean(axis=1)
-    half = student.ppf(0.975, len(rises) - 1) * rises.std(ddof=1) / math.sqrt(len(rises))
-    return bool(_is_significant(rises.mean(), half, len(rises)))
+
+
+def _mark(row):
+    return next((mark for mark in reversed(MARKS) if _is_marked(row, mark)), None)
+
+
+def trend(row, name):
+    """`not steady` or `ordering` if that is known of an average in a column, else None."""
+    return None if name in _NO_AVERAGES else _mark(row)
+
+
+def with_marks(runs, points):
+    """A table of runs with the marks of their points, which have the same values of all axes."""
+    axes = [*points.columns[: points.columns.get_loc("seeds")]]
+    marks = [column(mark) for mark in MARKS]
+    return runs.merge(points[[*axes, *marks]], how="left", on=axes, validate="many_to_one")
+
+
+def marks_of(rows):
+    """The mark of several points or their runs, as columns of a row: ordering if any is ordering, else not
+    steady if any is not."""
+    found = [_mark(row) for row in rows.to_dict("records")]
+    here = next((mark for mark in reversed(MARKS) if mark in found), None)
+    return {column(mark): float(mark == here) for mark in MARKS}
 
 
 def is_said(sentence):

@@ -19,7 +19,7 @@ from scipy.stats import t as student
 
 from .design import ALL, FULL, RATIO, STRESSLETS, questions
 from .place import RESULTS
-from .steady import drifts
+from .steady import marks_of, with_marks
 
 BELOW, ABOVE = 0.01, 10.0
 
@@ -49,8 +49,9 @@ class Design:
         return all((folder / name).exists() for name in self.runs)
 
     def read(self, folder=RESULTS):
-        """Its runs, with the logarithms of their viscosities."""
-        return with_logarithms(self, pd.concat([pd.read_csv(folder / name) for name in self.runs]))
+        """Its runs, with the marks of their points and the logarithms of their viscosities."""
+        tables = [with_marks(pd.read_csv(folder / name), pd.read_csv(folder / name.replace("-runs", ""))) for name in self.runs]
+        return with_logarithms(self, pd.concat(tables))
 
 
 LAYERS = Design(
@@ -108,12 +109,12 @@ def rise(design, runs, question, fraction, friction):
     for weight, model in question.sum:
         for rate, sign, of in [(ABOVE, 1, model), (BELOW, -1, replace(model, sticks=False))]:
             weights[of, rate] = weights.get((of, rate), 0.0) + sign * weight
-    terms, lost, unsteady = [], 0, False
+    terms, lost, averaged = [], 0, []
     for (model, rate), weight in weights.items():
         if abs(weight) > 1e-12:
             found = runs_of(design, runs, model, rate, fraction, friction)
             terms.append((weight, found[question.counted].dropna().to_numpy()))
-            unsteady |= drifts(found[found[question.counted].notna()])
+            averaged.append(found[found[question.counted].notna()])
             lost += found["state"].isin(["jammed", "failed"]).sum()
     known = sum_of_means(terms)
     if known is None:
@@ -131,8 +132,8 @@ def rise(design, runs, question, fraction, friction):
         # Runs that are averaged, and those that jammed or failed.
         "seeds": sum(len(values) for _, values in terms),
         "lost": lost,
-        # Whether the viscosity of the runs of any model in it drifts.
-        "not_steady": int(unsteady),
+        # Those of any model in it.
+        **marks_of(pd.concat(averaged)),
     }
 
 

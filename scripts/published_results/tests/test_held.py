@@ -11,14 +11,15 @@ def runs():
     """Three runs of a state with P₂₂ = 20 and 25, and some that do not count."""
     state = {
         **{"state": "done", "doubts": None, "shear_rate": 10.0, "tangential": "coulomb", "hydrodynamics": "ball-melrose"},
-        **{"stiffness": math.inf, "friction": 0.5, "volume_fraction": 0.45},
+        **{"stiffness": math.inf, "friction": 0.5, "volume_fraction": 0.45, "spheres": 200},
+        **{"not_steady": 0.0, "ordering": 0.0},
     }
     rows = [
         {**state, "viscosity": 12.0, "particle_pressure": 19.0, "n1": -1.0, "n2": -4.0},
         {**state, "viscosity": 12.0, "particle_pressure": 19.0, "n1": -1.0, "n2": -4.0},
         {**state, "viscosity": 15.0, "particle_pressure": 24.0, "n1": -1.5, "n2": -4.5},
     ]
-    others = [{"state": "jammed"}, {"doubts": "residual"}, {"shear_rate": 0.01}, {"tangential": "roll-slip"}]
+    others = [{"state": "jammed"}, {"doubts": "residual"}, {"shear_rate": 0.01}, {"tangential": "roll-slip"}, {"spheres": 500}]
     return pd.DataFrame([*rows, *({**rows[0], **other, "viscosity": 1e6} for other in others)])
 
 

@@ -5,16 +5,14 @@ import pandas as pd
 import pytest
 
 from published_results.design import RIGID
+from published_results.steady import marks_of, with_marks
 from published_results.thickening import ABOVE, BELOW, LAYERS, effects, sum_of_means, with_logarithms
 
 
 def run(stiffness, tangential, rate, viscosity, noise):
     # Of each viscosity a half is of stresslets below, a quarter above.
     share = 0.5 if rate == BELOW else 0.25
-    # The softest contacts yield more and more.
-    growth = 0.1 if (rate, stiffness) == (ABOVE, 1e3) else 0.0
-    parts = {f"viscosity_part_{k}": viscosity * noise * (1 + growth * k + 0.01 * noise * (-1) ** k) for k in range(1, 5)}
-    return parts | {
+    return {
         "state": "done",
         "hydrodynamics": "ball-melrose",
         "tangential": tangential,
@@ -28,6 +26,9 @@ def run(stiffness, tangential, rate, viscosity, noise):
         "viscosity_stresslet": share * viscosity * noise**2,
         "viscosity_stresslet_median": np.nan,
         "doubts": np.nan,
+        # The softest contacts yield more and more, the next order.
+        "not_steady": float((rate, stiffness) == (ABOVE, 1e3)),
+        "ordering": float((rate, stiffness) == (ABOVE, 1e4)),
     }
 
 
@@ -64,10 +65,18 @@ def test_what_a_choice_makes_is_found_where_it_is_known(known, choice, factor):
     assert known.loc[choice, "rise"] == pytest.approx(math.log(factor), abs=1e-12)
 
 
-def test_a_rise_of_runs_that_drift_is_not_steady(known):
-    assert [known.loc[f"k = 1e{k}, roll-slip", "not_steady"] for k in [5, 4, 3]] == [0, 0, 1]
-    assert known.loc["k = 1e3 in place of 1e5", "not_steady"] == 1
-    assert known.loc["k = 1e4 in place of 1e5", "not_steady"] == 0
+def test_a_rise_has_the_marks_of_its_points(known):
+    rises = known.loc[[f"k = 1e{k}, roll-slip" for k in [5, 4, 3]]]
+    assert [*rises["not_steady"]] == [0, 0, 1] and [*rises["ordering"]] == [0, 1, 0]
+    assert [*known.loc["k = 1e3 in place of 1e5", ["not_steady", "ordering"]]] == [1, 0]
+    assert [*known.loc["k = 1e4 in place of 1e5", ["not_steady", "ordering"]]] == [0, 1]
+
+
+def test_runs_have_the_marks_of_their_points():
+    points = pd.DataFrame({"friction": [0.1, 0.2], "seeds": [2, 1], "not_steady": [1, 0], "ordering": [0, 1]})
+    runs = pd.DataFrame({"seed": [1, 1, 2], "friction": [0.1, 0.2, 0.1]})
+    assert [*with_marks(runs, points)["not_steady"]] == [1, 0, 1]
+    assert marks_of(with_marks(runs, points)) == {"not_steady": 0, "ordering": 1}
 
 
 def test_runs_are_counted(known):

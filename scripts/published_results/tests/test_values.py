@@ -64,49 +64,34 @@ def test_what_does_not_hold_is_named_and_left(values, sentence, said):
     assert page == sentence and len(again) == 1 and said in again[0]
 
 
-DRIFTING = """friction,seeds,viscosity,jammed,drift,drift_ci95
-0.1,8,7.0,2,-0.2,0.05
-0.2,8,7.5,0,-0.06,0.05
-0.3,2,8.0,0,-0.2,0.05
+MARKED = """friction,seeds,viscosity,jammed,not_steady,ordering
+0.1,8,7.0,2,1,0
+0.2,8,7.5,0,0,1
+0.3,8,8.0,0,0,0
 """
-MARKED = """friction,seeds,viscosity,not_steady,ordering,drift,drift_ci95
-0.1,8,7.0,1,0,0.0,0.05
-0.2,8,7.5,0,1,0.0,0.05
-0.3,8,8.0,0,0,-0.2,0.05
-"""
-OF_THESE = "".join(
-    f"{name}-{friction} | {name} | viscosity | friction={friction} | number\n"
-    for name in ["drifting", "marked"]
-    for friction in [0.1, 0.2, 0.3]
-)
+OF_THESE = "".join(f"marked-{friction} | marked | viscosity | friction={friction} | number\n" for friction in [0.1, 0.2, 0.3])
 
 
 @pytest.mark.parametrize(
     ("sentence", "said"),
     [
-        ("It is 7<!-- value: drifting-0.1 -->.", "drifting-0.1 are not steady"),
-        ("It is low<!-- claim: 1 < drifting-0.1 < 9 -->.", "drifting-0.1 are not steady"),
-        ("It is 7<!-- value: drifting-0.1 -->, but not steady.", None),
-        ("Runs are not\nin steady state at 7<!-- value: drifting-0.1 -->.", None),
+        ("It is 7<!-- value: marked-0.1 -->.", "marked-0.1 are not steady"),
+        ("It is low<!-- claim: 1 < marked-0.1 < 9 -->.", "marked-0.1 are not steady"),
+        ("It is 7<!-- value: marked-0.1 -->, but not steady.", None),
+        ("Runs are not\nin steady state at 7<!-- value: marked-0.1 -->.", None),
         # A heading in the line belongs to the sentence after it, and no other does.
-        ("**They are not steady.** It is 7<!-- value: drifting-0.1 -->.", None),
-        ("They are not steady. It is 7<!-- value: drifting-0.1 -->.", "drifting-0.1 are not steady"),
-        # Within chance, and too few runs to know.
-        ("It is 7.5<!-- value: drifting-0.2 -->.", None),
-        ("It is 8<!-- value: drifting-0.3 -->.", None),
+        ("**They are not steady.** It is 7<!-- value: marked-0.1 -->.", None),
+        ("They are not steady. It is 7<!-- value: marked-0.1 -->.", "marked-0.1 are not steady"),
         # The number of runs that jam is no average over the strain.
         ("Here 2<!-- value: jams --> jam.", None),
-        # The program's own marks come first.
-        ("It is 7<!-- value: marked-0.1 -->.", "marked-0.1 are not steady"),
         ("It is 7.5<!-- value: marked-0.2 -->.", "marked-0.2 are ordering"),
         ("Spheres are ordering at 7.5<!-- value: marked-0.2 -->.", None),
         ("It is 8<!-- value: marked-0.3 -->.", None),
     ],
 )
 def test_a_sentence_that_quotes_unsteady_runs_must_say_so(tmp_path, sentence, said):
-    (tmp_path / "drifting.csv").write_text(DRIFTING)
     (tmp_path / "marked.csv").write_text(MARKED)
-    (tmp_path / "values.txt").write_text(OF_THESE + "jams | drifting | jammed | friction=0.1 | number\n")
+    (tmp_path / "values.txt").write_text(OF_THESE + "jams | marked | jammed | friction=0.1 | number\n")
     page, again = Values(tmp_path).written(sentence)
     assert page == sentence
     assert len(again) == (1 if said else 0) and (not said or said in again[0])
