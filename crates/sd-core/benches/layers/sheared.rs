@@ -66,6 +66,9 @@ fn copied(small: &Snapshot, area_fraction: f64, copies: usize) -> Snapshot {
     large.memory = SchemeMemory::Laws(ContactMemory::default());
     large.near_pairs.clear();
     large.far_field.clear();
+    // Where spheres have been wrapped does not matter here.
+    large.images.clear();
+    large.shifts.clear();
     let shift = small.steps as f64 * TIME_STEP * small.side;
     for copy in 1..copies * copies {
         let (right, up) = ((copy % copies) as f64, (copy / copies) as f64);

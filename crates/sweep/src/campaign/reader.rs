@@ -299,7 +299,8 @@ pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
         .into_iter()
         .map(|name| (strsim::damerau_levenshtein(name, written), name))
         .min()
-        .filter(|(distance, _)| *distance <= 3)
+        // A word of two letters is half another one.
+        .filter(|(distance, _)| *distance <= 3 && 2 * distance < written.chars().count())
         .map(|(_, name)| name)
 }
 

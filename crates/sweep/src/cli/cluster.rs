@@ -255,7 +255,7 @@ fn write_merged(answer: &Joined, output: &mut Output<'_>) -> Result<(), Error> {
     if merged.unreadable > 0 {
         writeln!(
             out,
-            "{} entries were damaged and are recomputed",
+            "damaged entries, which are recomputed: {}",
             merged.unreadable
         )?;
     }
