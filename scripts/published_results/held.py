@@ -16,14 +16,13 @@ from scipy.stats import t as student
 
 from . import jamming
 from .place import RESULTS, ROOT
-from .steady import marks_of, trend, with_marks
+from .steady import marks_of, points_of, read_runs, trend
 from .thickening import ABOVE, SUSPENSIONS
 
 STATES, QUANTITIES = "held-states.csv", "held-quantities.csv"
-RUNS, POINTS = "cause-of-thickening-bulk-runs.csv", "cause-of-thickening-bulk.csv"
-PLATEAUS, ONE_SIZE = jamming.PLATEAUS, "suspension.csv"
+RUNS, PLATEAUS, ONE_SIZE = "cause-of-thickening-bulk-runs.csv", jamming.PLATEAUS, "suspension.csv"
 HIGH_FREQUENCY = "suspension-random.csv"
-SOURCES = [RUNS, POINTS, PLATEAUS, ONE_SIZE, HIGH_FREQUENCY, jamming.FITS]
+SOURCES = [RUNS, points_of(RUNS), PLATEAUS, ONE_SIZE, HIGH_FREQUENCY, jamming.FITS]
 _REFERENCES = ROOT / "crates" / "sweep" / "src" / "report" / "references.json"
 # Numbers of other publications, from memory too: name, source.
 SIEROU = ("Sierou & Brady 2002, from memory", 7.0)
@@ -205,8 +204,7 @@ def there(folder=RESULTS):
 def read(folder=RESULTS):
     """Both tables, by their files."""
     plateaus = pd.read_csv(folder / PLATEAUS)
-    runs = with_marks(pd.read_csv(folder / RUNS, low_memory=False), pd.read_csv(folder / POINTS))
-    of_states = states(runs, plateaus)
+    of_states = states(read_runs(folder, RUNS), plateaus)
     others = [pd.read_csv(folder / name) for name in [ONE_SIZE, HIGH_FREQUENCY]]
     reference = pd.read_csv(folder / HIGH_FREQUENCY.replace(".csv", ".reference.csv"))
     return {STATES: of_states, QUANTITIES: quantities(plateaus, *others, jamming.read(folder), of_states, reference)}

@@ -4,6 +4,8 @@ columns `not_steady` and `ordering`.
 
 import re
 
+import pandas as pd
+
 MARKS = {"not steady": "†", "ordering": "‡"}
 # Columns that are no averages over the strain, or are the drift itself.
 _NO_AVERAGES = {
@@ -34,6 +36,16 @@ def _mark(row):
 def trend(row, name):
     """`not steady` or `ordering` if that is known of an average in a column, else None."""
     return None if name in _NO_AVERAGES else _mark(row)
+
+
+def points_of(name):
+    """The file of the points of a file of runs."""
+    return name.replace("-runs.csv", ".csv")
+
+
+def read_runs(folder, name):
+    """The runs of a published file, with the marks of their points."""
+    return with_marks(*(pd.read_csv(folder / file, low_memory=False) for file in [name, points_of(name)]))
 
 
 def with_marks(runs, points):

@@ -19,7 +19,7 @@ from scipy.stats import t as student
 
 from .design import ALL, FULL, RATIO, STRESSLETS, questions
 from .place import RESULTS
-from .steady import marks_of, with_marks
+from .steady import marks_of, read_runs
 
 BELOW, ABOVE = 0.01, 10.0
 
@@ -50,8 +50,7 @@ class Design:
 
     def read(self, folder=RESULTS):
         """Its runs, with the marks of their points and the logarithms of their viscosities."""
-        tables = [with_marks(pd.read_csv(folder / name), pd.read_csv(folder / name.replace("-runs", ""))) for name in self.runs]
-        return with_logarithms(self, pd.concat(tables))
+        return with_logarithms(self, pd.concat([read_runs(folder, name) for name in self.runs]))
 
 
 LAYERS = Design(

@@ -299,7 +299,7 @@ pub(crate) fn nearest<'k>(written: &str, known: impl Iterator<Item = &'k str>) -
         .into_iter()
         .map(|name| (strsim::damerau_levenshtein(name, written), name))
         .min()
-        // A word of two letters is half another one.
+        // More than half of a word must agree: `n1` is not a slip for `n2`.
         .filter(|(distance, _)| *distance <= 3 && 2 * distance < written.chars().count())
         .map(|(_, name)| name)
 }
